@@ -17,9 +17,6 @@ from solve.newton.branches import branch
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
-from solve.reports.animation import Animation, animate
-from solve.reports.page import Report
-from solve.reports.report import report
 from solve.results.bands import Band
 from solve.results.branch import Branch
 from solve.results.chart import Chart
@@ -48,6 +45,9 @@ from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, variants
 from solve.studies.validity import validity
 from solve.system import PeriodicSystem
+from solve.views.animation import Animation, animate
+from solve.views.page import Report
+from solve.views.report import report
 
 __all__ = [
     "Animation",

@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import BLUE, GREEN, PURPLE, VERMILION, page
+from solve.views.style import BLUE, GREEN, PURPLE, VERMILION, page
 
 Q = 1000.0  # q″ + q′/Q + (1 + 2p/Q cos 2t) q = cos(t + ψ), of which p = 1 is unstable
 

@@ -7,7 +7,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import solve
 from derive import Mechanism, cos, pi, rate, sin
-from solve.results.style import VERMILION, styled
+from solve.views.style import VERMILION, styled
 
 
 def pinned_column():

@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import MANY, page
+from solve.views.style import MANY, page
 
 printed = {  # Table 2 of the paper, mm, at these speeds in rpm
     "rpm": (600, 900, 1200, 1500),

@@ -6,7 +6,7 @@ import numpy as np
 
 import solve
 from derive import Mechanism, cos, rate
-from solve.results.style import BLUE, GREY, VERMILION, page
+from solve.views.style import BLUE, GREY, VERMILION, page
 
 
 def oscillator():

@@ -1,7 +1,7 @@
 """What matters most for the cam's output? And do the sensitivities obey a law that nobody gave them?"""
 
 import solve
-from solve.results.style import BLUE, VERMILION, page
+from solve.views.style import BLUE, VERMILION, page
 
 cam = solve.load("cam")
 found = solve.sensitivities(cam, "100 rpm", of="q3.max_abs").elasticities("q3.max_abs")

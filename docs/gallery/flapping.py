@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import BLACK, GREY, VERMILION, page
+from solve.views.style import BLACK, GREY, VERMILION, page
 
 gamma, nu = 12.0, 1.0  # Lock number; frequency of flapping over the speed
 

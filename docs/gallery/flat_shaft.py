@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import BLUE, VERMILION, page
+from solve.views.style import BLUE, VERMILION, page
 
 m, g, k1, k2 = 10.0, 9.81, 90e3, 144e3  # the shaft is softer about its flat, which turns with it
 w1, w2 = np.sqrt(k1 / m), np.sqrt(k2 / m)

@@ -4,7 +4,7 @@ import numpy as np
 
 import solve
 from models.four_bar.linkage import Linkage
-from solve.results.style import BLUE, GREEN, ORANGE, VERMILION, page
+from solve.views.style import BLUE, GREEN, ORANGE, VERMILION, page
 
 SPEED = 30.0  # rad/s
 L1, L2, L3 = (solve.case_numbers("four_bar").parameters[name] for name in ("L1", "L2", "L3"))

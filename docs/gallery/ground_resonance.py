@@ -4,7 +4,7 @@ import numpy as np
 
 import solve
 from derive import Mechanism, cos, pi, rate, sin
-from solve.results.style import BLUE, VERMILION, page
+from solve.views.style import BLUE, VERMILION, page
 
 
 def helicopter():

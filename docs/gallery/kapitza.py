@@ -5,7 +5,7 @@ from scipy.special import mathieu_a, mathieu_b
 
 import solve
 from derive import Mechanism, cos, rate, sin
-from solve.results.style import BLACK, VERMILION, styled
+from solve.views.style import BLACK, VERMILION, styled
 
 
 def pendulum():

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
-from solve.results.style import VERMILION, styled
+from solve.views.style import VERMILION, styled
 
 chart = solve.chart(solve.load("mathieu", zeta=0), "delta=-1:12:70", "epsilon=0:10:60")
 

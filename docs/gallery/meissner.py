@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import VERMILION, styled
+from solve.views.style import VERMILION, styled
 
 model = solve.load("meissner", "stable")  # at π rad/s each stiffness lasts one second
 chart = solve.chart(model, "w1=0.05:9.5:80", "w2=0.05:9.5:80")

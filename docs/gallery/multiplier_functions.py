@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 import solve
-from solve.results.style import BLACK, BLUE, GREEN, VERMILION, page
+from solve.views.style import BLACK, BLUE, GREEN, VERMILION, page
 
 four_bar = solve.load("four_bar")
 speeds = 1 / np.linspace(1 / 50, 1 / 20, 121)  # rad/s, even in the period

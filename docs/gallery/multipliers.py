@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import BLACK, GREY, VERMILION, page
+from solve.views.style import BLACK, GREY, VERMILION, page
 
 zeta, speeds = 0.05, np.linspace(0.42, 1.6, 900)  # rad/s; the stiffness beats twice a turn
 model = solve.load("mathieu", delta=1.0, epsilon=0.6, zeta=zeta)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 import solve
-from solve.results.style import BLUE, GREEN, ORANGE, VERMILION, page
 from solve.studies.flops import algorithm_1, algorithm_2, time_marching
+from solve.views.style import BLUE, GREEN, ORANGE, VERMILION, page
 
 INTERVALS = np.arange(90, 721, 10)  # a turn
 four_bar = solve.load("four_bar")

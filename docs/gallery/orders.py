@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import mathieu_a
 
 import solve
-from solve.results.style import GREY, MANY, page
+from solve.views.style import GREY, MANY, page
 
 epsilon = 2.0
 model = solve.load("mathieu", delta=mathieu_a(2, epsilon / 2), epsilon=epsilon, zeta=0)

@@ -5,7 +5,7 @@ from scipy.special import fresnel
 
 import solve
 from derive import Mechanism, cos, rate
-from solve.results.style import BLUE, GREY, VERMILION, page
+from solve.views.style import BLUE, GREY, VERMILION, page
 
 
 def oscillator():

@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import BLUE, GREY, VERMILION, page
+from solve.views.style import BLUE, GREY, VERMILION, page
 
 cam, noise = solve.load("cam"), np.random.default_rng(1)
 true = {"k1": 90e3, "c1": 15.0}  # for want of a machine, the record is computed

@@ -3,7 +3,7 @@
 import numpy as np
 
 import solve
-from solve.results.style import BLUE, GREY, VERMILION, page
+from solve.views.style import BLUE, GREY, VERMILION, page
 
 lines = {}
 for load in ("tracking", "constant"):  # whether the load follows the tooth error, chapter (71), or not

@@ -6,7 +6,7 @@ from typing import Annotated
 import solve
 from models.coupler.picture import checked_magnification, checked_positions, coupler_figure
 from solve.commands.groups import Flag, Numbers, Results, Speed
-from solve.results.style import save_figure
+from solve.views.style import save_figure
 
 
 def command(

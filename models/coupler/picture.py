@@ -12,10 +12,10 @@ from solve import Model
 from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
 from solve.results.orbit import Orbit
-from solve.results.plot import titled
 from solve.results.quantities import fixed, prefixed
 from solve.results.quantities import round_magnification as rounded
-from solve.results.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
+from solve.views.panels import titled
+from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
 """Positions that fit on a page."""

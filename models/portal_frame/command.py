@@ -7,7 +7,7 @@ from models.portal_frame.determinant import determinants, determinants_figure
 from solve.beams.structure import StructureModel
 from solve.commands.groups import Flag, Numbers, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.results.style import save_figure
+from solve.views.style import save_figure
 
 _MOST = 1200.0
 

@@ -12,7 +12,7 @@ import numpy as np
 from solve import frequencies
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
-from solve.results.style import BLACK, BLUE, GREY, VERMILION, Figure, page
+from solve.views.style import BLACK, BLUE, GREY, VERMILION, Figure, page
 
 _POINTS = 2000
 """Frequencies that are drawn."""

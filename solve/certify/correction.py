@@ -6,6 +6,7 @@ from solve.arrays import Array
 from solve.certify.estimates import moduli
 from solve.certify.scale import CoordinateScale
 from solve.contracts import Motion
+from solve.errors import SolveError
 from solve.kernel.formulas import columns_by
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions
@@ -58,3 +59,15 @@ def relative_correction(
     scale = CoordinateScale(along, motion, speed, found.grid.steps)
     sizes = change / scale.of(largest)
     return change / scale.of(largest, roundoff=True) if sizes.max() > DOUBTFUL else sizes
+
+
+def linearisation_error(
+    system: PeriodicSystem, motion: Motion, speed: float, method: Method, grid: Grid, engine: str
+) -> Array:
+    """Estimated distance (n,) of the nonlinear orbit from a linear one: one correction relative to the scale
+    of each coordinate; NaN if the correction has no solution."""
+    try:
+        further = corrected(system, motion, speed, method, grid, engine)
+    except SolveError:
+        return np.full(system.n, np.nan)
+    return relative_correction(system, motion, speed, further, engine)

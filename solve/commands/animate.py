@@ -5,9 +5,9 @@ from typing import Annotated
 from solve.commands.deliver import deliver_animation
 from solve.commands.groups import Accuracy, Flag, Problem, Speed
 from solve.commands.parse import out_file
-from solve.reports.animation import ENDINGS, frame_count
-from solve.reports.animation import animate as made
 from solve.results.files import PICTURES
+from solve.views.animation import ENDINGS, frame_count
+from solve.views.animation import animate as made
 
 
 def animate(

@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.commands.groups import Results
 from solve.results.files import Whole, write_whole
-from solve.results.report import RenderableType
 from solve.results.result import Result
 from solve.results.save import writer
-from solve.results.style import Figure, drawn
+from solve.views.show import printout
+from solve.views.style import Figure, drawn
+from solve.views.tables import RenderableType, assembled, console, text
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from solve.reports.animation import Animation
-    from solve.reports.page import Report
+    from solve.views.animation import Animation
+    from solve.views.page import Report
 
 
 def deliver_result(
@@ -44,27 +43,20 @@ def deliver_result(
         for file, draw in pictures.items():
             if file is not None:
                 made = draw()
-                files.write(file, partial(_text, made) if isinstance(made, str) else drawn(made, file))
+                files.write(file, partial(_write_text, made) if isinstance(made, str) else drawn(made, file))
         if data is not None:
             files.write(data, writer(result, data))
     with _naming([file for file in (*pictures, data) if file is not None]):
         if flags.json:
             print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
         else:
-            _console().print(report() if report else result.report(choices))
+            console().print(report() if report else printout(result, choices))
         sys.stdout.flush()
         print_warnings([*notes, *result.warnings])
 
 
-def _console(stderr: bool = False) -> "Console":
-    """Terminal that shows names and numbers unchanged, including brackets and colons."""
-    from rich.console import Console
-
-    return Console(stderr=stderr, highlight=False, markup=False, emoji=False)
-
-
-def _text(text: str, stream: BinaryIO) -> None:
-    stream.write(text.encode())
+def _write_text(words: str, stream: BinaryIO) -> None:
+    stream.write(words.encode())
 
 
 def deliver_page(made: "Report", file: Path) -> None:
@@ -72,7 +64,7 @@ def deliver_page(made: "Report", file: Path) -> None:
     write_whole(file, made.write)
     with _naming([file]):
         for sentence in made.summary:
-            _console().print(sentence)
+            console().print(sentence)
         sys.stdout.flush()
         headings = dict[str, list[str]]()
         for heading, reason in made.missing.items():
@@ -89,7 +81,7 @@ def deliver_animation(made: "Animation", file: Path) -> None:
     """Write the animation to a checked file; print what it shows."""
     made.save(file)
     with _naming([file]):
-        _console().print(made.title, soft_wrap=True)
+        console().print(made.title, soft_wrap=True)
         sys.stdout.flush()
         print_warnings(made.warnings)
 
@@ -105,11 +97,9 @@ def _naming(written: Sequence[Path]) -> Iterator[None]:
 
 def print_warnings(warnings: Sequence[str], written: Sequence[Path] = ()) -> None:
     """What is doubtful, then which files were written, on standard error."""
-    from rich.text import Text
-
-    console = _console(stderr=True)
+    terminal = console(stderr=True)
     for warning in warnings:
-        line = Text("warning: ", style="bold yellow").append(warning, style="not bold")
-        console.print(line, soft_wrap=not console.is_terminal)
+        line = assembled(("warning: ", "bold yellow"), (warning, "yellow"))
+        terminal.print(line, soft_wrap=not terminal.is_terminal)
     for file in written:
-        console.print(Text(f"wrote {file}", style="dim"), soft_wrap=True)
+        terminal.print(text(f"wrote {file}", "dim"), soft_wrap=True)

@@ -10,11 +10,13 @@ from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.results.orbit import Orbit
-from solve.results.plot import SCALES, shown, titled
-from solve.results.report import RenderableType, stacked
-from solve.results.style import Figure
-from solve.results.turn_plot import fits_figure
 from solve.single import periodic as linear_orbit
+from solve.views.orbit import SCALES
+from solve.views.panels import shown, titled
+from solve.views.show import printout
+from solve.views.style import Figure
+from solve.views.tables import RenderableType, stacked
+from solve.views.turn import fits_figure
 
 if TYPE_CHECKING:
     from solve.studies.measured import Measured
@@ -67,7 +69,7 @@ def periodic(
     orbit = accuracy.solved(find, model, speed.omega(model))
     figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
     record = partial(orbit.record, orders, quasi_static)
-    report = partial(orbit.report, problem.choices, quasi_static)
+    report = partial(printout, orbit, problem.choices, quasi_static=quasi_static)
     if records is not None:
         record, report, figure = _with_measured(orbit, records, record, report)
     deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
@@ -89,8 +91,8 @@ def _with_measured(
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
     """Record, report and figure with what was measured beside the orbit. Raises ValueOutOfBoundsError."""
-    from solve.results.channels import compared_figure, differences_table
     from solve.studies.measured import beside
+    from solve.views.fit import compared_figure, differences_table
 
     channels = beside(orbit, records)
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"

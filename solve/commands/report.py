@@ -5,8 +5,8 @@ from typing import Annotated
 from solve.commands.deliver import deliver_page
 from solve.commands.groups import Accuracy, Flag, Problem, Speed, Speeds
 from solve.commands.parse import out_file
-from solve.reports.page import ENDINGS
-from solve.reports.report import report as found
+from solve.views.page import ENDINGS
+from solve.views.report import report as found
 
 
 def report(

@@ -10,15 +10,16 @@ from solve.commands.groups import Flag, Places, Problem, Results, Speed, Speeds,
 from solve.commands.parse import harmonic_count, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.model.model import Model
-from solve.results.plot import shown
-from solve.results.style import Figure
 from solve.results.sweep import Sweep
-from solve.results.sweep_plot import labelled_by, moving
-from solve.results.turn_plot import require_turn, turn_figure, turns_figure
 from solve.single import periodic as solved
 from solve.studies.sweep import sweep as swept
 from solve.system import PeriodicSystem
 from solve.units import speed_in_si
+from solve.views.panels import shown
+from solve.views.show import printout
+from solve.views.style import Figure
+from solve.views.sweep import labelled_by, moving
+from solve.views.turn import require_turn, turn_figure, turns_figure
 
 
 def sweep(
@@ -63,7 +64,7 @@ def sweep(
     with places.given() as given:
         result = swept(model, omegas, *asked, **kept, **given)
     result.results.require_any()
-    report = partial(result.report, problem.choices, names)
+    report = partial(printout, result, problem.choices, names=names)
     figure = partial(result.waterfall, waterfall) if waterfall else partial(result.plot, show)
     if turn:
         figure = partial(_turns, model, result, turn, asked)

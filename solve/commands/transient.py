@@ -7,7 +7,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed
 from solve.errors import ValueOutOfBoundsError
 from solve.newton.transients import transient as found
-from solve.results.plot import shown
+from solve.views.panels import shown
 
 
 def transient(

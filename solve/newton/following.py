@@ -19,9 +19,9 @@ from solve.newton.parameter import ContinuationParameter
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
+from solve.period.orbit_figures import orbit_figures, output_changes, repeats_early
 from solve.period.points import OnePoint
 from solve.period.rigid_body import Free
-from solve.results.figures import orbit_figures, output_changes, repeats_early
 from solve.results.orbit import Orbit
 from solve.system import PeriodicSystem
 from solve.terminal import progress

@@ -17,8 +17,9 @@ from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
 from solve.newton.stepping import METHOD, StepMarcher
 from solve.period.grid import Grid
+from solve.period.states import interpolation_error, interpolation_tolerance
 from solve.results.orbit import Orbit
-from solve.results.transient import Transient, between_states, between_tolerance
+from solve.results.transient import Transient
 from solve.single import periodic
 from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
@@ -139,7 +140,7 @@ class _Follow:
         No linear motion is refused because its vibrations are too fast for steps or states: how far it is
         off says so. Raises TransientError for nonlinear ones that CVODES cannot follow with few states."""
         count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
-        found, known, tolerance = None, 0.0, between_tolerance(self.rtol)
+        found, known, tolerance = None, 0.0, interpolation_tolerance(self.rtol)
         while True:
             march = self._marcher(count)
             try:
@@ -152,7 +153,7 @@ class _Follow:
             if found is not None and known > tolerance >= before:
                 # So many states meet vibrations that no steps follow; the result says what it knows of these.
                 return found
-            off = max(float(between_states(march.nodes, motion, bool(self.system.breaks)).max()), known)
+            off = max(float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max()), known)
             most = max(count, min(_MOST_STATES, 2 ** max(0, int(math.log2(_WORK / work)))))
             found = march.nodes, motion, off, _damped_out(march)
             if off <= max(tolerance, known) or count == most:

@@ -1,6 +1,5 @@
 """Bands of speed in which the motion is unstable."""
 
-import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,14 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns
+from solve.results.contents import Column, Columns, Facts, digits, speeds_of
 from solve.results.lasting import lasting
-from solve.results.report import Facts, RenderableType, digits, speeds_of, table_of, text
-from solve.results.result import Result
-from solve.results.style import Figure
+from solve.results.result import Figure, Result
 from solve.results.sweep import Sweep
-from solve.results.sweep_plot import radius_figure
 from solve.system import PeriodicSystem
 
 _MOST_NAMED = 4
@@ -77,17 +72,7 @@ class Bands(Sequence[Band], Result):
     def plot(self, sweep: Sweep | None = None) -> Figure:
         """The spectral radius over the speeds that were solved, or over those of a sweep, with the bands
         shaded by their kind. Raises ValueOutOfBoundsError for what is no sweep."""
-        if not isinstance(sweep, Sweep | None):
-            raise ValueOutOfBoundsError(
-                f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
-                'plot().savefig("FILE") writes a picture'
-            )
-        edges = [(band.low, band.high, band.kind) for band in self]
-        if sweep is not None:
-            return radius_figure(self.system, sweep.speeds, sweep.spectral_radius, edges)
-        ends = [end for low, high, _ in edges for end in (low, high) if end not in self.range]
-        speeds = np.append(self.speeds, ends)
-        return radius_figure(self.system, speeds, np.append(self.spectral_radius, np.ones(len(ends))), edges)
+        return super().plot(sweep)
 
     _rows: ClassVar[str] = "bands"
 
@@ -128,12 +113,3 @@ class Bands(Sequence[Band], Result):
 
     def facts(self) -> Facts:
         return [("M, C, K", "constant over the period")] * self.constant_matrices
-
-    def tables(self) -> Sequence[RenderableType]:
-        unit = self.system.speed_unit
-        width = unit.text(self.spacing, ".3g")
-        how = "eigenvalues" if self.constant_matrices else "solved"
-        limit = text(f"{how} at speed intervals of up to {width}: narrower bands may be missed", "dim")
-        if not self:
-            return [text(f"\nno unstable band found from {unit.span(*self.range)}", "bold green"), limit]
-        return [table_of(f"Unstable between {unit.span(*self.range, 'and')}", self.columns, left=2), limit]

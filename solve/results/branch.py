@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import groupby, pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,17 +11,11 @@ from solve.arrays import Array
 from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
-from solve.results.contents import Column, Columns, require_different_names
-from solve.results.plot import MOST_SHOWN, label_quantity, label_speeds, title_of
+from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
 from solve.results.quantities import headed, prefixed
-from solve.results.report import RenderableType, digits, speeds_of, table_of, text
 from solve.results.result import Result
-from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
-
-_MOST_ROWS = 40
-"""Of the table; of more points every k-th is shown."""
 
 _NARROW = 1e-3
 """Range of the values, relative to the largest, below which seven digits do not distinguish them."""
@@ -33,7 +26,6 @@ _MAX_ABS = FIGURES.index("max_abs")
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
 _YES = {True: "yes", False: ""}
-_LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
 
 
 @dataclass(frozen=True)
@@ -181,56 +173,3 @@ class Branch(Result):
         ends = unit.span(self.values[0], self.values[-1])
         back = ", ".join(unit.text(each, ".6g") for each in self.turning)
         return f"The branch goes from {ends}" + (f" and turns back at {back}." if back else ".")
-
-    def tables(self) -> Sequence[RenderableType]:
-        made = table_of("Orbits along the branch", self.columns, most=_MOST_ROWS)
-        return [made, text("\n" + self.summary)]
-
-    def plot(self) -> Figure:
-        """Largest moduli and the spectral radius over the continuation parameter, dashed where the branch is
-        unstable (matplotlib Figure)."""
-        names = self.system.coordinates[: MOST_SHOWN - 1]
-        title = f"{title_of(self.system)}: branch of nonlinear orbits"
-        with page(1.4 + 1.5 * (len(names) + 1), title) as figure:
-            axes = figure.subplots(len(names) + 1, 1, sharex=True, squeeze=False)[:, 0]
-            for place, name, values in zip(axes, names, self.peaks.T, strict=False):
-                self._draw(place, label_quantity(place, self.system, name, values, "max_abs") * values)
-            axes[-1].axhline(1.0, color=BLACK, linewidth=0.9)
-            axes[-1].set_yscale("log")
-            axes[-1].set_ylabel("spectral\nradius |ρ|")
-            self._draw(axes[-1], self.radius)
-            label_speeds(axes[-1], self.system, np.sort(self.values), self.over)
-            axes[0].legend(loc="best")
-            figure.align_ylabels(axes)
-        return figure
-
-    def _draw(self, axes: Axes, values: Array) -> None:
-        """Pieces of one verdict after another, and the turning points."""
-        places, back, first = self.system.unit_of(self.over).of(self.values), self.turns.astype(bool), 0
-        named: set[str] = set()
-        for verdict, pieces in groupby(self._between):
-            last = first + len([*pieces])
-            color, line = _LINES[verdict]
-            style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
-            style["label"] = None if verdict in named else verdict
-            axes.plot(places[first : last + 1], values[first : last + 1], **style)
-            named.add(verdict)
-            first = last
-        if back.any():
-            axes.plot(
-                places[back],
-                values[back],
-                "o",
-                color=BLACK,
-                markersize=4.5,
-                label="turns back",
-                clip_on=False,
-            )
-
-    @property
-    def _between(self) -> list[str]:
-        """Verdicts between one point and the next: open where theirs differ, but for points where the branch
-        turns back, which are on the verge of either."""
-        known = [None if turns else verdict for turns, verdict in zip(self.turns, self.verdicts, strict=True)]
-        both = ({each for each in pair if each is not None} for pair in pairwise(known))
-        return [each.pop() if len(each) == 1 else UNDETERMINED for each in both]

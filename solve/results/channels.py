@@ -1,27 +1,13 @@
 """Measured beside computed: how far a channel is off, and its picture."""
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.period.quantities import spectrum
 from solve.results.lasting import lasting
-from solve.results.plot import labelled
-from solve.results.quantities import prefixed
-from solve.results.report import Table, table
-from solve.results.style import BLUE, VERMILION, Axes, Figure, page
-from solve.system import PeriodicSystem
 from solve.units import ShownUnit
-
-_MOST_PANELS, _MOST_ORDERS = 8, 60
-_SAME, _EVEN = 1e-6, 1e-3
-"""Part of the period within which phases are one, and of their distance by which even ones differ."""
-
-_LEAST = 1e-6
-"""Part of the largest measured amplitude below which none is drawn."""
 
 
 @lasting
@@ -63,67 +49,3 @@ class Channel(NamedTuple):
         size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
         off = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
         return off / size if size else math.nan
-
-
-def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
-    """How far computed is from measured, a row a channel."""
-    off = table("Computed against measured", "quantity", "where", "values", "difference, %", left=2)
-    for each in channels:
-        off.add_row(each.name, each.where(unit), str(len(each.at)), f"{100 * each.relative:.3g}")
-    return off
-
-
-def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
-    """Measured points and computed curves, a panel a channel and speed, up to 8, with spectra of orders
-    beside curves that are measured evenly over the period."""
-    shown = channels[:_MOST_PANELS]
-    with page(0.7 + 1.9 * len(shown), title) as figure:
-        rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
-        for (axes, spectra), each in zip(rows, shown, strict=True):
-            factor, unit = _draw(axes, system, each)
-            measured = _evenly(system, each)
-            if measured is None:
-                spectra.set_axis_off()
-                continue
-            most = min(_MOST_ORDERS, (len(measured) - 1) // 2)
-            found, computed = (
-                spectrum(factor * values[measured], most)[0][1:] for values in (each.measured, each.computed)
-            )
-            for amplitudes, mark, color in ((found, "o", VERMILION), (computed, "x", BLUE)):
-                spectra.plot(np.arange(1, most + 1), amplitudes, mark, markersize=3, color=color)
-            spectra.set_yscale("log")
-            # Computed orders fall to rounding far below those that were measured.
-            spectra.set_ylim(bottom=max(found.min() / 10, _LEAST * found.max()) or None)
-            spectra.set_xlabel("order of rotation")
-            spectra.set_ylabel(labelled("amplitude", unit))
-        rows[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    return figure
-
-
-def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str]:
-    """Measured over computed; the factor from SI units to those shown, and these."""
-    measured, computed = (
-        np.abs(part) if np.iscomplexobj(part) else part for part in (each.measured, each.computed)
-    )
-    unit = "rad/s" if each.position is not None else system.units.get(each.name, "")
-    factor, unit = prefixed(unit, float(np.abs(measured).max()))
-    order = np.argsort(each.at, kind="stable")
-    across = np.degrees(each.at[order]) if each.by_phase else each.at[order]
-    line: dict[str, Any] = {"linewidth": 1.2} if each.by_phase else {"marker": "x", "linestyle": ""}
-    axes.plot(across, factor * measured[order], "o", markersize=3, color=VERMILION, label="measured")
-    axes.plot(across, factor * computed[order], color=BLUE, label="computed", **line)
-    axes.set_ylabel(labelled(each.name, unit))
-    axes.set_title(each.where(system.speed_unit), loc="left")
-    axes.set_xlabel(each.axis)
-    return factor, unit
-
-
-def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
-    """Places of values that lie evenly over one period, in their order; None where they do not."""
-    phases = np.mod(each.at, system.period)
-    order = np.argsort(phases, kind="stable")
-    # The end of a period is its beginning.
-    order = order[np.append(np.diff(phases[order]) > _SAME * system.period, True)]
-    gaps = np.diff(np.append(phases[order], phases[order[:1]] + system.period))
-    even = len(order) > 4 and np.ptp(gaps) <= _EVEN * gaps.mean()
-    return order if even and each.by_phase else None

@@ -12,19 +12,13 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.named import Named
-from solve.results.chart_plot import Field, chart_figure, values_figure
-from solve.results.contents import Column, Columns, plain, require_different_names
+from solve.results.contents import Column, Columns, Facts, plain, require_different_names
 from solve.results.lasting import lasting
-from solve.results.plot import axis_label
 from solve.results.points import PointResults
-from solve.results.quantities import greek, headed, prefixed
-from solve.results.report import Facts, RenderableType, table, text
+from solve.results.quantities import greek
 from solve.results.result import Result
 from solve.results.stability import Stability
-from solve.results.style import Figure
 from solve.system import PeriodicSystem
-
-_MOST_CURVES = 20
 
 
 @lasting
@@ -62,16 +56,6 @@ class Cut:
             "stable": [None if math.isnan(one) else bool(one) for one in self.stable],
             "crossings": [{"at": at, "kind": kind} for at, kind in self.crossings],
         }
-
-    def table(self, system: PeriodicSystem) -> RenderableType:
-        """A row a crossing."""
-        where = f"Along {self.along} at {self.across} = {system.unit_of(self.across).text(self.value)}"
-        if not self.crossings:
-            return text(f"\n{where}: no boundary")
-        made = table(where, "at", "kind", left=0)
-        for at, kind in self.crossings:
-            made.add_row(system.unit_of(self.along).text(at, ".9g"), kind)
-        return made
 
 
 @dataclass(frozen=True)
@@ -169,28 +153,6 @@ class Chart(Result):
             require_name("quantity of the chart", name, names)
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
-    def plot(self) -> Figure:
-        """Stable and unstable regions with their growth ln|ρ| a period, or the quantity that was asked for,
-        and boundaries."""
-        names = self.x_name, self.y_name
-        units = [self.system.unit_of(name) for name in names]
-        with np.errstate(divide="ignore"):
-            growth = np.log(self.spectral_radius)
-        field = Field(
-            units[0].of(self.x),
-            units[1].of(self.y),
-            growth,
-            self.kinds,
-            np.isnan(self.stable),
-            [(kind, points / [unit.size for unit in units]) for kind, points in self.boundaries],
-        )
-        labels = axis_label(self.system, names[0]), axis_label(self.system, names[1])
-        if self.of is None or self.values is None:
-            return chart_figure(self.system, field, labels)
-        factor, unit = prefixed(self.of.unit, float(np.nanmax(np.abs(self.values), initial=0.0)))
-        scale = headed(self.of.text, unit)
-        return values_figure(self.system, field, labels, factor * self.values, scale)
-
     @property
     def whole(self) -> dict[str, Any]:
         cuts = [cut.record() for cut in self.cuts]
@@ -223,21 +185,6 @@ class Chart(Result):
             facts.append(("undetermined", f"{open_} points, within their error of the unit circle"))
         return facts
 
-    def tables(self) -> Sequence[RenderableType]:
-        return [self._boundary_table(), *(cut.table(self.system) for cut in self.cuts)]
-
-    def _boundary_table(self) -> RenderableType:
-        if not self.boundaries:
-            return text("\nno boundary in this range")
-        names = self.x_name, self.y_name
-        made = table("Boundaries between stable and unstable", "kind", "points", *names, left=1)
-        for curve in sorted(self.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]:
-            spans = map(self._span, names, curve.points.T)
-            made.add_row(curve.name, str(len(curve.points)), *spans)
-        if len(self.boundaries) > _MOST_CURVES:
-            made.caption = f"and {len(self.boundaries) - _MOST_CURVES} shorter ones"
-        return made
-
     @property
     def columns(self) -> Columns:
         """A row a point."""
@@ -263,9 +210,10 @@ class Chart(Result):
         return {**varied, **found, **asked}
 
     def _range(self, name: str, values: Array) -> str:
-        return f"{greek(name)} {self._span(name, values)} ({len(values)})"
+        return f"{greek(name)} {self.span(name, values)} ({len(values)})"
 
-    def _span(self, name: str, values: Array) -> str:
+    def span(self, name: str, values: Array) -> str:
+        """Text of the range of values of a quantity."""
         unit = self.system.unit_of(name)
         low, high = values.min(), values.max()
         return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")

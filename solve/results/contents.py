@@ -14,12 +14,17 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
+from solve.results.quantities import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
 is_of_the_state = re.compile(r"seal|state\d*").fullmatch
 """Whether a name in a file is that of what a result is read back from."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
+
+
+MOST_SHOWN = 6
+"""Quantities in one picture, and coordinates beside each other in tables and sentences."""
 
 
 class Column(NamedTuple):
@@ -59,6 +64,49 @@ def known(value: Any) -> bool:
 
 
 Columns = Mapping[str, Column]
+
+Facts = Sequence[tuple[str, str]]
+"""Rows of the heading of a result: a word, and what it stands for."""
+
+
+def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
+    """Numbers times a factor as texts of this form.
+
+    >>> digits(".2f", 1e3)(0.5)
+    '500.00'
+    """
+    return lambda value: f"{value * factor:{form}}"
+
+
+def sized(
+    values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
+) -> Column:
+    """Numbers in SI units, in a table in the unit that suits the largest, with so many digits of it."""
+    if largest is None:
+        known = np.array([math.nan if value is None else value for value in values], dtype=float)
+        largest = float(np.nanmax(np.abs(known), initial=0.0))
+    factor, shown = prefixed(unit, largest)
+
+    def text(value: float) -> str:
+        return fixed(value * factor, largest * factor, places)
+
+    return Column(values, unit, meaning, headed(heading, shown), text)
+
+
+def speeds_of(
+    system: PeriodicSystem,
+    speeds: Any,
+    meaning: str = "speed of rotation",
+    heading: str = "",
+    form: str = ".6g",
+    axes: tuple[str, ...] = ("row",),
+) -> Column:
+    """Speeds (rad/s), in a table in the unit in which results of the system show them, which "{}" in the
+    heading stands for."""
+    unit = system.speed_unit
+    return Column(
+        speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
+    )
 
 
 @dataclass(frozen=True)

@@ -9,32 +9,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array, runs
-from solve.period.natural import lowest_elastic
-from solve.results.contents import Column, Columns, rows_of
-from solve.results.critical_marks import curve, draw_marks, growing, label_order, legend, shade
+from solve.results.contents import Column, Columns, Facts, digits, rows_of, sized, speeds_of
 from solve.results.critical_rows import Combination, Critical, Maximum
-from solve.results.plot import label_quantity, label_speeds, title_of
 from solve.results.quantities import measured, named, prefixed
-from solve.results.report import Facts, RenderableType, Table, digits, sized, speeds_of, table_of, text
-from solve.results.result import Result
-from solve.results.style import BLACK, BLUE, GREEN, GREY, LIGHT, VERMILION, Axes, Figure, page
+from solve.results.result import Figure, Result
 from solve.system import PeriodicSystem
 
-_MOST_COMBINATIONS = 20
-_MOST_DECADES = 1e3
+MOST_DECADES = 1e3
 """Ratio of a response over speed from which its axis is logarithmic."""
-
-_HEADROOM = 1.15
-_ROOM = 1.6
-"""Factor on a logarithmic axis that is left above and below."""
-
-_CAPTIONS = {
-    "–": "mode –: no division of a frequency and no combination up to order {0} explains it",
-    "?": "mode ?: several combinations explain it equally well",
-    "+": "mode i+j: (ω̄i + ω̄j)/k",
-    "−": "mode i−j: (ω̄i − ω̄j)/k",
-    "|ρ|": "where |ρ| stands alone, the multiplier is that of its maximum",
-}
 
 
 _OF_RECORDS = "ratios", "combination", "candidates"
@@ -97,7 +79,7 @@ class CriticalSpeeds(Result):
         return found
 
     @property
-    def _decimals(self) -> str:
+    def decimals(self) -> str:
         """Of speeds: three, and seven digits at most, as speeds are no better known."""
         before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
@@ -144,16 +126,7 @@ class CriticalSpeeds(Result):
 
     def plot(self, *, campbell: bool = False) -> Figure:
         """Response, dominant multiplier and Campbell diagram over speed, or this below the response alone."""
-        drawn = (_draw_response, _draw_campbell) if campbell else _ALL
-        title = "Campbell diagram" if campbell else "critical speeds"
-        height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
-        with page(height, f"{title_of(self.system)}: {title}") as figure:
-            places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
-            for axes, draw in zip(places, drawn, strict=True):
-                draw(axes, self)
-            label_speeds(places[-1], self.system, self.speeds)
-            figure.align_ylabels()
-        return figure
+        return super().plot(campbell=campbell)
 
     _rows: ClassVar[str] = "rows"
 
@@ -164,18 +137,18 @@ class CriticalSpeeds(Result):
             "quantity": self.quantity,
             "figure": self.figure,
             "combinations": self.combinations,
-            "unstable": rows_of(self._unstable),
+            "unstable": rows_of(self.unstable_columns),
             "notes": self.notes,
             "constant_matrices": self.constant_matrices,
         }
 
     @property
-    def _unstable(self) -> Columns:
+    def unstable_columns(self) -> Columns:
         """A row an unstable range."""
         low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
         return {
-            "from": speeds_of(self.system, low, "", "from", self._decimals),
-            "to": speeds_of(self.system, high, "", "to", self._decimals),
+            "from": speeds_of(self.system, low, "", "from", self.decimals),
+            "to": speeds_of(self.system, high, "", "to", self.decimals),
             "spectral_radius": Column(radius, heading="largest |ρ|", text=digits(".6g")),
         }
 
@@ -235,144 +208,19 @@ class CriticalSpeeds(Result):
         shown: Sequence[float | None] | None = None,
     ) -> Column:
         """shown: what stands in tables instead of the values."""
-        column = speeds_of(self.system, values, meaning, heading, self._decimals)
+        column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
     def facts(self) -> Facts:
         span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and")
         return [("between", span), *[("M, C, K", "constant over the period")] * self.constant_matrices]
 
-    def tables(self) -> Sequence[RenderableType]:
-        """A row a critical speed; unstable ranges and combinations below."""
-        unit = self.system.speed_unit
-        span = unit.span(self.speeds[0], self.speeds[-1])
-        none = text(f"\nno maximum and no division up to order {self.orders} found from {span}")
-        made = [self._rows_table() if self.rows else none]
-        if self.unstable_ranges:
-            made.append(table_of(f"Unstable among the speeds, {unit.name}", self._unstable))
-        if self.combinations:
-            made.append(self._combinations_table())
-        return made
-
-    def _rows_table(self) -> Table:
-        columns = {**self.columns}
-        heights = columns["response_height"]
-        # With the unit in the title the table of all columns fits a line of 80.
-        columns["response_height"] = heights._replace(heading="height")
-        of = heights.heading.replace("height", named(self.figure, self.quantity))
-        title = f"Critical speeds in {self.system.speed_unit.name}; height: {of}"
-        caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
-        for sign, rule in _CAPTIONS.items():
-            if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in self.rows):
-                caption += f"\n{rule.format(self.orders)}"
-        if self.unbounded:
-            caption += "\n∞: the response grows beyond all bounds"
-        return table_of(title, columns, caption=caption)
-
-    def _combinations_table(self) -> Table:
-        some = self.combinations[:_MOST_COMBINATIONS]
-        columns = {
-            "speed": speeds_of(self.system, [one.speed for one in some], "", "speed", self._decimals),
-            "i": Column([one.modes[0] for one in some], heading="i"),
-            "j": Column([one.sign * one.modes[1] for one in some], heading="j", text=digits("+.0f")),
-            "k": Column([one.order for one in some], heading="k"),
-        }
-        more = len(self.combinations) - len(some)
-        parts = [f"and {more} at lower speeds"] * bool(more)
-        parts += ["i = j: parametric resonances of one mode"] * any(len({*one.modes}) == 1 for one in some)
-        caption = "; ".join(parts) or None
-        return table_of(f"Combinations (ω̄i ± ω̄j)/k, {self.system.speed_unit.name}", columns, caption=caption)
-
 
 def _height(values: list[float | None], unit: str, meaning: str) -> Column:
     """Heights of maxima; where one is many times another, each has its own digits."""
     heights = [abs(value) for value in values if value and math.isfinite(value)]
     column = sized(values, unit, meaning, "height", 5, max(heights, default=0.0))
-    if heights and max(heights) > _MOST_DECADES * min(heights):
+    if heights and max(heights) > MOST_DECADES * min(heights):
         column = column._replace(text=digits(".4e", prefixed(unit, max(heights))[0]))
     texts = ["∞" if value == math.inf else text for value, text in zip(values, column.texts, strict=True)]
     return column._replace(text=texts)
-
-
-def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
-    maxima = found.maxima("response")
-    known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
-    factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
-    stable = np.where(found.unstable, np.nan, found.response)
-    speeds, response = curve(found.speeds, stable, [*maxima, *growing(found.speeds, stable, found.unbounded)])
-    axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
-    bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
-    every = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
-    largest, least = every.max(initial=0.0) * factor, every.min(initial=np.inf) * factor
-    if least > 0 and (found.unbounded or largest > _MOST_DECADES * least):
-        axes.set_yscale("log")
-        axes.set_ylim(least / _ROOM, largest * _ROOM)
-    draw_marks(axes, found.system.speed_unit, bounded, factor, BLUE, "maximum")
-    for at, speed in enumerate(found.unbounded):
-        style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
-        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "beyond all bounds", **style)
-    shade(axes, found.system.speed_unit, found.speeds, found.unstable)
-    legend(axes)
-
-
-def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
-    """Real part of the dominant multiplier on a scale of sign and root, which shows small ones too."""
-    power = 0.25
-
-    def rooted(values: Array) -> Array:
-        return np.sign(values) * np.abs(values) ** power
-
-    maxima = found.maxima("multiplier")
-    # Where only orders above the highest lie it turns faster than the speeds tell.
-    seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
-    speeds, real_part = curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
-    shown = found.system.speed_unit.of
-    axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
-    at, radius = curve(found.speeds, found.radius, found.maxima("radius"))
-    for sign, label in ((1, "±|ρ|"), (-1, None)):
-        dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
-        axes.plot(shown(at), sign * rooted(radius), **dots)
-    every = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
-    for some, color, name in every:
-        marks = [(speed, float(rooted(np.array(height)))) for speed, height in some]
-        draw_marks(axes, found.system.speed_unit, marks, 1, color, name)
-    reach = float(np.nanmax(found.radius, initial=1e-12))
-    ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
-    places = [0.0, *ticks, *(-size for size in ticks)]
-    axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
-    axes.set_ylabel("dominant\nmultiplier")
-    axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
-    shade(axes, found.system.speed_unit, found.speeds, found.unstable)
-    legend(axes)
-
-
-def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    unit, divided = found.system.speed_unit, found.divided
-    speeds = unit.of(found.speeds)
-    orders = sorted({order for *_, order in divided})
-    shown = sorted({mode for _, mode, _ in divided}) or [1 + int(found.frequencies.any(axis=0).argmax())]
-    top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
-    for order in orders:
-        rays = order * found.speeds / (2 * math.pi)
-        axes.plot(speeds, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
-        if order <= 12 or order % 5 == 0:
-            label_order(
-                axes, unit, found.speeds, order, found.frequencies[:, [mode - 1 for mode in shown]], top
-            )
-    axes.plot([], [], color=GREY, linewidth=0.7, label="orders of rotation")
-    for mode in shown:
-        label = "mean natural frequency" if mode == shown[0] else None
-        axes.plot(speeds, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3, label=label)
-    crossed = [(unit.of(speed), order * speed / (2 * math.pi)) for speed, _, order in divided]
-    if crossed:
-        axes.plot(*zip(*crossed, strict=True), "o", color=GREEN, zorder=4, label="integer division")
-    axes.set_ylim(0.0, top)
-    axes.yaxis.set_major_locator(MaxNLocator(6))
-    axes.set_ylabel("mean natural\nfrequency (Hz)")
-    axes.set_title("Campbell diagram", loc="left", color=GREY)
-    legend(axes)
-
-
-_ALL = _draw_response, _draw_multiplier, _draw_campbell

@@ -1,24 +1,17 @@
 """A model fitted to measurement: its parameters with intervals."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from solve.arrays import Array
-from solve.results.channels import Channel, compared_figure, differences_table
-from solve.results.contents import Column, Columns
+from solve.results.channels import Channel
+from solve.results.contents import Column, Columns, Facts
 from solve.results.lasting import lasting
-from solve.results.plot import title_of
-from solve.results.report import Facts, RenderableType, table, text
 from solve.results.result import Result
-from solve.results.style import Figure
 from solve.system import PeriodicSystem
-
-_CLOSE = 0.9
-"""Correlation from which on two parameters are named."""
 
 
 @lasting
@@ -81,30 +74,6 @@ class Fitted(Result):
 
     def facts(self) -> Facts:
         return [("data", self.data)]
-
-    def tables(self) -> Sequence[RenderableType]:
-        """The parameters, how they hang together, and how far computed is from measured."""
-        made = table("Fitted, with 95 % intervals", "parameter", "unit", "value", "low", "high", left=2)
-        for name, each in self.parameters.items():
-            unit = self.system.unit_of(name).name
-            cells = (f"{number:.6g}" if math.isfinite(number) else "–" for number in each)
-            made.add_row(name, unit, *cells)
-        names = list(self.parameters)
-        pairs = [
-            f"{names[i]} and {names[j]} {self.correlations[i, j]:+.3f}"
-            for i in range(len(names))
-            for j in range(i)
-            if abs(self.correlations[i, j]) >= _CLOSE
-        ]
-        if pairs:
-            made.caption = f"correlated: {', '.join(pairs)}"
-        off = differences_table(self.channels, self.system.speed_unit)
-        words = f"\nresidual {100 * self.residual:.3g} % of what was measured"
-        return [made, off, text(words)]
-
-    def plot(self) -> Figure:
-        """Measured points and computed curves, a panel a channel and speed, up to 8."""
-        return compared_figure(self.system, self.channels, f"{title_of(self.system)}: fitted to {self.data}")
 
     @property
     def toml(self) -> str:

@@ -11,22 +11,15 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import ModeShape
-from solve.errors import ValueOutOfBoundsError
 from solve.period.natural import NaturalFrequencies
-from solve.results.contents import Column, Columns, Contents, known, model_record, plain
-from solve.results.frequencies_plot import positions_figure, shapes_figure, variation_figure
+from solve.results.contents import Column, Columns, Contents, Facts, known, model_record, plain
 from solve.results.quantities import fixed, headed
-from solve.results.report import Facts, RenderableType, Table, digits, table_of
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
-from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
-_MOST_MODES, _MOST_LINKS = 6, 3
+MOST_MODES, _MOST_LINKS = 6, 3
 """Columns of a table."""
-
-_MOST_ROWS = 40
-"""Rows of a table; of more positions or values every k-th is shown."""
 
 
 class Roots(Result):
@@ -46,14 +39,14 @@ class Roots(Result):
         """Largest modulus among the roots that tables show."""
         return float(np.nanmax(np.abs(self.signed), initial=0.0))
 
-    def _text(self, root: float) -> str:
+    def text_of(self, root: float) -> str:
         """Text of a frequency, or of a growth rate given as a negative number."""
         if root == 0:
             return "0"
         text = fixed(abs(root), self._largest, 6)
         return f"{text}i" if root < 0 else text
 
-    def _figures(self, axis: int) -> dict[str, Array]:
+    def statistics(self, axis: int) -> dict[str, Array]:
         """mean, min and max by name of signed roots along an axis; the mean is NaN if frequencies and growth
         rates mix."""
         signed = self.signed
@@ -137,24 +130,13 @@ class Frequencies(Roots):
             made.append("±".join(parts) or "–")
         return made
 
-    def plot(self) -> Figure:
-        """Mode shapes at one position; frequencies over several. Raises ValueOutOfBoundsError where there
-        are no links to draw."""
-        if len(self.positions) > 1:
-            return positions_figure(self.system, self.positions, self.signed)
-        if not self.system.links:
-            raise ValueOutOfBoundsError(
-                f"{self.system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
-            )
-        return shapes_figure(self.system, float(self.positions[0]), self.shapes())
-
     @property
     def whole(self) -> dict[str, Any]:
         """Positions (rad), frequencies (rad/s) or growth rates (1/s), and statistics of the frequencies over
         the positions."""
         frequencies, growth_rates = self._roots
         found = {"positions": self.positions, "frequencies": frequencies, "growth_rates": growth_rates}
-        return {**found, **_vibrating(self._figures(0))}
+        return {**found, **_vibrating(self.statistics(0))}
 
     @property
     def columns(self) -> Columns:
@@ -164,23 +146,13 @@ class Frequencies(Roots):
         frequencies, growth_rates = self._roots
         for k, (omegas, rates) in enumerate(zip(frequencies.T, growth_rates.T, strict=True), start=1):
             heading, texts = (
-                f"mode {k}" if k <= _MOST_MODES else "",
-                [*map(self._text, self.signed[:, k - 1])],
+                f"mode {k}" if k <= MOST_MODES else "",
+                [*map(self.text_of, self.signed[:, k - 1])],
             )
             columns[f"frequency{k}"] = Column(omegas, "rad/s", f"natural frequency {k}", heading, texts)
             if np.isfinite(rates).any():
                 columns[f"growth_rate{k}"] = Column(rates, "1/s", f"growth rate of mode {k}")
         return columns
-
-    def tables(self) -> Sequence[Table]:
-        """A row a position, and the figures below."""
-        k = self.values.shape[1]
-        shown = f": the first {_MOST_MODES} of {k}" if k > _MOST_MODES else ""
-        made = table_of(f"Over the turn, rad/s{shown}", self.columns, most=_MOST_ROWS)
-        made.add_section()
-        for name, values in self._figures(0).items():
-            made.add_row(name, *map(self._text, values[:_MOST_MODES]))
-        return [made]
 
 
 @dataclass(frozen=True)
@@ -209,7 +181,7 @@ class Variation(Roots):
     @property
     def figures(self) -> dict[str, Array]:
         """mean, min and max of the frequencies over the positions (v, k), by name; NaN where modes grow."""
-        return _vibrating(self._figures(1))
+        return _vibrating(self.statistics(1))
 
     @property
     def mean(self) -> Array:
@@ -231,13 +203,6 @@ class Variation(Roots):
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 
-    def plot(self) -> Figure:
-        """Lowest elastic frequency over the parameter, with the frequencies of the links alone (thesis Fig.
-        9.1)."""
-        mode = self.shown_modes[-1]
-        lowest = {name: values[:, mode] for name, values in self._figures(1).items()}
-        return variation_figure(self.system, self.parameter, mode, self.values, lowest, self.pinned)
-
     @property
     def whole(self) -> dict[str, Any]:
         """In rad/s and rad, the parameter in its own unit."""
@@ -252,12 +217,12 @@ class Variation(Roots):
         title = headed(self.parameter, self.system.unit_of(self.parameter).name)
         varied = partial(fixed, magnitude=float(np.abs(self.values).max()), digits=5)
         columns = {self.parameter: Column(self.values, unit, "varied", title, varied)}
-        shown, several = self._figures(1), self._several
+        shown, several = self.statistics(1), self.several
         headings = {name: f"{name} ω" for name in ("mean", "min", "max")} if several else {"mean": "ω"}
         for k, (name, values) in itertools.product(range(self.frequencies.shape[2]), self.figures.items()):
             is_shown = k == self.shown_modes[-1] or (k in self.shown_modes and name == "mean")
             heading = f"{headings[name]}{k + 1}" if is_shown and name in headings else ""
-            texts = [*map(self._text, shown[name][:, k])]
+            texts = [*map(self.text_of, shown[name][:, k])]
             meaning = f"{name} over the positions"
             columns[f"frequency{k + 1}_{name}"] = Column(values[:, k], "rad/s", meaning, heading, texts)
         for k, rates in enumerate(self.largest_growth_rates.T, start=1):
@@ -265,21 +230,13 @@ class Variation(Roots):
                 columns[f"growth_rate{k}"] = Column(rates, "1/s", "largest over the positions")
         for number, (link, alone) in enumerate(self.pinned.items()):
             about = "rad/s", "the link alone, pinned at both ends", f"{link} alone" * (number < _MOST_LINKS)
-            columns[f"{link}_pinned"] = Column(alone, *about, self._text)
+            columns[f"{link}_pinned"] = Column(alone, *about, self.text_of)
         return columns
 
     @property
-    def _several(self) -> bool:
+    def several(self) -> bool:
         """Whether at several positions."""
         return len(self.positions) > 1
-
-    def tables(self) -> Sequence[Table]:
-        """One row per value of the parameter: the lowest frequency, the next one if that is a rigid-body
-        mode, and those of up to three links alone."""
-        mean_of = f": the mean of {len(self.positions)} positions" if self._several else ""
-        caption = "alone: the link's lowest frequency, pinned at both ends" if self.pinned else None
-        title = f"Over {self.parameter}, rad/s{mean_of}"
-        return [table_of(title, self.columns, most=_MOST_ROWS, caption=caption)]
 
 
 @dataclass(frozen=True)
@@ -336,50 +293,14 @@ class Findings(Result):
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
         return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves]
 
-    def tables(self) -> Sequence[RenderableType]:
-        """At the position, with mode shapes the largest bending of each link; over the turn; over a
-        parameter."""
-        roots, captions = self.here.signed[0], self._about_modes
-        columns = {
-            "mode": Column(range(1, len(roots) + 1), heading="mode"),
-            "frequency": Column(roots, heading="rad/s", text=self.here.texts(0, ".7g")),
-            "hertz": Column(roots, heading="Hz", text=self.here.texts(0, ".7g", 1 / (2 * math.pi))),
-        }
-        if self.shapes:
-            masses = [shape.modal_mass for shape in self.shapes]
-            columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
-            captions = [*captions, "per link: largest deflection, relative to the largest of the mode"]
-            for number, link in enumerate(self.system.links):
-                bending = [np.abs(shape.transverse[number]).max() for shape in self.shapes]
-                columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
-        further = (part.tables() for part in (self.turn, self.variation) if part is not None)
-        caption = "\n".join(captions) or None
-        listed, every = len(roots), self.system.most_frequencies
-        title = "Natural frequencies" + (f": the lowest {listed} of {every}" if listed < every else "")
-        return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
-
-    @property
-    def _about_modes(self) -> list[str]:
-        """Captions on growing modes and rigid-body modes."""
-        first = int((self.here.signed[0] < 0).sum())
-        texts = ["i: growth rate in 1/s of a mode that grows instead of vibrating"] * (first > 0)
-        names = self.here.system.coordinates
-        for number, mode in enumerate(self.here.rigid_body_modes, start=first + 1):
-            texts.append(f"mode {number} is a rigid-body mode, {mode.ratio(names)}")
-        return texts
-
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
         return self.here.system
 
     @property
-    def _widest(self) -> "Frequencies | Variation":
+    def widest(self) -> "Frequencies | Variation":
         """Over the parameter, else over the turn, else at the position: what a file holds, and a picture."""
         return self.variation or self.turn or self.here
 
     def contents(self) -> Contents:
-        return self._widest.contents()
-
-    def plot(self) -> Figure:
-        """Raises ValueOutOfBoundsError where there is nothing to draw."""
-        return self._widest.plot()
+        return self.widest.contents()

@@ -1,6 +1,5 @@
 """The periodic solution of nonlinear equations, with the linear one beside it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -11,9 +10,9 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
-from solve.results.figures import repeats_early
+from solve.period.orbit_figures import repeats_early
+from solve.results.contents import Facts
 from solve.results.orbit import Orbit, QuasiStatic
-from solve.results.report import Facts
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,6 @@ class NonlinearOrbit(Orbit):
     where a transient from rest settles on no orbit.
     """
 
-    _curve_names: ClassVar[tuple[str, str]] = ("nonlinear", "linear")
     _calculated: ClassVar[tuple[str, ...]] = (*Orbit._calculated, "linear")
     iterations: int = 0
     found_by: str = ""
@@ -96,10 +94,8 @@ class NonlinearOrbit(Orbit):
         found = f"by {self.found_by}, {self.iterations} corrections of Newton's method"
         return [*super().facts(), ("found", found)]
 
-    def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
-        return super()._beside(quasi_static) if quasi_static else self._linear_values
-
-    def _linear_values(self, name: str, phase: Array) -> Array | None:
+    def linear_values(self, name: str, phase: Array) -> Array | None:
+        """A coordinate or output (k,) of the linear orbit at phases (k,); None where there is none."""
         if self.linear is None:
             return None
         q, v, a = (self.linear(phase, derivative) for derivative in range(3))

@@ -1,8 +1,7 @@
 """The periodic solution: a continuous curve over one turn, with its stability and its warnings."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -10,27 +9,28 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import corrected, relative_correction
-from solve.errors import SolveError, ValueOutOfBoundsError, require_name
+from solve.certify.checks import equation_residual
+from solve.certify.correction import linearisation_error
+from solve.errors import ValueOutOfBoundsError
 from solve.period.curve import PeriodicCurve
+from solve.period.orbit_figures import compiled_output_figures, coordinate_figures
 from solve.period.quantities import Signal, samples_a_step
-from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
-from solve.results.figures import compiled_output_figures, coordinate_figures
-from solve.results.plot import MOST_SHOWN, SCALES, Motion, orbit_figure, shown
-from solve.results.quantities import fixed, greek, measured, prefixed
-from solve.results.report import Facts, RenderableType, Table, stacked, table
+from solve.results.contents import (
+    MOST_SHOWN,
+    Column,
+    Contents,
+    Facts,
+    curves_of,
+    plain,
+    require_different_names,
+)
+from solve.results.quantities import greek, measured
+from solve.results.result import Figure
 from solve.results.stability import Stability
-from solve.results.style import Figure
-from solve.results.turn import QuasiStatic, Turn, broken
-
-_RANKS = ("strongest", "second", "third")
+from solve.results.turn import QuasiStatic, Turn
 
 _ALIKE = 1e-6
 """Relative difference of what a period changes that counts as none."""
-
-
-_DOUBTFUL = 1e-2
-"""Relative residual above which it may consist of round-off; pure round-off gives about 1."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,6 @@ class Orbit(Stability, Turn):
     """The T-periodic solution of M q̈ + C q̇ + K q = d."""
 
     _subject: ClassVar[str] = "periodic motion"
-    _curve_names: ClassVar[tuple[str, str]] = ("dynamic", "quasi-static")
     _calculated: ClassVar[tuple[str, ...]] = (
         *Stability._calculated,
         *("curve", "residual", "linearisation_error", "_figures"),
@@ -139,15 +138,7 @@ class Orbit(Stability, Turn):
         """Largest residual of the equation of motion at the middles of the steps, per row, relative to
         the largest of its terms over the turn."""
         phase = (self.phase[:-1] + self.phase[1:]) / 2
-        M, C, K, d = self.system.at(phase, self.speed)
-        q, qd, qdd = self.state(phase)
-        terms = [np.einsum("kij,jk->ki", A, x) for A, x in ((M, qdd), (C, qd), (K, q))]
-        scale = np.max([np.abs(term).max(axis=0) for term in (*terms, d)], axis=0)
-        residual = np.abs(sum(terms) - d).max(axis=0)
-        if (residual > _DOUBTFUL * scale).any():
-            # If all terms are round-off, relative to the summands of the load.
-            scale = np.maximum(scale, self.system.roundoff(phase, self.speed).max(axis=0))
-        return float(np.max(residual / np.where(scale > 0, scale, 1.0)))
+        return equation_residual(self.system, self.speed, phase, self.state(phase))
 
     @cached_property
     def linearisation_error(self) -> Mapping[str, float] | None:
@@ -157,11 +148,9 @@ class Orbit(Stability, Turn):
         if this correction has no solution, None for linear systems."""
         if not self.system.nonlinear:
             return None
-        certified, sizes = self.certified, np.full(self.system.n, np.nan)
+        certified = self.certified
         grid, engine = certified.solutions.grid, certified.request.engine
-        with suppress(SolveError):
-            further = corrected(self.system, self.motion, self.speed, certified.method, grid, engine)
-            sizes = relative_correction(self.system, self.motion, self.speed, further, engine)
+        sizes = linearisation_error(self.system, self.motion, self.speed, certified.method, grid, engine)
         return dict(zip(self.coordinates, sizes.tolist(), strict=True))
 
     @property
@@ -226,13 +215,6 @@ class Orbit(Stability, Turn):
         further = {} if off is None else {"linearisation_error": off}
         return {**super().whole, "residual": self.residual, **further}
 
-    def report(self, choices: Sequence[str] = (), quasi_static: bool = False) -> RenderableType:
-        """Everything that `solve periodic` has to say but its warnings."""
-        parts = [self.extrema_table("Motion over one period"), self._order_table()]
-        if quasi_static:
-            parts.append(self.quasi_static.extrema_table("Quasi-static, without inertia and damping"))
-        return stacked(self._heading(choices), *parts, *self.tables())
-
     def facts(self) -> Facts:
         if self.linearisation_error is None:
             return super().facts()
@@ -243,22 +225,6 @@ class Orbit(Stability, Turn):
         errors, checks = super()._accuracy()
         errors = [f"orbit {self.error_estimate.orbit:.1e}", *errors, f"residual {self.residual:.1e}"]
         return errors, [*checks, f"condition {self.condition:.0e}"]
-
-    def _order_table(self) -> Table:
-        made = table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS)
-        rotation = 2 * math.pi / self.system.period
-        for name in self.system.known_quantities():
-            amplitudes, angles = self.harmonics(name, self.samples // 8)
-            largest = self.statistics(name).max_abs
-            factor, _ = prefixed(self.system.units.get(name, ""), largest)
-            unknown, cells = self.error_estimate.orbit * largest, []
-            for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
-                size = float(amplitudes[k]) * factor
-                amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
-                known = unknown < amplitudes[k] < math.inf
-                cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if known else "–")
-            made.add_row(broken(name), *cells)
-        return made
 
     def contents(self) -> Contents:
         """Time, phase, coordinates, outputs and rates at the nodes, multipliers and exponents, for a file.
@@ -300,19 +266,7 @@ class Orbit(Stability, Turn):
         the largest amplitude; up to `harmonics` orders, by default all that can be seen. Raises
         UnknownNameError, ValueOutOfBoundsError.
         """
-        require_name("scale", scale, SCALES)
-        beside = self._beside(quasi_static)
-        phase = np.linspace(0.0, self.system.period, self.samples + 1)
-        motions = {}
-        for name in shown(self.system, names):
-            amplitudes, _ = self.harmonics(name, harmonics or self.samples // 8)
-            motions[name] = Motion(self.signal(name)(phase), beside(name, phase), amplitudes)
-        panel = self._panel if self.system.vibrates else None
-        return orbit_figure(self.system, self.speed, motions, panel, scale, *self._curve_names)
-
-    def _beside(self, quasi_static: bool) -> Callable[[str, Array], Array | None]:
-        """From a quantity and phases (k,) to the values (k,) that are drawn beside."""
-        return lambda name, phase: self.quasi_static.signal(name)(phase) if quasi_static else None
+        return super().plot(names, quasi_static, scale, harmonics)
 
 
 def _finite(phase: Array) -> Array:

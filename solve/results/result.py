@@ -1,26 +1,31 @@
 """What every result can: files, a table of pandas, a dataset of xarray, and a few lines of itself."""
 
-from collections.abc import Sequence
 from functools import cached_property
-from io import StringIO
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from solve.results.contents import Columns, Contents, model_record, plain, rows_of
+from solve.results.contents import Columns, Contents, Facts, model_record, plain, rows_of
 from solve.results.files import write_whole
 from solve.results.lasting import Lasting
-from solve.results.markup import html
-from solve.results.report import Facts, RenderableType, Table, heading, stacked, table_of
 from solve.results.save import checked_data, dataset, writer
-from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-_LINES, _WIDTH = 15, 80
-"""Most lines of a result as text, and its width."""
+    from solve.views import Figure
+else:
+    Figure = object  # For annotations.
+
+
+def views() -> ModuleType:
+    """The package that shows results: tables, figures, HTML. It is above all that computes, and a result that
+    is shown is the only thing below that needs it; hence this import, at that moment."""
+    import solve.views
+
+    return solve.views
 
 
 class Result(Lasting):
@@ -30,7 +35,7 @@ class Result(Lasting):
     _rows: ClassVar[str] = ""
     """Key of the rows in the record."""
     _title: ClassVar[str] = ""
-    """Of the table."""
+    """Title of the table of its columns."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -70,20 +75,16 @@ class Result(Lasting):
         """Rows of its heading, below the model and the speed: a word, and what it stands for."""
         return []
 
-    def tables(self) -> Sequence[RenderableType]:
-        """What is printed below its heading; of most results the columns that have headings of their own."""
-        return [table_of(self._title, self.columns)]
+    def plot(self, *args: Any, **options: Any) -> Figure:
+        """Figure of matplotlib."""
+        return views().figure(self, *args, **options)
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Everything that its command prints but its warnings; choices: what was set beyond the case."""
-        return stacked(self._heading(choices), *self.tables())
+    def __repr__(self) -> str:
+        return views().as_text(self)
 
-    def _heading(self, choices: Sequence[str] = ()) -> Table:
-        return heading(self.system, self.whole.get("speed"), choices, self.facts())
-
-    def plot(self) -> Figure:
-        """A figure of matplotlib."""
-        raise NotImplementedError
+    def _repr_html_(self) -> str:
+        """All of it as tables of HTML, in a notebook and in the page of `report`."""
+        return views().as_html(self)
 
     @property
     def about(self) -> dict[str, Any]:
@@ -122,29 +123,3 @@ class Result(Lasting):
         import pandas
 
         return pandas.DataFrame(self.contents().table)
-
-    def _brief(self) -> RenderableType:
-        """What a few lines say of it."""
-        return self.report()
-
-    def __repr__(self) -> str:
-        from rich.console import Console
-
-        stream = StringIO()
-        # In a notebook a console would show the text there, beside what `_repr_html_` gives.
-        console = Console(
-            file=stream,
-            width=_WIDTH,
-            highlight=False,
-            markup=False,
-            emoji=False,
-            no_color=True,
-            force_jupyter=False,
-        )
-        console.print(self._brief())
-        lines = [line.rstrip() for line in stream.getvalue().strip("\n").splitlines()]
-        return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])
-
-    def _repr_html_(self) -> str:
-        """All of it as tables of HTML, in a notebook and in the page of `report`."""
-        return html(self.report())

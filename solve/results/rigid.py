@@ -11,8 +11,8 @@ from solve.arrays import Array
 from solve.errors import NoVibrationError
 from solve.period.floquet_modes import FloquetMode
 from solve.period.quantities import LEAST_SAMPLES
+from solve.results.contents import Facts
 from solve.results.orbit import Orbit
-from solve.results.report import Facts, RenderableType
 from solve.results.stability import ErrorEstimate
 from solve.results.turn import QuasiStatic, Turn
 from solve.statistics import Statistics
@@ -108,11 +108,5 @@ class RigidOrbit(Orbit):
     def whole(self) -> dict[str, Any]:
         return {**super().whole, "verdict": None}
 
-    def tables(self) -> Sequence[RenderableType]:
-        return []
-
     def facts(self) -> Facts:
         return [("motion", "prescribed: without coordinates nothing vibrates")]
-
-    def _brief(self) -> RenderableType:
-        return self.report()

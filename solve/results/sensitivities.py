@@ -10,16 +10,12 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.labels import SPEED
-from solve.results.contents import Column, Columns
+from solve.results.contents import Column, Columns, Facts
 from solve.results.lasting import lasting
-from solve.results.plot import title_of, titled
-from solve.results.report import Facts, RenderableType, table
 from solve.results.result import Result
-from solve.results.style import BLUE, VERMILION, Figure, page
 from solve.system import PeriodicSystem
 
-_MOST_BARS, _MOST_ROWS, _MOST_NAMED = 12, 12, 6
+MOST_ROWS, _MOST_NAMED = 12, 6
 _UNCERTAIN = 0.01
 """Part of a derivative that its error may be before it deserves a warning."""
 
@@ -130,10 +126,6 @@ class Sensitivities(Result):
     def facts(self) -> Facts:
         return [] if self.speed is None else [("method", f"{self.method}, {self.steps} steps a period")]
 
-    def tables(self) -> Sequence[RenderableType]:
-        """For each quantity what matters most, a row a parameter."""
-        return [self._table(quantity) for quantity in self.found]
-
     @property
     def summary(self) -> str:
         """By what each quantity changes most."""
@@ -142,67 +134,21 @@ class Sensitivities(Result):
             certain = each.errors <= _UNCERTAIN * np.abs(each.derivatives)
             sizes = self.elasticities(quantity)
             known = {by for by, sure in zip(sizes, certain, strict=True) if sure and np.isfinite(sizes[by])}
-            name = next((by for by in self._ranked(quantity) if by in known), None)
+            name = next((by for by in self.ranked(quantity) if by in known), None)
             if name is not None:
-                parts.append(f"{quantity} with {name} ({_number(sizes[name], 3)} % per 1 % of it)")
+                parts.append(f"{quantity} with {name} ({number(sizes[name], 3)} % per 1 % of it)")
         return f"What changes most by a parameter: {', '.join(parts)}." if parts else ""
 
-    def _table(self, quantity: str) -> RenderableType:
-        found = self.found[quantity]
-        title = f"{quantity} = {_number(found.value, 8)} {found.unit}".removesuffix(" 1")
-        made = table(title, "by", "at", "unit", "derivative", "error", "elasticity", left=1)
-        elasticities = self.elasticities(quantity)
-        order = self._ranked(quantity)
-        for name in order[:_MOST_ROWS]:
-            at = list(self.by).index(name)
-            cells = (
-                _number(found.derivatives[at], 7),
-                f"{found.errors[at]:.0e}" if math.isfinite(found.errors[at]) else "–",
-                _number(elasticities[name], 4),
-            )
-            made.add_row(name, f"{self.by[name]:.6g}", self._unit_of(name), *cells)
-        if len(order) > _MOST_ROWS:
-            made.caption = f"and {len(order) - _MOST_ROWS} that matter less"
-        return made
-
-    def _ranked(self, quantity: str) -> list[str]:
+    def ranked(self, quantity: str) -> list[str]:
         """Names of what the quantity depends on, the largest elasticity first."""
         sizes = np.abs(self.found[quantity].derivatives * self._values)
         absolute = np.abs(self.found[quantity].derivatives)
         order = np.lexsort((-np.nan_to_num(absolute), -np.nan_to_num(sizes)))
         names = list(self.by)
-        return [names[at] for at in order if absolute[at] != 0 or len(names) <= _MOST_ROWS]
-
-    def _unit_of(self, name: str) -> str:
-        return "rad/s" if name == SPEED else self.system.unit_of(name).name
-
-    def plot(self) -> Figure:
-        """Elasticities of every quantity as bars, the largest uppermost; imaginary parts beside real ones."""
-        count = len(self.found)
-        ranked = {quantity: self._ranked(quantity)[:_MOST_BARS] for quantity in self.found}
-        heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
-        name = title_of(self.system) if self.speed is None else titled(self.system, self.speed)
-        title = f"{name}: what matters most"
-        with page(0.6 + sum(heights), title) as figure:
-            panels = figure.subplots(count, 1, squeeze=False, height_ratios=heights)[:, 0]
-            for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
-                sizes: Any = np.array([self.elasticities(quantity)[name] for name in names])
-                places = np.arange(len(names))
-                if np.iscomplexobj(sizes):
-                    axes.barh(places - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
-                    axes.barh(places + 0.2, sizes.imag, 0.4, color=VERMILION, label="imaginary part")
-                    axes.legend()
-                else:
-                    axes.barh(places, sizes, 0.6, color=np.where(sizes < 0, VERMILION, BLUE))
-                axes.set_yticks(places, names)
-                axes.invert_yaxis()
-                axes.axvline(0.0, color="black", linewidth=0.7)
-                axes.set_title(quantity, loc="left")
-            panels[-1].set_xlabel("elasticity: relative change by relative change of the parameter")
-        return figure
+        return [names[at] for at in order if absolute[at] != 0 or len(names) <= MOST_ROWS]
 
 
-def _number(value: Any, digits: int) -> str:
+def number(value: Any, digits: int) -> str:
     """A real or a complex number in few characters."""
     if np.iscomplexobj(value):
         return f"{value.real:.{digits - 2}g}{value.imag:+.{digits - 2}g}i"

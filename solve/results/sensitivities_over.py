@@ -1,6 +1,5 @@
 """How much quantities change with parameters and the speed, over speed."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,11 +8,8 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns
-from solve.results.plot import label_speeds, shades, title_of
-from solve.results.report import RenderableType, speeds_of, table
+from solve.results.contents import Column, Columns, speeds_of
 from solve.results.result import Result
-from solve.results.style import Figure, page
 from solve.system import PeriodicSystem
 
 _MOST = 6
@@ -92,47 +88,7 @@ class SensitivitiesOver(Result):
             "elasticity_im": Column(np.imag(self.elasticities), "1", "imaginary part", axes=_AXES),
         }
 
-    def tables(self) -> Sequence[RenderableType]:
-        """A table a quantity, a row a speed: elasticities by what matters most."""
-        unit, parts = self.system.speed_unit, []
-        for place, quantity in enumerate(self.quantities):
-            chosen = self._most(place)
-            names = [self.by[k] for k in chosen]
-            made = table(f"Elasticities of {quantity}", unit.name, quantity, *names, left=0)
-            for speed, value, row in zip(
-                self.speeds, self.values[:, place], self.elasticities[:, place][:, chosen], strict=True
-            ):
-                made.add_row(f"{unit.of(speed):.6g}", _number(value), *map(_number, row))
-            parts.append(made)
-        return parts
-
-    def _most(self, place: int) -> list[int]:
-        """Which parameters matter most for a quantity, at any of the speeds, the first most."""
+    def ranked(self, place: int) -> list[int]:
+        """Positions of the parameters that matter most for a quantity at any of the speeds, most first."""
         sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
         return np.argsort(-sizes, kind="stable")[:_MOST].tolist()
-
-    def plot(self) -> Figure:
-        """Elasticities over speed, a panel a quantity, of what matters most; moduli of complex ones."""
-        count, shown = len(self.quantities), self.system.speed_unit.of(self.speeds)
-        with page(0.7 + 2.2 * count, f"{title_of(self.system)}: what matters most") as figure:
-            panels = figure.subplots(count, 1, squeeze=False, sharex=True)[:, 0]
-            for place, axes in enumerate(panels):
-                chosen = self._most(place)
-                for k, shade in zip(chosen, shades(len(chosen)), strict=True):
-                    found = self.elasticities[:, place, k]
-                    sizes = (
-                        np.abs(found) if np.iscomplexobj(found) and np.any(np.imag(found)) else np.real(found)
-                    )
-                    axes.plot(shown, sizes, marker=".", label=self.by[k], **shade)
-                axes.axhline(0.0, color="black", linewidth=0.7)
-                axes.set_title(self.quantities[place], loc="left")
-                axes.set_ylabel("elasticity")
-                axes.legend(ncols=3, fontsize="small")
-            label_speeds(panels[-1], self.system, self.speeds)
-        return figure
-
-
-def _number(value: Any) -> str:
-    """The value, or the modulus of a complex one."""
-    size = abs(value) if value.imag else value.real
-    return f"{size:.4g}" if math.isfinite(size) else "–"

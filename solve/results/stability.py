@@ -11,18 +11,16 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, ReductionError
+from solve.certify.checks import liouville_defect
+from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
-from solve.results.contents import Column, Columns, Contents, plain
+from solve.results.contents import Column, Columns, Contents, Facts, plain
 from solve.results.lasting import lasting
-from solve.results.plot import StabilityPanel, stability_figure
-from solve.results.report import Facts, RenderableType, described, stacked, table
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
-from solve.results.style import Figure
 from solve.system import PeriodicSystem
 
-_MOST_MULTIPLIERS = 8
 _STILL = 1e-12
 """Displacement by a steady velocity over a period, relative to the vibration, that is round-off of the load's
 mean: some thousand terms, each to 1e-16, times a condition number up to 10."""
@@ -38,12 +36,22 @@ _MEANS = (
     "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
     "the accuracy is insufficient to decide whether disturbances decay or grow",
 )
-_VERDICT_STYLE = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
 
 
 def in_short(verdict: str) -> str:
     """A verdict in few characters."""
     return verdict.removesuffix("ally stable")
+
+
+def described(method: Method) -> str:
+    """A method's name and settings.
+
+    >>> from solve.methods.newmark import Newmark
+    >>> described(Newmark())
+    'newmark (gamma 0.5, beta 0.25)'
+    """
+    numbers = [f"{name} {value}" for name, value in method.settings.items() if isinstance(value, int | float)]
+    return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 
 @lasting
@@ -164,17 +172,9 @@ class Stability(Result):
 
     @cached_property
     def liouville(self) -> float:
-        """log|det Φ| of the method less -∫ tr(M⁻¹C) dt of the system, which Liouville's formula makes
-        equal: 0 but for the modes that the steps do not follow. NaN for a method without steps."""
-        solution = self.certified.solutions
-        if solution.steps is None:
-            return math.nan
-        nodes, weights = np.polynomial.legendre.leggauss(3)
-        phases = solution.grid.stages((nodes + 1) / 2)
-        M, C, _, _ = self.system.in_phase(phases.ravel(), self.speed)
-        rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
-        volume = -float(solution.grid.h @ rates @ weights) / 2
-        return float(np.linalg.slogdet(solution.steps.A[0])[1].sum()) - volume
+        """log|det Φ| of the method minus that by Liouville's formula: 0 except for modes that the steps do
+        not resolve. NaN for a method without steps."""
+        return liouville_defect(self.system, self.speed, self.certified.solutions)
 
     @cached_property
     def error_estimate(self) -> ErrorEstimate:
@@ -252,12 +252,6 @@ class Stability(Result):
         reduced = {} if self.reduction_error is None else {"reduction_error": self.reduction_error}
         return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}, **reduced}
 
-    def tables(self) -> Sequence[RenderableType]:
-        return [self._multiplier_table(), self._verdict_line()]
-
-    def _brief(self) -> RenderableType:
-        return stacked(self._heading(), self._verdict_line())
-
     def facts(self) -> Facts:
         """How it was solved, and how certain it is."""
         errors, checks = self._accuracy()
@@ -280,39 +274,6 @@ class Stability(Result):
         """Errors, and what the result was checked by, in words."""
         checks = [f"Liouville {self.liouville:.1e}", f"nearest ρ to +1 at {self.distance_from_one:.2g}"]
         return [f"multipliers {self.error_estimate.multipliers:.1e}"], checks
-
-    def _multiplier_table(self) -> RenderableType:
-        columns = "Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"
-        title = "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T"
-        made = table(title, *columns, left=0)
-        every = zip(self.multipliers, self.exponents, self.modes, self.multiplier_errors, strict=True)
-        rows = [row[:3] for row in every if not (np.imag(row[0]) < 0 or math.isnan(row[3]))]
-        for rho, exponent, mode in rows[:_MOST_MULTIPLIERS]:
-            made.add_row(
-                f"{rho.real:.6g}",
-                f"±{rho.imag:.6g}" if rho.imag else "0",
-                f"{abs(rho):.6g}",
-                f"{exponent.real:.5g}",
-                f"{mode.folded / (2 * math.pi):.5g}",
-                "–" if mode.unfolded is None else f"{mode.unfolded / (2 * math.pi):.5g}",
-                "–" if mode.order is None else f"{mode.order}",
-            )
-        smaller = len(rows) - _MOST_MULTIPLIERS
-        rest = [f"{smaller} smaller"] * (smaller > 0)
-        rest += [f"{self.unresolved} without a digit"] * (self.unresolved > 0)
-        if rest:
-            made.caption = "and " + ", ".join(rest)
-        return made
-
-    def _verdict_line(self) -> RenderableType:
-        from rich.text import Text
-
-        radius, error = self.spectral_radius, self.error_estimate.multipliers
-        line = Text("\n").append(self.verdict, _VERDICT_STYLE[self.verdict])
-        line.append(f": spectral radius {radius:.10g} ± {error * radius:.0e}")
-        if self.reduction_error is not None:
-            line.append(f", reduction ± {self.reduction_error.spectral_radius * radius:.0e}")
-        return line
 
     @property
     def metadata(self) -> dict[str, Any]:
@@ -346,19 +307,3 @@ class Stability(Result):
 
     def _of_modes(self, name: str) -> Array:
         return np.array([getattr(mode, name) for mode in self.modes], dtype=float)
-
-    def plot(self) -> Figure:
-        """Multipliers on the unit circle, and a closer look at small ones."""
-        return stability_figure(self.system, self.speed, self._panel)
-
-    @property
-    def _panel(self) -> StabilityPanel:
-        orbit, multipliers = self.error_estimate
-        lines = [
-            f"|ρ| max = {self.spectral_radius:.6g}",
-            f"{self.method}, {self.steps} steps",
-            f"error of multipliers {multipliers:.0e}",
-        ]
-        if not math.isnan(orbit):
-            lines.append(f"error of orbit {orbit:.0e}")
-        return StabilityPanel(self.multipliers, self.verdict, lines)

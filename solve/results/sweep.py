@@ -1,7 +1,6 @@
 """The periodic solution over many speeds, a row of figures a speed; of one system, or of several."""
 
 import itertools
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,21 +14,11 @@ from solve.errors import require_name
 from solve.labels import SPEED
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
-from solve.results.contents import Column, Columns, plain, require_different_names
+from solve.results.contents import Column, Columns, plain, require_different_names, speeds_of
 from solve.results.points import FAILED, FIGURES, PointResults
-from solve.results.quantities import headed
-from solve.results.report import RenderableType, digits, sized, speeds_of, stacked, table_of
-from solve.results.result import Result
+from solve.results.result import Figure, Result, views
 from solve.results.stability import ErrorEstimate, in_short
-from solve.results.style import Figure
-from solve.results.sweep_plot import sweep_figure, waterfall_figure
 from solve.system import PeriodicSystem
-
-_WIDTH = 48
-"""Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""
-
-_MOST_ROWS = 60
-"""Rows of the table; of more speeds every k-th is shown."""
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
 """A number in a warning, not the digits of a name such as q1."""
@@ -237,56 +226,24 @@ class Sweep(Result):
         """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
         parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
         UnknownNameError, and ValueOutOfBoundsError for more lines than can be distinguished."""
-        names = self.system.known_quantities(names or self._shown)
-        responses = {name: self.figures(name, figure) for name in names}
-        radius = self.spectral_radius if self.system.vibrates else None
-        return sweep_figure(self.system, self.varied, responses, radius, figure, self.unstable)
+        return super().plot(names, figure)
 
     def waterfall(self, name: str) -> Figure:
         """The spectrum of a quantity over the speed, or over the parameter that varies instead (matplotlib
         Figure). Raises UnknownNameError for one whose spectrum the sweep was not asked for,
         ValueOutOfBoundsError where several quantities vary."""
-        return waterfall_figure(self.system, self.varied, name, self.spectrum(name))
+        return views().waterfall_figure(self, name)
 
     @property
     def varied(self) -> dict[str, Array]:
         """Values (P,) of the parameters and of the speed by name."""
         return {**self.parameters, SPEED: self.speeds}
 
-    def report(self, choices: Sequence[str] = (), names: Sequence[str] = ()) -> RenderableType:
-        """A row a point with the largest moduli of these quantities, by default the coordinates, as many as
-        fit."""
-        return stacked(self._heading(choices), self._table(names))
-
     @property
-    def _shown(self) -> Sequence[str]:
+    def shown(self) -> Sequence[str]:
         """The coordinates that are kept, or else the outputs."""
         kept = self.results.kept.names
         return [name for name in kept if name in self.system.coordinates] or kept
-
-    def _table(self, names: Sequence[str] = ()) -> RenderableType:
-        names = names or self._shown
-        units = self.system.units
-        moduli = {
-            name: sized(self.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names
-        }
-        widths = itertools.accumulate(len(each.heading) + 2 for each in moduli.values())
-        fitting = max(1, sum(width <= _WIDTH for width in widths))
-        columns = {
-            f"parameter {name}": Column(
-                values, heading=headed(name, self.system.unit_of(name).name), text=digits(".6g")
-            )
-            for name, values in self.parameters.items()
-        }
-        columns[SPEED] = speeds_of(self.system, self.speeds, heading="{}", form=".7g")
-        columns |= itertools.islice(moduli.items(), fitting)
-        if self.system.vibrates:
-            columns["radius"] = Column(self.spectral_radius, heading="|ρ|", text=digits(".6g"))
-            columns["verdict"] = Column([point.stability for point in self.points], heading="stability")
-        every, over = math.ceil(len(self.points) / _MOST_ROWS), ", ".join([*self.parameters, SPEED])
-        title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(self.points)}"
-        caption = "others by --show NAME, all by --json" if fitting < len(names) else None
-        return table_of(title, columns, most=_MOST_ROWS, caption=caption)
 
     @property
     def columns(self) -> Columns:

@@ -7,14 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from solve.argument import listed
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, plain
-from solve.results.plot import draw_through, label_quantity, label_speeds, shades, title_of
-from solve.results.quantities import fixed, named, prefixed
-from solve.results.report import Facts, RenderableType, speeds_of, table
-from solve.results.result import Result
-from solve.results.style import Figure, page
+from solve.results.contents import Column, Columns, Facts, plain, speeds_of
+from solve.results.result import Figure, Result
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 
@@ -78,22 +73,7 @@ class Sweeps(Result):
 
     def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
         """A row a quantity, a curve a system (matplotlib Figure). Raises UnknownNameError."""
-        responses = {name: self.figures(name, figure) for name in listed(quantities or self.quantities)}
-        order = np.argsort(self.speeds)
-        speeds = self.system.speed_unit.of(self.speeds[order])
-        with page(1.1 + 1.9 * len(responses), f"{title_of(self.system)}: response over speed") as made:
-            axes = made.subplots(len(responses), 1, sharex=True, squeeze=False)[:, 0]
-            for place, (name, values) in zip(axes, responses.items(), strict=True):
-                factor = label_quantity(place, self.system, name, values, figure or self.figure)
-                for label, row, shade in zip(self.sweeps, values, shades(len(self.sweeps)), strict=True):
-                    draw_through(place, speeds, row[order] * factor, label=label, **shade)
-                if np.nanmin(values, initial=0.0) >= 0:
-                    place.set_ylim(bottom=0.0)
-            label_speeds(axes[-1], self.system, self.speeds[order])
-            made.align_ylabels(axes)
-            handles, names = axes[0].get_legend_handles_labels()
-            made.legend(handles, names, title=self.title, loc="outside right center", handlelength=2.4)
-        return made
+        return super().plot(quantities, figure)
 
     @property
     def columns(self) -> Columns:
@@ -127,21 +107,3 @@ class Sweeps(Result):
     def facts(self) -> Facts:
         span = self.system.speed_unit.span(self.speeds.min(), self.speeds.max())
         return [("over", f"{len(self.speeds)} speeds from {span}")]
-
-    def tables(self) -> Sequence[RenderableType]:
-        """Peaks and quiet speeds of each quantity, and its largest figures."""
-        return [self._table(name) for name in self.quantities]
-
-    def _table(self, name: str) -> RenderableType:
-        values = self.figures(name)
-        largest = float(np.nanmax(np.abs(values), initial=0.0))
-        factor, unit = prefixed(self.system.units.get(name, ""), largest)
-        title = f"{named(self.figure, name)} in {unit}, for {self.title or 'each'}"
-        speed_unit = self.system.speed_unit
-        made = table(title, speed_unit.name, "", *self.sweeps, left=2)
-        for speed, kind, responses in self.extremes(name):
-            cells = (fixed(each * factor, each * factor, 4) for each in responses)
-            made.add_row(f"{speed_unit.of(speed):.2f}", kind, *cells)
-        made.add_row("largest", "", *(fixed(each, each, 4) for each in np.nanmax(values, axis=1) * factor))
-        made.caption = "peaks and quiet speeds of the first, among the speeds given"
-        return made

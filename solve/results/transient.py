@@ -9,17 +9,19 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import driven
-from solve.labels import SPEED
-from solve.period.curve import Curve
 from solve.period.quantities import Quantities
-from solve.results.contents import Column, Contents, curves_of, plain, require_different_names
+from solve.period.states import curves_through, interpolation_tolerance, sufficient_strides
+from solve.results.contents import (
+    Contents,
+    Facts,
+    curves_of,
+    plain,
+    require_different_names,
+    speeds_of,
+)
 from solve.results.orbit import Orbit
-from solve.results.plot import MOST_SHOWN, axis_label, label_quantity, shown, title_of, titled
-from solve.results.quantities import measured
-from solve.results.report import Facts, RenderableType, digits, sized, speeds_of, table, table_of, text
-from solve.results.result import Result
+from solve.results.result import Figure, Result
 from solve.results.rigid_body import steady_part
-from solve.results.style import BLUE, VERMILION, Axes, Figure, page
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -29,17 +31,11 @@ _AT_ONCE = 2**19
 _TOLD = 0.1
 """Error between the states, relative, below which curves through them tell extrema."""
 
-_FEWEST = 256
-"""States a turn at least."""
-
 _REMEDIES = {
     "stable": "it attracts no motion, as nothing damps the difference: start on the orbit",
     "unstable": "it attracts no motion, as it is unstable",
 }
 """What to do, by the verdict on an orbit that is not reached."""
-
-_MOST_TURNS = 40
-"""Rows of the table; of more turns every k-th is shown."""
 
 
 @dataclass(frozen=True)
@@ -145,12 +141,12 @@ class Transient(Result):
         apart = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
         if not self._curves_tell:
             return self._figures_of_states
-        strides = self._strides
+        strides = sufficient_strides(self.nodes, self.motions, bool(system.breaks), self.between)
         for stride in np.unique(strides):
             nodes, chosen = self.nodes[::stride], np.flatnonzero(strides == stride)
             numbers = len(chosen) * len(nodes) * made.shape[1]
             for some in np.array_split(chosen, min(len(chosen), 1 + numbers // _AT_ONCE)):
-                curve, found = _curves(nodes, self.motions[some][..., ::stride]), []
+                curve, found = curves_through(nodes, self.motions[some][..., ::stride]), []
                 for names in apart:
                     outputs = partial(self._outputs_within, some, names) if names else None
                     figures = Quantities(curve, self._mean[some], outputs).figures()
@@ -173,16 +169,6 @@ class Transient(Result):
         found[..., 0], found[..., 1] = values.max(axis=-1), values.min(axis=-1)
         found[..., 2] = np.abs(values).max(axis=-1)
         return found
-
-    @property
-    def _strides(self) -> Array:
-        """Of each turn (turns,): every so many states tell enough of what lies between them."""
-        strides, stride = np.ones(self.turns, dtype=int), 2
-        while stride * _FEWEST <= len(self.nodes) - 1:
-            off = between_states(self.nodes[::stride], self.motions[..., ::stride], bool(self.system.breaks))
-            strides[(off <= self.between) & (strides == stride // 2)] = stride
-            stride *= 2
-        return strides
 
     def _outputs_within(
         self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
@@ -239,7 +225,7 @@ class Transient(Result):
         linear = not self.nonlinear
         judged = [*self.notes, *self.system.judged(self.extremes, linear)]
         judged += self.system.warnings(self.speed, linear)
-        if not self.between <= between_tolerance(self.rtol):
+        if not self.between <= interpolation_tolerance(self.rtol):
             known = f"to {self.between:.1e} of their size only" if self._curves_tell else "not at all"
             judged.append(
                 f"{len(self.nodes) - 1} states a turn tell what lies between them, and extrema, {known}: the "
@@ -283,75 +269,17 @@ class Transient(Result):
         return {**drive, **{name: getattr(self, name) for name in names}}
 
     def facts(self) -> Facts:
-        drive = f"{self._ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"
+        drive = f"{self.ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"
         return [("speed", drive)] if self.ramp else []
 
-    def tables(self) -> Sequence[RenderableType]:
-        """A row a turn: the largest modulus of each coordinate, and the distance to the orbit. A row an
-        output: its extrema."""
-        columns = {"": Column(range(1, self.turns + 1), heading="turn")}
-        for name, peaks in zip(self.system.coordinates[:MOST_SHOWN], self.peaks.T, strict=False):
-            columns[name] = sized(peaks, self.system.units.get(name, ""), "", name, 6)
-        distances = Column(self.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
-        speeds = speeds_of(self.system, self.ends[1:], heading="to {}")
-        columns["end"] = speeds if self.ramp else distances
-        made = [table_of("Largest moduli, turn by turn", columns, most=_MOST_TURNS), *self._output_tables]
-        if self.ramp:
-            return made
-        words = f"the orbit is not reached to {self.rtol:g} within {self.turns} turns"
-        if self.reached is not None:
-            words = f"the orbit is reached to {self.rtol:g} after {self.reached} of {self.turns} turns"
-        return [*made, text("\n" + words)]
-
     @property
-    def _output_tables(self) -> list[RenderableType]:
-        if not self.outputs:
-            return []
-        made = table("Outputs over all turns", "output", "max", "min")
-        for name in self.outputs:
-            unit, found = self.system.units.get(name, ""), self.extremes[name]
-            made.add_row(name, measured(found.max, unit), measured(found.min, unit))
-        return [made]
-
-    @property
-    def _ramp_in_words(self) -> str:
+    def ramp_in_words(self) -> str:
         return self.system.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self, names: Sequence[str] | None = None) -> Figure:
         """Each name, by default the coordinates, over the turns, the orbit beside; over time and speed where
         that varies (matplotlib Figure). Raises UnknownNameError."""
-        names = shown(self.system, names)
-        turns = self.time if self.ramp else self.phase / self.system.period
-        kind = "nonlinear" if self.nonlinear else "linear"
-        title = f"{titled(self.system, self.speed)}: {kind} transient"
-        if self.ramp:
-            title = f"{title_of(self.system)}, {self._ramp_in_words}: {kind} transient"
-        with page(1.1 + 1.5 * len(names) + 0.5 * self.ramp, title) as figure:
-            axes = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-            for place, name in zip(axes, names, strict=True):
-                values = self.values(name)
-                factor = label_quantity(place, self.system, name, values)
-                place.plot(turns, factor * values, color=BLUE, linewidth=0.8)
-                if self.orbit is not None:
-                    found = self.orbit.statistics(name)
-                    for level in (found.max, found.min):
-                        place.axhline(factor * level, color=VERMILION, linewidth=0.8, linestyle="--")
-            axes[-1].set_xlim(0, turns[-1])
-            dashed = " (dashed: extrema of the orbit)" if self.orbit is not None else ""
-            axes[-1].set_xlabel("time (s)" if self.ramp else "turns" + dashed)
-            if self.ramp:
-                self._add_speeds(axes[0])
-            figure.align_ylabels(axes)
-        return figure
-
-    def _add_speeds(self, axes: Axes) -> None:
-        """The speed, which is linear in time, along the upper edge."""
-        first, last = self.system.speed_unit.of(self.ends[[0, -1]])
-        slope = (last - first) / self.time[-1]
-        above = axes.secondary_xaxis(
-            "top", functions=(lambda t: first + slope * t, lambda speed: (speed - first) / slope)
-        )
-        above.set_xlabel(axis_label(self.system, SPEED))
+        return super().plot(names)
 
     def contents(self) -> Contents:
         """Time, phase, coordinates and outputs, for a file; in .npz and .mat also q, qd (n, j), from
@@ -364,32 +292,3 @@ class Transient(Result):
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)
         return Contents(dict(columns), {}, self.metadata, arrays)
-
-
-def _curves(nodes: Array, motions: Array) -> Curve:
-    """Through motions (turns, 3, n, k) at nodes (k,), a curve a turn."""
-    q, v, a = np.moveaxis(motions, 1, 0).swapaxes(-1, -2)
-    return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
-
-
-def between_tolerance(rtol: float) -> float:
-    """What may be missed between the states: a tenth of rtol, within reason."""
-    return min(max(rtol / 10, 1e-9), 1e-3)
-
-
-def between_states(nodes: Array, motions: Array, jumps: bool) -> Array:
-    """Error (turns,) between the states of the curves through motions (turns, 3, n, k), relative to the
-    largest of each coordinate and its rates.
-
-    It follows from what curves through every other state miss at those between. For q and its first and
-    second derivative that falls with the sixth, fifth and fourth power of the steps; of the second derivative
-    a tenth counts. Where the equations jump it falls with the second power, and second derivatives are left
-    out.
-    """
-    coarse, off = _curves(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
-    for order in range(2 if jumps else 3):
-        size = np.abs(motions[:, order]).max(axis=(0, 2), initial=0.0)[:, None]
-        missed = np.abs(coarse(nodes[1::2], order) - motions[:, order, :, 1::2])
-        part = (missed / np.where(size > 0, size, 1.0)).max(axis=(1, 2)) / 2 ** (2 if jumps else 6 - order)
-        off = np.maximum(off, part / 10 if order == 2 else part)
-    return off

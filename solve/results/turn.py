@@ -1,6 +1,5 @@
 """Coordinates and outputs over one period: their curves, figures and spectra."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,12 +18,8 @@ from solve.period.quantities import (
     spectrum,
     statistics,
 )
-from solve.results.quantities import fixed, prefixed
-from solve.results.report import Table, table
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
-
-_LONGEST_NAME = 26
 
 
 class Turn:
@@ -83,7 +78,7 @@ class Turn:
         yet."""
         return self.system.outputs_apart and figures not in self.__dict__
 
-    def _evaluate_all(self) -> None:
+    def evaluate_outputs(self) -> None:
         """Evaluate the statistics of all outputs together, for displays of all outputs."""
         if self.system.outputs:
             self.output_statistics  # noqa: B018 - cached from here on
@@ -142,7 +137,7 @@ class Turn:
     def turn_record(self, count: int) -> dict[str, Any]:
         """Figures and `count` harmonics of every coordinate and output."""
         system = self.system
-        self._evaluate_all()
+        self.evaluate_outputs()
 
         def quantity(name: str) -> dict[str, Any]:
             amplitudes, phases = self.harmonics(name, count)
@@ -152,25 +147,6 @@ class Turn:
 
         parts = {"coordinates": system.coordinates, "outputs": system.outputs}
         return {part: {name: quantity(name) for name in names} for part, names in parts.items()}
-
-    def extrema_table(self, title: str) -> Table:
-        """Largest, least and mean values, and at which phases."""
-        self._evaluate_all()
-        made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
-        for name in self.system.known_quantities():
-            found = self.statistics(name)
-            factor, unit = prefixed(self.system.units.get(name, ""), found.max_abs)
-            high, low, mean = (
-                fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
-            )
-            high_at, low_at = map(self._degrees, (found.max_phase, found.min_phase))
-            made.add_row(broken(name), unit, high, high_at, low, low_at, mean)
-        return made
-
-    def _degrees(self, phase: float) -> str:
-        """A phase of the drive, the end of the turn as its beginning."""
-        rounded = round(math.degrees(phase), 1)
-        return f"{rounded if rounded < round(math.degrees(self.system.period), 1) else 0.0:.1f}°"
 
 
 @dataclass(frozen=True)
@@ -190,9 +166,3 @@ class QuasiStatic(Turn):
                 "solution out, or give every coordinate a stiffness"
             ) from None
         return q, np.zeros_like(q), np.zeros_like(q)
-
-
-def broken(name: str) -> str:
-    """A long name on two lines, parted at an underscore: 80 columns leave it no more than these."""
-    place = name.rfind("_", 0, _LONGEST_NAME) + 1
-    return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"

@@ -1,17 +1,14 @@
 """How far the linear orbit is from the nonlinear one over speed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from solve.arrays import Array
 from solve.errors import NoResultError
-from solve.results.contents import Column, Columns, plain
-from solve.results.plot import MOST_SHOWN, draw_through, label_speeds, shades, title_of
-from solve.results.report import RenderableType, digits, speeds_of, table_of, text
+from solve.results.contents import MOST_SHOWN, Column, Columns, digits, plain, speeds_of
 from solve.results.result import Result
-from solve.results.style import GREY, Figure, page
 from solve.system import PeriodicSystem
 
 
@@ -77,7 +74,7 @@ class Validity(Result):
         return {**super().record(), "points": plain(points)}
 
     @property
-    def _limit(self) -> str:
+    def limit(self) -> str:
         """Up to which speed it is to be trusted."""
         limit, upto = f"more than {100 * self.allowed:g} %", self.trusted_to
         if upto is None:
@@ -87,24 +84,4 @@ class Validity(Result):
     @property
     def summary(self) -> str:
         """Up to which speed the linear model is to be trusted."""
-        return f"The linear equations against the nonlinear ones: {self._limit}."
-
-    def tables(self) -> Sequence[RenderableType]:
-        return [table_of("Linearisation error, %", self.columns), text("\n" + self._limit)]
-
-    def plot(self) -> Figure:
-        """The errors over speed (matplotlib Figure)."""
-        unit, names = self.system.speed_unit, self.system.coordinates[:MOST_SHOWN]
-        with page(3.4, f"{title_of(self.system)}: error of the linear orbit") as figure:
-            axes = figure.subplots()
-            for name, row, shade in zip(names, self.errors.T, shades(len(names)), strict=False):
-                draw_through(axes, unit.of(self.speeds), 100 * row, True, label=name, **shade)
-            limit = {"color": GREY, "linewidth": 0.8}
-            axes.axhline(100 * self.allowed, linestyle="--", label=f"{100 * self.allowed:g} %", **limit)
-            if self.trusted_to is not None:
-                axes.axvline(unit.of(self.trusted_to), linestyle=":", label="trusted to here", **limit)
-            axes.set_yscale("log")
-            label_speeds(axes, self.system, self.speeds)
-            axes.set_ylabel("max|difference| / max|q| (%)")
-            axes.legend()
-        return figure
+        return f"The linear equations against the nonlinear ones: {self.limit}."

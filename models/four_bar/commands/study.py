@@ -12,10 +12,10 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Results, Speeds
 from solve.commands.parse import assignments, figure_kept, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-from solve.results.plot import shown
 from solve.results.quantities import headed
 from solve.system import PeriodicSystem
 from solve.units import apart, is_number
+from solve.views.panels import shown
 
 _MOST_CURVES = 12
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"

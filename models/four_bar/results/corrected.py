@@ -12,16 +12,17 @@ import solve
 from models.four_bar.dynamic_correction import LOADS, Corrected
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
-from solve.results.contents import Column, Columns, Contents, model_record
+from solve.results.contents import Column, Columns, Contents, digits, model_record, sized
 from solve.results.lasting import lasting
-from solve.results.report import RenderableType, digits, sized, table_of
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
-from solve.results.style import Figure
-from solve.results.turn_plot import BEHIND, curves_figure, require_turn
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
+from solve.views.show import tables
+from solve.views.style import Figure
+from solve.views.tables import RenderableType, table_of
+from solve.views.turn import BEHIND, curves_figure, require_turn
 
 _SAMPLES = 721
 _REFERENCE = {"element": "internal", "elements": 2}
@@ -98,16 +99,18 @@ class Corrections(Result):
     def _phase(self) -> Array:
         return np.linspace(0.0, self.system.period, _SAMPLES)
 
-    def tables(self) -> Sequence[RenderableType]:
-        caption = "reference: 2 quintic elements with an inner node a link"
-        return [table_of(self.quantity, self.columns, left=1, caption=caption)]
-
     def plot(self) -> Figure:
         """The quantity over the turn, a curve a model, the reference wide behind the others."""
         curves = {label: model.values for label, model in self.models.items()}
         name = self.models[REFERENCE].drawn
         styles = {REFERENCE: BEHIND}
         return curves_figure(self.system, self._phase, curves, name, "elements a link", styles=styles)
+
+
+@tables.register(Corrections)
+def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
+    caption = "reference: 2 quintic elements with an inner node a link"
+    return [table_of(result.quantity, result.columns, left=1, caption=caption)]
 
 
 def corrections(

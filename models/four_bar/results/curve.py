@@ -11,12 +11,13 @@ from models.four_bar.results.at_one_speed import AtOneSpeed
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, plain, sized
 from solve.results.lasting import lasting
 from solve.results.quantities import prefixed, round_magnification
-from solve.results.report import RenderableType, sized, table_of
-from solve.results.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.results.turn import Turn
+from solve.views.show import tables
+from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.views.tables import RenderableType, table_of
 
 _SAMPLES = 721
 _DRAWN = 0.1
@@ -74,26 +75,28 @@ class CurveOfPoint(AtOneSpeed):
         curve = {name: column.values for name, column in self.columns.items()}
         return {**super().record(), "curve": plain(curve)}
 
-    def tables(self) -> Sequence[RenderableType]:
-        """Largest and mean deviation, and its parts along x and y."""
-        deviation = self.curve.deviation
-        parts = {"distance": np.abs(deviation), "along x": np.real(deviation), "along y": np.imag(deviation)}
-        sizes = [np.abs(values) for values in parts.values()]
-        largest = [float(size.max()) for size in sizes]
-        at = np.degrees([self.curve.phase[size.argmax()] for size in sizes])
-        columns = {
-            "part": Column([*parts], heading=" "),
-            "max": sized(largest, "m", "", "max|…|", 5),
-            "at": Column(at, heading="at", text="{:.1f}°".format),
-            "rms": sized([_rms(size) for size in sizes], "m", "", "rms", 5, largest[0]),
-        }
-        return [table_of("Deviation from the rigid curve", columns, left=1)]
-
     def plot(self) -> Figure:
         """Both curves, and the distance between them over the turn."""
         speed = self.system.speed_unit.text(self.orbit.speed)
         title = f"Coupler curve at {speed}" + ", quasi-static" * self.quasi_static
         return curve_figure(title, self.curve)
+
+
+@tables.register(CurveOfPoint)
+def curve_tables(result: CurveOfPoint) -> Sequence[RenderableType]:
+    """Largest and mean deviation, and its parts along x and y."""
+    deviation = result.curve.deviation
+    parts = {"distance": np.abs(deviation), "along x": np.real(deviation), "along y": np.imag(deviation)}
+    sizes = [np.abs(values) for values in parts.values()]
+    largest = [float(size.max()) for size in sizes]
+    at = np.degrees([result.curve.phase[size.argmax()] for size in sizes])
+    columns = {
+        "part": Column([*parts], heading=" "),
+        "max": sized(largest, "m", "", "max|…|", 5),
+        "at": Column(at, heading="at", text="{:.1f}°".format),
+        "rms": sized([_rms(size) for size in sizes], "m", "", "rms", 5, largest[0]),
+    }
+    return [table_of("Deviation from the rigid curve", columns, left=1)]
 
 
 def _rms(values: Array) -> float:

@@ -1,6 +1,5 @@
 """The design method as a result: the map and what a run-up needs, the plan and its simulations."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,12 +21,12 @@ from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, simulate
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, Contents, rows_of
-from solve.results.report import RenderableType
 from solve.results.result import Result
-from solve.results.style import Figure
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.units import ShownUnit
+from solve.views.show import printout
+from solve.views.style import Figure
 
 _HALVINGS = 6
 """How often the duration of the run-up is halved at most, to find how fast is too fast."""
@@ -106,13 +105,12 @@ class DesignResult(Outcome, Result):
             arrays |= {f"simulated_{name}": part for name, part in vars(self.trials[0].simulated).items()}
         return replace(found, arrays=arrays)
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Limits, quiet bands, damping, plan and simulations; stresses in MPa."""
-        return outcome_report(self, choices)
-
     def plot(self) -> Figure:
         """The map with the plan, what each speed needs, the simulation."""
         return outcome_figure(self)
+
+
+printout.register(DesignResult)(outcome_report)
 
 
 def carry_out(design: Design, target: float | None = None, duration: float = 60.0) -> DesignResult:

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from models.four_bar.results.outcome import Outcome
-from solve.results.plot import title_of
-from solve.results.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
+from solve.views.panels import title_of
+from solve.views.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
 _LEVELS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
 """Stress over allowable stress."""

@@ -9,11 +9,11 @@ from rich.table import Table
 from rich.text import Text
 
 from models.four_bar.results.outcome import Outcome
-from solve.results.contents import Column, Columns
-from solve.results.report import digits, heading, speeds_of, table_of
+from solve.results.contents import Column, Columns, digits, speeds_of
+from solve.views.tables import heading, table_of
 
 
-def outcome_report(result: Outcome, choices: Sequence[str]) -> RenderableType:
+def outcome_report(result: Outcome, choices: Sequence[str] = ()) -> RenderableType:
     """Limits, quiet bands, damping, plan and simulations; stresses in MPa."""
     parts: list[RenderableType] = [_heading(result, choices), _critical(result)]
     if result.design.quiet:

@@ -12,9 +12,10 @@ from solve.beams.elements import EXACT
 from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, plain
-from solve.results.report import RenderableType, table
 from solve.results.result import Result
-from solve.results.style import MANY, Figure, page
+from solve.views.show import tables
+from solve.views.style import MANY, Figure, page
+from solve.views.tables import RenderableType, table
 
 _MOST_COUNT, _MOST_TURN = 9, 3600
 
@@ -59,18 +60,20 @@ class ElementKinds(Result):
         kinds = plain(dict(zip(names, row, strict=True)) for row in rows)
         return {"positions": self.positions, "kinds": kinds}
 
-    def tables(self) -> Sequence[RenderableType]:
-        """Means over the turn, and how far they are from the exact ones."""
-        columns = [f"f{k}" for k in range(1, self.values.shape[2] + 1)]
-        shown = table("Means over the turn (rad/s), and above the exact ones", "kind", "freedoms", *columns)
-        rows = zip(self.kinds, self.freedoms, self.means, self.mean_errors, strict=True)
-        for kind, freedoms, mean, error in rows:
-            shown.add_row(kind, str(freedoms), *(f"{value:.3f}" for value in mean))
-            shown.add_row("", "", *(f"{100 * part:+.3f} %" for part in error))
-        return [shown]
-
     def plot(self) -> Figure:
         return _figure(self)
+
+
+@tables.register(ElementKinds)
+def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
+    """Means over the turn, and how far they are from the exact ones."""
+    columns = [f"f{k}" for k in range(1, result.values.shape[2] + 1)]
+    shown = table("Means over the turn (rad/s), and above the exact ones", "kind", "freedoms", *columns)
+    rows = zip(result.kinds, result.freedoms, result.means, result.mean_errors, strict=True)
+    for kind, freedoms, mean, error in rows:
+        shown.add_row(kind, str(freedoms), *(f"{value:.3f}" for value in mean))
+        shown.add_row("", "", *(f"{100 * part:+.3f} %" for part in error))
+    return [shown]
 
 
 def element_kinds(

@@ -12,9 +12,10 @@ from models.four_bar.rigid.forces import Body, bodies, joint_forces
 from models.four_bar.rigid.record import JOINTS, RATIOS, TURN, linkage_record, preliminary_stresses
 from solve.results.contents import Column, Columns, plain
 from solve.results.lasting import lasting
-from solve.results.report import RenderableType
 from solve.results.result import Result
-from solve.results.style import Figure
+from solve.views.show import printout
+from solve.views.style import Figure
+from solve.views.tables import RenderableType
 
 _SAMPLES = 361
 
@@ -88,12 +89,6 @@ class RigidMotion(Result):
     def record(self) -> dict[str, Any]:
         return plain({**self.about, **self.whole})
 
-    def report(self, choices: Sequence[str] = ()) -> RenderableType:
-        """Class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
-        from models.four_bar.rigid.report import linkage_report
-
-        return linkage_report({**self.about, **self.whole})
-
     def plot(self) -> Figure:
         """Positions with coupler curves, and the turn. Raises LinkageError for a crank that cannot turn."""
         from models.four_bar.rigid.draw import linkage_figure
@@ -105,6 +100,14 @@ class RigidMotion(Result):
         from models.four_bar.rigid.base_planes import base_planes_figure
 
         return base_planes_figure(self.linkage)
+
+
+@printout.register(RigidMotion)
+def rigid_motion_printout(result: RigidMotion, choices: Sequence[str] = ()) -> RenderableType:
+    """Class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
+    from models.four_bar.rigid.report import linkage_report
+
+    return linkage_report({**result.about, **result.whole})
 
 
 def rigid_motion(

@@ -12,11 +12,12 @@ from models.four_bar.results.at_one_speed import AtOneSpeed
 from solve.arrays import Array
 from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, digits, plain, sized
 from solve.results.lasting import lasting
-from solve.results.report import RenderableType, digits, sized, table_of
-from solve.results.style import Figure
-from solve.results.turn_plot import contributions_figure
+from solve.views.show import tables
+from solve.views.style import Figure
+from solve.views.tables import RenderableType, table_of
+from solve.views.turn import contributions_figure
 
 _UNCOUPLED_STEPS = 720
 """Steps a turn from which on more change nothing of what uncoupling errs by."""
@@ -69,28 +70,30 @@ class Modes(AtOneSpeed):
             curves["uncoupled"] = {"values": self.uncoupled, "error": self.error}
         return {**super().record(), **plain(curves)}
 
-    def tables(self) -> Sequence[RenderableType]:
-        """A row a mode: its mean frequency and its largest part."""
-        found, caption = self.contributions, None
-        curves = {**{str(k): values for k, values in enumerate(found.values, 1)}, "all": found.total}
-        if self.uncoupled is not None:
-            curves["uncoupled"] = self.uncoupled
-            caption = f"uncoupled modes miss by up to {100 * self.error:.1f} % of the maximum"
-        sizes = [float(np.abs(values).max()) for values in curves.values()]
-        largest = float(np.abs(found.total).max())
-        means = [f"{frequencies[:-1].mean():.3f}" for frequencies in found.frequencies]
-        shares = [size / largest for size in sizes]
-        columns = {
-            "mode": Column([*curves], heading="mode"),
-            "frequency": Column([*means, "", ""][: len(curves)], heading="mean ω (rad/s)"),
-            "max_abs": sized(sizes, self.system.units[found.output], "", "max|…|", 5, largest),
-            "share": Column(shares, heading="share of max (%)", text=digits(".1f", 100.0)),
-        }
-        return [table_of(found.output, columns, left=1, caption=caption)]
-
     def plot(self) -> Figure:
         """The output over the turn, each mode's part of it, and that of uncoupled modes."""
         return contributions_figure(self.system, self.contributions, self.orbit.speed, self.uncoupled)
+
+
+@tables.register(Modes)
+def modes_tables(modes: Modes) -> Sequence[RenderableType]:
+    """A row a mode: its mean frequency and its largest part."""
+    found, caption = modes.contributions, None
+    curves = {**{str(k): values for k, values in enumerate(found.values, 1)}, "all": found.total}
+    if modes.uncoupled is not None:
+        curves["uncoupled"] = modes.uncoupled
+        caption = f"uncoupled modes miss by up to {100 * modes.error:.1f} % of the maximum"
+    sizes = [float(np.abs(values).max()) for values in curves.values()]
+    largest = float(np.abs(found.total).max())
+    means = [f"{frequencies[:-1].mean():.3f}" for frequencies in found.frequencies]
+    shares = [size / largest for size in sizes]
+    columns = {
+        "mode": Column([*curves], heading="mode"),
+        "frequency": Column([*means, "", ""][: len(curves)], heading="mean ω (rad/s)"),
+        "max_abs": sized(sizes, modes.system.units[found.output], "", "max|…|", 5, largest),
+        "share": Column(shares, heading="share of max (%)", text=digits(".1f", 100.0)),
+    }
+    return [table_of(found.output, columns, left=1, caption=caption)]
 
 
 def modes(

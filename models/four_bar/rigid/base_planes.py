@@ -16,7 +16,7 @@ from matplotlib.patches import Patch, Polygon
 from models.four_bar.linkage import Linkage
 from models.four_bar.rigid.barker import REGIONS, base_plane, classify, solution_space
 from solve.arrays import Array
-from solve.results.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
+from solve.views.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
 _TYPICAL = (1.05, math.sqrt(3), 3.2)
 """λ of the planes that show the three ways of division."""

@@ -10,8 +10,8 @@ from rich.text import Text
 
 from models.four_bar.rigid.record import JOINTS
 from solve.results.quantities import fixed, prefixed
-from solve.results.report import in_every_unit, table
 from solve.units import unit_given
+from solve.views.tables import in_every_unit, table
 
 _RATIOS = {
     "omega2": "ω2/ω1, coupler",

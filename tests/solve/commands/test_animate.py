@@ -57,7 +57,7 @@ def test_an_animation_that_is_interrupted_leaves_no_file(command, tmp_path, monk
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("solve.reports.animation.gif", interrupted)
+    monkeypatch.setattr("solve.views.animation.gif", interrupted)
     ran = command(*CAM, "--out", "mine.gif")
     assert (ran.status, ran.out) == (130, "")
     assert list(tmp_path.iterdir()) == []

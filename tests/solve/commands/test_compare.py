@@ -9,7 +9,8 @@ import pytest
 
 from solve.commands.app import run
 from solve.methods.choice import METHODS
-from solve.results.comparison import Row, work_precision_figure
+from solve.results.comparison import Row
+from solve.views.comparison import work_precision_figure
 
 ARGUMENTS = (
     "manipulator", "--method", "newmark", "--method", "rk4", "--steps", "300", "--steps", "600",

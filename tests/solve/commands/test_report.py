@@ -28,7 +28,7 @@ def test_a_report_that_is_interrupted_leaves_no_file(command, tmp_path, monkeypa
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("solve.reports.report.bands", interrupted)
+    monkeypatch.setattr("solve.views.report.bands", interrupted)
     ran = command(*MATHIEU, "--out", "mine.html")
     assert (ran.status, ran.out) == (130, "")
     assert list(tmp_path.iterdir()) == []

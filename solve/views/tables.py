@@ -2,14 +2,11 @@
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from solve.methods.method import Method
-from solve.results.contents import Column, Columns
-from solve.results.quantities import fixed, greek, headed, prefixed
+from solve.results.contents import Columns, Facts
+from solve.results.quantities import greek, prefixed
 from solve.system import PeriodicSystem
 from solve.units import USUAL, ShownUnit, is_number
 
@@ -21,22 +18,8 @@ else:
     Console = ConsoleOptions = RenderableType = RenderResult = Table = object
 
 
-Facts = Sequence[tuple[str, str]]
-"""A word, and what it stands for."""
-
 _UNBROKEN = 10_000
 """Terminal width in columns at which no table wraps."""
-
-
-def described(method: Method) -> str:
-    """A method's name and settings.
-
-    >>> from solve.methods.newmark import Newmark
-    >>> described(Newmark())
-    'newmark (gamma 0.5, beta 0.25)'
-    """
-    numbers = [f"{name} {value}" for name, value in method.settings.items() if isinstance(value, int | float)]
-    return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 
 def stacked(*parts: RenderableType) -> RenderableType:
@@ -51,6 +34,20 @@ def text(words: str, style: str = "") -> RenderableType:
     from rich.text import Text
 
     return Text(words, style)
+
+
+def assembled(*parts: str | tuple[str, str]) -> RenderableType:
+    """Words of a report, some with a style of rich."""
+    from rich.text import Text
+
+    return Text.assemble(*parts)
+
+
+def console(**options: Any) -> Console:
+    """Terminal that shows names and numbers unchanged, including brackets and colons."""
+    from rich.console import Console
+
+    return Console(highlight=False, markup=False, emoji=False, **options)
 
 
 def table(title: str, *columns: str, left: int = 1) -> Table:
@@ -84,46 +81,6 @@ def table_of(
         made.add_row(*row)
     made.caption = caption
     return made
-
-
-def sized(
-    values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
-) -> Column:
-    """Numbers in SI units, in a table in the unit that suits the largest, with so many digits of it."""
-    if largest is None:
-        known = np.array([math.nan if value is None else value for value in values], dtype=float)
-        largest = float(np.nanmax(np.abs(known), initial=0.0))
-    factor, shown = prefixed(unit, largest)
-
-    def text(value: float) -> str:
-        return fixed(value * factor, largest * factor, places)
-
-    return Column(values, unit, meaning, headed(heading, shown), text)
-
-
-def speeds_of(
-    system: PeriodicSystem,
-    speeds: Any,
-    meaning: str = "speed of rotation",
-    heading: str = "",
-    form: str = ".6g",
-    axes: tuple[str, ...] = ("row",),
-) -> Column:
-    """Speeds (rad/s), in a table in the unit in which results of the system show them, which "{}" in the
-    heading stands for."""
-    unit = system.speed_unit
-    return Column(
-        speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
-    )
-
-
-def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
-    """Numbers times a factor as texts of this form.
-
-    >>> digits(".2f", 1e3)(0.5)
-    '500.00'
-    """
-    return lambda value: f"{value * factor:{form}}"
 
 
 @functools.cache

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import solve
-from solve.results.plot import draw_through, through
-from solve.results.sweep_plot import sweep_figure
+from solve.views.panels import draw_through, through
+from solve.views.sweep import response_figure
 
 
 def resonance(x):
@@ -51,7 +51,9 @@ def test_by_logarithm_a_power_is_straight_on_logarithmic_paper():
 def test_the_response_is_not_drawn_through_unstable_speeds_and_has_no_maximum_at_their_edges():
     system, speeds = solve.load("cam"), np.linspace(0.2, 1.8, 23)
     bands = [(0.9, 1.1, "+1")]
-    figure = sweep_figure(system, {"speed": speeds}, {"q1": resonance(speeds)}, np.ones(23), "max_abs", bands)
+    figure = response_figure(
+        system, {"speed": speeds}, {"q1": resonance(speeds)}, np.ones(23), "max_abs", bands
+    )
     curve, _, marks = figure.axes[0].lines
     shown = curve.get_xdata()[np.isfinite(curve.get_ydata())] * np.pi / 30
     assert not ((shown > 0.9) & (shown < 1.1)).any()

@@ -10,7 +10,6 @@ from solve.derivatives.point import of_solution, quantities_by
 from solve.errors import MissingValueError, NoMotionError, NoResultError, SolveError
 from solve.methods.choice import Rule, chosen
 from solve.newton.orbits import nonlinear
-from solve.reports.page import OVER_SPEEDS, Part, Report
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.frequencies import Findings
 from solve.results.orbit import Orbit
@@ -27,6 +26,7 @@ from solve.studies.validity import validity
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given
+from solve.views.page import OVER_SPEEDS, Part, Report
 
 
 class Asked(NamedTuple):

@@ -13,12 +13,12 @@ from typing import BinaryIO
 from solve.errors import SolveError
 from solve.results.contents import versions
 from solve.results.files import checked, write_whole
-from solve.results.markup import html
 from solve.results.quantities import greek
-from solve.results.report import table, text
 from solve.results.result import Result
-from solve.results.style import Figure, drawn
 from solve.system import PeriodicSystem
+from solve.views.markup import html
+from solve.views.style import Figure, drawn
+from solve.views.tables import table, text
 
 OVER_SPEEDS = 1e-6
 """Least relative error that is asked for over the speeds: curves and tables there show fewer digits."""

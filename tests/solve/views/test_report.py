@@ -14,7 +14,7 @@ from derive import Mechanism, cos, rate
 from solve.certify.refinement import certified
 from solve.commands.deliver import deliver_page
 from solve.errors import FileError, MatricesError, MissingValueError, NoResultError, StructureError
-from solve.reports.page import Part, Report
+from solve.views.page import Part, Report
 
 HTML = "{http://www.w3.org/1999/xhtml}"
 SVG = "{http://www.w3.org/2000/svg}"
@@ -58,7 +58,7 @@ def frame():
 @pytest.fixture
 def undrawn(monkeypatch):
     """Where words alone are asked for: drawing takes longer than solving."""
-    monkeypatch.setattr("solve.reports.page.svg_of", lambda _: "<svg></svg>")
+    monkeypatch.setattr("solve.views.page.svg_of", lambda _: "<svg></svg>")
 
 
 @pytest.fixture(scope="module", params=["mathieu", "driven", "frame"])
@@ -273,6 +273,6 @@ def test_a_structure_without_frequencies_has_nothing_to_tell(monkeypatch):
     def refused(*_):
         raise StructureError("the links do not meet")
 
-    monkeypatch.setattr("solve.reports.report.frequencies", refused)
+    monkeypatch.setattr("solve.views.report.frequencies", refused)
     with pytest.raises(NoResultError, match="the links do not meet"):
         solve.report(solve.load("portal_frame"))

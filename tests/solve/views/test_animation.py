@@ -19,8 +19,8 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.reports.animation import Animation
-from solve.reports.moving_picture import scene
+from solve.views.animation import Animation
+from solve.views.moving_picture import scene
 from tests import browser
 
 TURN = np.linspace(0.0, 2 * np.pi, 37)

@@ -1,6 +1,8 @@
-"""Pictures over speed or a parameter: response, spectral radius and unstable bands."""
+"""Sweeps and unstable bands: response and spectral radius over speed or a parameter."""
 
+import itertools
 import math
+import reprlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,7 +11,12 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
-from solve.results.plot import (
+from solve.results.bands import Bands
+from solve.results.contents import Column, digits, sized, speeds_of
+from solve.results.quantities import greek, headed, prefixed
+from solve.results.sweep import Sweep
+from solve.system import PeriodicSystem
+from solve.views.panels import (
     axis_label,
     draw_map,
     draw_through,
@@ -19,9 +26,9 @@ from solve.results.plot import (
     title_of,
     told_apart,
 )
-from solve.results.quantities import greek, prefixed
-from solve.results.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.system import PeriodicSystem
+from solve.views.show import figure, tables
+from solve.views.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
+from solve.views.tables import RenderableType, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Of unstable bands and boundaries by the multiplier that leaves the unit circle."""
@@ -34,13 +41,54 @@ _ALIKE = 1e-6
 _FLOOR = -80.0
 """Decibels at and below which a spectrum shows nothing."""
 
+_WIDTH = 48
+"""Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""
+
+_MOST_ROWS = 60
+"""Rows of the table; of more speeds every k-th is shown."""
+
 MOST_LINES = 12
 
 Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: from, to (rad/s), kind."""
 
 
-def sweep_figure(
+@figure.register(Sweep)
+def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
+    """Response over speed, the spectral radius below; see `Sweep.plot`."""
+    names = sweep.system.known_quantities(names or sweep.shown)
+    responses = {name: sweep.figures(name, figure) for name in names}
+    radius = sweep.spectral_radius if sweep.system.vibrates else None
+    return response_figure(sweep.system, sweep.varied, responses, radius, figure, sweep.unstable)
+
+
+@tables.register(Sweep)
+def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
+    """A row a point with the largest moduli of these quantities, by default the coordinates, as many as
+    fit."""
+    names = names or sweep.shown
+    units = sweep.system.units
+    moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
+    widths = itertools.accumulate(len(each.heading) + 2 for each in moduli.values())
+    fitting = max(1, sum(width <= _WIDTH for width in widths))
+    columns = {
+        f"parameter {name}": Column(
+            values, heading=headed(name, sweep.system.unit_of(name).name), text=digits(".6g")
+        )
+        for name, values in sweep.parameters.items()
+    }
+    columns[SPEED] = speeds_of(sweep.system, sweep.speeds, heading="{}", form=".7g")
+    columns |= itertools.islice(moduli.items(), fitting)
+    if sweep.system.vibrates:
+        columns["radius"] = Column(sweep.spectral_radius, heading="|ρ|", text=digits(".6g"))
+        columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
+    every, over = math.ceil(len(sweep.points) / _MOST_ROWS), ", ".join([*sweep.parameters, SPEED])
+    title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(sweep.points)}"
+    caption = "others by --show NAME, all by --json" if fitting < len(names) else None
+    return [table_of(title, columns, most=_MOST_ROWS, caption=caption)]
+
+
+def response_figure(
     system: PeriodicSystem,
     varied: Mapping[str, Array],
     responses: Mapping[str, Array],
@@ -127,11 +175,10 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
     return told_apart(points, words)
 
 
-def waterfall_figure(
-    system: PeriodicSystem, varied: Mapping[str, Array], name: str, amplitudes: Array
-) -> Figure:
-    """Amplitudes (P, orders + 1) of a quantity over what varies, values (P,) by name, and order of rotation,
-    0 dB the largest. Raises ValueOutOfBoundsError where several quantities vary."""
+def waterfall_figure(sweep: Sweep, name: str) -> Figure:
+    """Amplitudes of a quantity over what varies and order of rotation, 0 dB the largest; see
+    `Sweep.waterfall`."""
+    system, varied, amplitudes = sweep.system, sweep.varied, sweep.spectrum(name)
     *others, along = moving(varied)
     if others:
         raise ValueOutOfBoundsError(
@@ -160,15 +207,40 @@ def waterfall_figure(
     return made
 
 
-def radius_figure(system: PeriodicSystem, speeds: Array, radius: Array, bands: Edges) -> Figure:
-    """The spectral radius over speed with the unstable bands shaded by their kind."""
+@figure.register(Bands)
+def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
+    """The spectral radius over speed with the unstable bands shaded by their kind; see `Bands.plot`."""
+    if not isinstance(sweep, Sweep | None):
+        raise ValueOutOfBoundsError(
+            f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
+            'plot().savefig("FILE") writes a picture'
+        )
+    system, edges = bands.system, [(band.low, band.high, band.kind) for band in bands]
+    if sweep is None:
+        ends = [end for low, high, _ in edges for end in (low, high) if end not in bands.range]
+        speeds = np.append(bands.speeds, ends)
+        radius = np.append(bands.spectral_radius, np.ones(len(ends)))
+    else:
+        speeds, radius = sweep.speeds, sweep.spectral_radius
     order = np.argsort(speeds)
     with page(2.9, f"{title_of(system)}: unstable bands") as made:
         axes = made.subplots()
         _draw_radius(axes, system.speed_unit.of(speeds[order]), radius[order], color=BLUE)
         label_speeds(axes, system, speeds[order])
-        _name_bands(axes, system, bands)
+        _name_bands(axes, system, edges)
     return made
+
+
+@tables.register(Bands)
+def bands_tables(bands: Bands) -> Sequence[RenderableType]:
+    """A row a band, and the least width that is found."""
+    unit = bands.system.speed_unit
+    width = unit.text(bands.spacing, ".3g")
+    how = "eigenvalues" if bands.constant_matrices else "solved"
+    limit = text(f"{how} at speed intervals of up to {width}: narrower bands may be missed", "dim")
+    if not bands:
+        return [text(f"\nno unstable band found from {unit.span(*bands.range)}", "bold green"), limit]
+    return [table_of(f"Unstable between {unit.span(*bands.range, 'and')}", bands.columns, left=2), limit]
 
 
 def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:

@@ -1,15 +1,21 @@
 """Pictures of natural frequencies: mode shapes, over the turn, over a parameter."""
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import DrawnLink, ModeShape
-from solve.results.plot import axis_label, title_of
-from solve.results.style import (
+from solve.errors import ValueOutOfBoundsError
+from solve.results.contents import Column, digits
+from solve.results.frequencies import MOST_MODES, Findings, Frequencies, Variation
+from solve.system import PeriodicSystem
+from solve.views.panels import axis_label, title_of
+from solve.views.show import figure, tables
+from solve.views.style import (
     BLACK,
     BLUE,
     GREEN,
@@ -24,12 +30,15 @@ from solve.results.style import (
     Figure,
     page,
 )
-from solve.system import PeriodicSystem
+from solve.views.tables import RenderableType, Table, table_of
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 
 _DEFLECTION = 0.1
 """Largest displacement drawn, as a part of the structure's size."""
+
+_MOST_ROWS = 40
+"""Rows of a table; of more positions or values every k-th is shown."""
 
 _MOST_SHAPES = 8
 
@@ -39,6 +48,26 @@ _MARKERS: dict[str, dict[str, Any]] = {
     "joined": {"marker": "o", "color": BLUE, "markerfacecolor": "white", "markersize": 4.5},
 }
 """Of the ends of a link."""
+
+
+@figure.register(Frequencies)
+def frequencies_figure(found: Frequencies) -> Figure:
+    """Mode shapes at one position; frequencies over several. Raises ValueOutOfBoundsError where there are no
+    links to draw."""
+    system = found.system
+    if len(found.positions) > 1:
+        return positions_figure(system, found.positions, found.signed)
+    if not system.links:
+        raise ValueOutOfBoundsError(
+            f"{system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
+        )
+    return shapes_figure(system, float(found.positions[0]), found.shapes())
+
+
+@figure.register(Findings)
+def findings_figure(found: Findings) -> Figure:
+    """Frequencies over the parameter, else over the turn, else the mode shapes at the position."""
+    return figure(found.widest)
 
 
 def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeShape]) -> Figure:
@@ -90,19 +119,12 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
     return made
 
 
-def variation_figure(
-    system: PeriodicSystem,
-    parameter: str,
-    mode: int,
-    values: Array,
-    figures: Mapping[str, Array],
-    pinned: Mapping[str, Array],
-) -> Figure:
-    """Frequency of a mode (index from 0) over a parameter (v,), with its range over the revolution, and the
-    frequencies of the links alone.
-
-    figures: mean, min and max (v,) over the positions; growth rates are negative. pinned: by link.
-    """
+@figure.register(Variation)
+def variation_figure(found: Variation) -> Figure:
+    """Lowest elastic frequency over the parameter, with its range over the revolution, and the frequencies of
+    the links alone (thesis Fig. 9.1)."""
+    system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
+    figures = {name: every[:, mode] for name, every in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
     several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
     with page(3.8, f"{title_of(system)}: {which} over {parameter}") as made:
@@ -112,7 +134,9 @@ def variation_figure(
         label = "mechanism, mean and range of the turn" if several else "mechanism"
         axes.plot(values, figures["mean"], color=BLUE, marker="o", label=label)
         top = 2.2 * np.nanmax(figures["max"], initial=0.0)
-        for (link, alone), color in zip(pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False):
+        for (link, alone), color in zip(
+            found.pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False
+        ):
             if np.nanmin(alone, initial=math.inf) < top:
                 axes.plot(values, alone, color=color, linestyle="--", label=f"{link} alone, pinned")
         axes.set_ylim(*_limits(figures["min"], top))
@@ -169,3 +193,59 @@ def _label_frequencies(axes: Axes) -> None:
         axes.set_ylabel("natural frequency (rad/s); shaded: growth rate (1/s)")
         for axis in (axes.yaxis, right.yaxis):
             axis.set_major_formatter(lambda value, _: f"{-value:.4g}i" if value < 0 else f"{value:.4g}")
+
+
+@tables.register(Frequencies)
+def frequencies_tables(found: Frequencies) -> Sequence[Table]:
+    """A row a position, and the figures below."""
+    k = found.values.shape[1]
+    shown = f": the first {MOST_MODES} of {k}" if k > MOST_MODES else ""
+    made = table_of(f"Over the turn, rad/s{shown}", found.columns, most=_MOST_ROWS)
+    made.add_section()
+    for name, values in found.statistics(0).items():
+        made.add_row(name, *map(found.text_of, values[:MOST_MODES]))
+    return [made]
+
+
+@tables.register(Variation)
+def variation_tables(found: Variation) -> Sequence[Table]:
+    """One row per value of the parameter: the lowest frequency, the next one if that is a rigid-body
+    mode, and those of up to three links alone."""
+    mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
+    caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
+    title = f"Over {found.parameter}, rad/s{mean_of}"
+    return [table_of(title, found.columns, most=_MOST_ROWS, caption=caption)]
+
+
+@tables.register(Findings)
+def findings_tables(found: Findings) -> Sequence[RenderableType]:
+    """At the position, with mode shapes the largest bending of each link; over the turn; over a
+    parameter."""
+    roots, captions = found.here.signed[0], _about_modes(found)
+    columns = {
+        "mode": Column(range(1, len(roots) + 1), heading="mode"),
+        "frequency": Column(roots, heading="rad/s", text=found.here.texts(0, ".7g")),
+        "hertz": Column(roots, heading="Hz", text=found.here.texts(0, ".7g", 1 / (2 * math.pi))),
+    }
+    if found.shapes:
+        masses = [shape.modal_mass for shape in found.shapes]
+        columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
+        captions = [*captions, "per link: largest deflection, relative to the largest of the mode"]
+        for number, link in enumerate(found.system.links):
+            bending = [np.abs(shape.transverse[number]).max() for shape in found.shapes]
+            columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
+    further = (tables(part) for part in (found.turn, found.variation) if part is not None)
+    caption = "\n".join(captions) or None
+    listed, every = len(roots), found.system.most_frequencies
+    title = "Natural frequencies" + (f": the lowest {listed} of {every}" if listed < every else "")
+    return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
+
+
+def _about_modes(found: Findings) -> list[str]:
+    """Captions on growing modes and rigid-body modes."""
+    first = int((found.here.signed[0] < 0).sum())
+    texts = ["i: growth rate in 1/s of a mode that grows instead of vibrating"] * (first > 0)
+    names = found.here.system.coordinates
+    for number, mode in enumerate(found.here.rigid_body_modes, start=first + 1):
+        texts.append(f"mode {number} is a rigid-body mode, {mode.ratio(names)}")
+    return texts

@@ -16,15 +16,15 @@ from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
-from solve.reports.moving_page import page_text
-from solve.reports.moving_picture import Drawn, Panel, gif, still
 from solve.results.files import PICTURES, checked, write_whole
 from solve.results.orbit import Orbit
-from solve.results.plot import shown, titled
 from solve.results.quantities import round_magnification
-from solve.results.style import Figure, drawn
 from solve.single import periodic
 from solve.system import PeriodicSystem
+from solve.views.moving_page import page_text
+from solve.views.moving_picture import Drawn, Panel, gif, still
+from solve.views.panels import shown, titled
+from solve.views.style import Figure, drawn
 
 ENDINGS = (".gif", ".html", *PICTURES)
 

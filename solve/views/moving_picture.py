@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from solve.arrays import Array, Plane
-from solve.results.plot import labelled
 from solve.results.quantities import prefixed
-from solve.results.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled
 from solve.system import PeriodicSystem
+from solve.views.panels import labelled
+from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled
 
 if TYPE_CHECKING:
     from matplotlib.lines import Line2D

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from solve.arrays import Plane
-from solve.reports.moving_picture import Drawn, Scene, scene
-from solve.reports.page import document, svg_of
-from solve.results.style import styled
+from solve.views.moving_picture import Drawn, Scene, scene
+from solve.views.page import document, svg_of
+from solve.views.style import styled
 
 _SCRIPT = Path(__file__).with_name("moving_page.js")
 _POINTS_PER_INCH = 72

@@ -4,7 +4,7 @@ import itertools
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from solve.results.report import RenderableType
+from solve.views.tables import RenderableType
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -18,7 +18,7 @@ _LEFT = ' style="text-align: left"'
 def html(printed: RenderableType) -> str:
     """Tables of rich as `<table>`, texts as `<p>`, groups one part below the other.
 
-    >>> from solve.results.report import table, text
+    >>> from solve.views.tables import table, text
     >>> made = table("Speeds", "", "Hz")
     >>> made.add_row("slow", "1")
     >>> print(html(made))

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from solve.methods.newmark import stability_limit
-from solve.results.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, Figure, new_figure, styled
+from solve.views.style import BLACK, BLUE, GREY, LIGHT, ORANGE, VERMILION, Figure, new_figure, styled
 
 _POINTS = {
     "average acceleration": (0.5, 1 / 4),

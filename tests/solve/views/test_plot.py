@@ -12,8 +12,9 @@ from numpy.testing import assert_allclose
 import solve
 from solve import PeriodicSystem
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.results.channels import Channel, compared_figure
-from solve.results.style import VERMILION, page, save_figure
+from solve.results.channels import Channel
+from solve.views.fit import compared_figure
+from solve.views.style import VERMILION, page, save_figure
 from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of
 
 

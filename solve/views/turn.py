@@ -13,9 +13,9 @@ from solve.errors import NoResultError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.model.model import Model
 from solve.results.orbit import Orbit
-from solve.results.plot import axis_label, label_phases, label_quantity, shades, title_of, told_apart
-from solve.results.style import BLACK, GREY, VERMILION, Figure, page
 from solve.system import PeriodicSystem
+from solve.views.panels import axis_label, label_phases, label_quantity, shades, title_of, told_apart
+from solve.views.style import BLACK, GREY, VERMILION, Figure, page
 
 _SAMPLES = 721
 

@@ -6,10 +6,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.plot import draw_map, title_of
-from solve.results.style import BLACK, GREY, Axes, Figure, page
-from solve.results.sweep_plot import KIND_COLORS, KIND_NAMES
+from solve.results.chart import Chart, Cut
+from solve.results.quantities import headed, prefixed
 from solve.system import PeriodicSystem
+from solve.views.panels import axis_label, draw_map, title_of
+from solve.views.show import figure, tables
+from solve.views.style import BLACK, GREY, Axes, Figure, page
+from solve.views.sweep import KIND_COLORS, KIND_NAMES
+from solve.views.tables import RenderableType, table, text
 
 _LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
 _SHORT = {"+1": "+1", "-1": "−1", "complex": "pair"}
@@ -27,6 +31,9 @@ _FEWEST = 5
 """Points of a curve that can be smoothed."""
 
 
+_MOST_CURVES = 20
+
+
 class Field(NamedTuple):
     """Over x (nx,) and y (ny,), as they are shown: growth ln|ρ| a period (ny, nx), the kind of unstable
     points or "", and which are unknown. boundaries: kinds and curves (k, 2)."""
@@ -39,7 +46,30 @@ class Field(NamedTuple):
     boundaries: Sequence[tuple[str, Array]]
 
 
-def chart_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
+@figure.register(Chart)
+def chart_figure(chart: Chart) -> Figure:
+    """Stable and unstable regions with their growth ln|ρ| a period, or the quantity that was asked for, and
+    boundaries."""
+    system, names = chart.system, (chart.x_name, chart.y_name)
+    units = [system.unit_of(name) for name in names]
+    with np.errstate(divide="ignore"):
+        growth = np.log(chart.spectral_radius)
+    field = Field(
+        units[0].of(chart.x),
+        units[1].of(chart.y),
+        growth,
+        chart.kinds,
+        np.isnan(chart.stable),
+        [(kind, points / [unit.size for unit in units]) for kind, points in chart.boundaries],
+    )
+    labels = axis_label(system, names[0]), axis_label(system, names[1])
+    if chart.of is None or chart.values is None:
+        return regions_figure(system, field, labels)
+    factor, unit = prefixed(chart.of.unit, float(np.nanmax(np.abs(chart.values), initial=0.0)))
+    return values_figure(system, field, labels, factor * chart.values, headed(chart.of.text, unit))
+
+
+def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
     """Stable and unstable regions, the growth in the latter by the kind of the multiplier that leaves the
     unit circle, and the boundaries between."""
     from matplotlib.patches import Patch
@@ -204,3 +234,33 @@ def smooth(curve: Array) -> Array:
         np.linspace(0, len(length) - 1, 8 * (len(length) - 1) + 1), np.arange(len(length)), length
     )
     return Akima1DInterpolator(length, curve)(fine)
+
+
+@tables.register(Chart)
+def chart_tables(chart: Chart) -> Sequence[RenderableType]:
+    """Boundaries, and the crossings of each cut."""
+    return [_boundary_table(chart), *(_cut_table(cut, chart.system) for cut in chart.cuts)]
+
+
+def _boundary_table(chart: Chart) -> RenderableType:
+    if not chart.boundaries:
+        return text("\nno boundary in this range")
+    names = chart.x_name, chart.y_name
+    made = table("Boundaries between stable and unstable", "kind", "points", *names, left=1)
+    for curve in sorted(chart.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]:
+        spans = map(chart.span, names, curve.points.T)
+        made.add_row(curve.name, str(len(curve.points)), *spans)
+    if len(chart.boundaries) > _MOST_CURVES:
+        made.caption = f"and {len(chart.boundaries) - _MOST_CURVES} shorter ones"
+    return made
+
+
+def _cut_table(cut: Cut, system: PeriodicSystem) -> RenderableType:
+    """A row a crossing."""
+    where = f"Along {cut.along} at {cut.across} = {system.unit_of(cut.across).text(cut.value)}"
+    if not cut.crossings:
+        return text(f"\n{where}: no boundary")
+    made = table(where, "at", "kind", left=0)
+    for at, kind in cut.crossings:
+        made.add_row(system.unit_of(cut.along).text(at, ".9g"), kind)
+    return made

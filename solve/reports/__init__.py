@@ -1,1 +1,0 @@
-"""All that is known of a model, as one page."""

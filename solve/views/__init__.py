@@ -1,0 +1,17 @@
+"""What people look at: tables, figures and HTML of results, reports, animations. Matplotlib and HTML are used
+here only."""
+
+from solve.views import chart as chart
+from solve.views import comparison as comparison
+from solve.views import critical_speeds as critical_speeds
+from solve.views import fit as fit
+from solve.views import frequencies as frequencies
+from solve.views import orbit as orbit
+from solve.views import over_speed as over_speed
+from solve.views import sensitivities as sensitivities
+from solve.views import transient as transient
+from solve.views.show import as_html, as_text, figure
+from solve.views.style import Figure
+from solve.views.sweep import waterfall_figure
+
+__all__ = ["Figure", "as_html", "as_text", "figure", "waterfall_figure"]

@@ -1,0 +1,256 @@
+"""Critical speeds: response, dominant multiplier and Campbell diagram over speed."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.arrays import Array, runs
+from solve.period.natural import lowest_elastic
+from solve.results.contents import Column, digits, speeds_of
+from solve.results.critical_speeds import MOST_DECADES, CriticalSpeeds
+from solve.results.quantities import named
+from solve.units import ShownUnit
+from solve.views.panels import label_quantity, label_speeds, through, title_of
+from solve.views.show import figure, tables
+from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
+from solve.views.tables import RenderableType, Table, table_of, text
+
+_MOST_COMBINATIONS = 20
+
+_CAPTIONS = {
+    "–": "mode –: no division of a frequency and no combination up to order {0} explains it",
+    "?": "mode ?: several combinations explain it equally well",
+    "+": "mode i+j: (ω̄i + ω̄j)/k",
+    "−": "mode i−j: (ω̄i − ω̄j)/k",
+    "|ρ|": "where |ρ| stands alone, the multiplier is that of its maximum",
+}
+
+_HEADROOM = 1.15
+_ROOM = 1.6
+"""Factor on a logarithmic axis that is left above and below."""
+
+_CLEAR, _ASIDE = 0.05, 0.015
+"""Parts of the height and of the width that labels stay away from frames and curves."""
+
+_BESIDE = 0.03
+"""Part of the width that labels stay away from each other."""
+
+
+@figure.register(CriticalSpeeds)
+def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
+    """Response, dominant multiplier and Campbell diagram over speed, or this below the response alone."""
+    drawn = (_draw_response, _draw_campbell) if campbell else _ALL
+    title = "Campbell diagram" if campbell else "critical speeds"
+    height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
+    with page(height, f"{title_of(found.system)}: {title}") as figure:
+        places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+        for axes, draw in zip(places, drawn, strict=True):
+            draw(axes, found)
+        label_speeds(places[-1], found.system, found.speeds)
+        figure.align_ylabels()
+    return figure
+
+
+@tables.register(CriticalSpeeds)
+def critical_speeds_tables(found: CriticalSpeeds) -> Sequence[RenderableType]:
+    """A row a critical speed; unstable ranges and combinations below."""
+    unit = found.system.speed_unit
+    span = unit.span(found.speeds[0], found.speeds[-1])
+    none = text(f"\nno maximum and no division up to order {found.orders} found from {span}")
+    made = [_rows_table(found) if found.rows else none]
+    if found.unstable_ranges:
+        made.append(table_of(f"Unstable among the speeds, {unit.name}", found.unstable_columns))
+    if found.combinations:
+        made.append(_combinations_table(found))
+    return made
+
+
+def _rows_table(found: CriticalSpeeds) -> Table:
+    columns = {**found.columns}
+    heights = columns["response_height"]
+    # With the unit in the title the table of all columns fits a line of 80.
+    columns["response_height"] = heights._replace(heading="height")
+    of = heights.heading.replace("height", named(found.figure, found.quantity))
+    title = f"Critical speeds in {found.system.speed_unit.name}; height: {of}"
+    caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
+    for sign, rule in _CAPTIONS.items():
+        if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in found.rows):
+            caption += f"\n{rule.format(found.orders)}"
+    if found.unbounded:
+        caption += "\n∞: the response grows beyond all bounds"
+    return table_of(title, columns, caption=caption)
+
+
+def _combinations_table(found: CriticalSpeeds) -> Table:
+    some = found.combinations[:_MOST_COMBINATIONS]
+    columns = {
+        "speed": speeds_of(found.system, [one.speed for one in some], "", "speed", found.decimals),
+        "i": Column([one.modes[0] for one in some], heading="i"),
+        "j": Column([one.sign * one.modes[1] for one in some], heading="j", text=digits("+.0f")),
+        "k": Column([one.order for one in some], heading="k"),
+    }
+    more = len(found.combinations) - len(some)
+    parts = [f"and {more} at lower speeds"] * bool(more)
+    parts += ["i = j: parametric resonances of one mode"] * any(len({*one.modes}) == 1 for one in some)
+    caption = "; ".join(parts) or None
+    return table_of(f"Combinations (ω̄i ± ω̄j)/k, {found.system.speed_unit.name}", columns, caption=caption)
+
+
+def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
+    """A curve through the points and the maxima between them."""
+    return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
+
+
+def _growing(speeds: Array, response: Array, ends: Sequence[float]) -> list[tuple[float, float]]:
+    """Points between each speed of `ends`, at which a response (P,) over rising speeds (P,) grows beyond
+    all bounds and those beside it: near such a speed it is as the inverse of the distance from there."""
+    points, parts = [], np.geomspace(1.0, 1e-3, 24)[1:]
+    for end in ends:
+        above = int(np.searchsorted(speeds, end))
+        for at in {above - 1, above} & set(range(len(response))):
+            points += zip(
+                (end + (speeds[at] - end) * parts).tolist(), (response[at] / parts).tolist(), strict=True
+            )
+    return points
+
+
+def _draw_marks(
+    axes: Axes, unit: ShownUnit, marks: Sequence[tuple[float, float]], factor: float, color: str, label: str
+) -> None:
+    """Maxima: speeds (rad/s) and heights."""
+    if marks:
+        speeds, heights = np.array(marks).T
+        style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
+        axes.plot(unit.of(speeds), heights * factor, "v", **style)
+
+
+def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
+    """Unstable ones (P,) of rising speeds (P,), half way to their neighbours."""
+    shown = unit.of(speeds)
+    between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
+    style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}
+    for at, (first, last) in enumerate(runs(unstable).tolist()):
+        ends = between[[first, last + 1]].tolist()
+        axes.axvspan(*ends, label="" if at else "unstable", **style)
+
+
+def _label_order(
+    axes: Axes, unit: ShownUnit, speeds: Array, order: int, frequencies: Array, top: float
+) -> None:
+    """Name an order on its ray, within the frame that ends at `top` (Hz), clear of the frequencies (P, k) in
+    rad/s and of the names of other orders; not at all where there is no such place."""
+    clear = _CLEAR * top * 2 * math.pi
+    ray = order * speeds
+    free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
+    span = np.ptp(speeds)
+    free &= np.minimum(speeds - speeds[0], speeds[-1] - speeds) > _ASIDE * span
+    for other in axes.texts:
+        x, y = other.get_position()
+        beside = np.abs(unit.of(speeds) - x) > _BESIDE * unit.of(span)
+        free &= beside | (np.abs(ray / (2 * math.pi) - y) > _CLEAR * top)
+    if free.any():
+        at = speeds[free][-1]
+        box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
+        place = unit.of(at), order * at / (2 * math.pi)
+        axes.text(*place, str(order), color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
+
+
+def _legend(axes: Axes) -> None:
+    """Above the frame, at its right, where there is something to name."""
+    if not axes.get_legend_handles_labels()[0]:
+        return
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=5,
+        borderaxespad=0.1,
+        handlelength=1.4,
+        columnspacing=1.1,
+    )
+
+
+def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
+    maxima = found.maxima("response")
+    known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
+    factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
+    stable = np.where(found.unstable, np.nan, found.response)
+    speeds, response = _curve(
+        found.speeds, stable, [*maxima, *_growing(found.speeds, stable, found.unbounded)]
+    )
+    axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
+    bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
+    every = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
+    largest, least = every.max(initial=0.0) * factor, every.min(initial=np.inf) * factor
+    if least > 0 and (found.unbounded or largest > MOST_DECADES * least):
+        axes.set_yscale("log")
+        axes.set_ylim(least / _ROOM, largest * _ROOM)
+    _draw_marks(axes, found.system.speed_unit, bounded, factor, BLUE, "maximum")
+    for at, speed in enumerate(found.unbounded):
+        style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
+        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "beyond all bounds", **style)
+    _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
+    _legend(axes)
+
+
+def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
+    """Real part of the dominant multiplier on a scale of sign and root, which shows small ones too."""
+    power = 0.25
+
+    def rooted(values: Array) -> Array:
+        return np.sign(values) * np.abs(values) ** power
+
+    maxima = found.maxima("multiplier")
+    # Where only orders above the highest lie it turns faster than the speeds tell.
+    seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
+    speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
+    shown = found.system.speed_unit.of
+    axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
+    at, radius = _curve(found.speeds, found.radius, found.maxima("radius"))
+    for sign, label in ((1, "±|ρ|"), (-1, None)):
+        dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
+        axes.plot(shown(at), sign * rooted(radius), **dots)
+    every = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
+    for some, color, name in every:
+        marks = [(speed, float(rooted(np.array(height)))) for speed, height in some]
+        _draw_marks(axes, found.system.speed_unit, marks, 1, color, name)
+    reach = float(np.nanmax(found.radius, initial=1e-12))
+    ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
+    places = [0.0, *ticks, *(-size for size in ticks)]
+    axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
+    axes.set_ylabel("dominant\nmultiplier")
+    axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
+    _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
+    _legend(axes)
+
+
+def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    unit, divided = found.system.speed_unit, found.divided
+    speeds = unit.of(found.speeds)
+    orders = sorted({order for *_, order in divided})
+    shown = sorted({mode for _, mode, _ in divided}) or [1 + int(found.frequencies.any(axis=0).argmax())]
+    top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
+    for order in orders:
+        rays = order * found.speeds / (2 * math.pi)
+        axes.plot(speeds, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)
+        if order <= 12 or order % 5 == 0:
+            _label_order(
+                axes, unit, found.speeds, order, found.frequencies[:, [mode - 1 for mode in shown]], top
+            )
+    axes.plot([], [], color=GREY, linewidth=0.7, label="orders of rotation")
+    for mode in shown:
+        label = "mean natural frequency" if mode == shown[0] else None
+        axes.plot(speeds, found.frequencies[:, mode - 1] / (2 * math.pi), color=BLACK, zorder=3, label=label)
+    crossed = [(unit.of(speed), order * speed / (2 * math.pi)) for speed, _, order in divided]
+    if crossed:
+        axes.plot(*zip(*crossed, strict=True), "o", color=GREEN, zorder=4, label="integer division")
+    axes.set_ylim(0.0, top)
+    axes.yaxis.set_major_locator(MaxNLocator(6))
+    axes.set_ylabel("mean natural\nfrequency (Hz)")
+    axes.set_title("Campbell diagram", loc="left", color=GREY)
+    _legend(axes)
+
+
+_ALL = _draw_response, _draw_multiplier, _draw_campbell

@@ -1,0 +1,230 @@
+"""Orbits and their stability: time curves, spectra, multipliers."""
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import require_name
+from solve.results.nonlinear import NonlinearOrbit
+from solve.results.orbit import Orbit
+from solve.results.quantities import fixed, prefixed
+from solve.results.rigid import RigidOrbit
+from solve.results.turn import Turn
+from solve.system import PeriodicSystem
+from solve.views.panels import labelled, shown, titled
+from solve.views.show import brief, figure, printout, tables
+from solve.views.stability import CIRCLE_ROW, draw_stability, stability_tables
+from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.views.tables import RenderableType, Table, table
+
+_ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
+"""Inches, by the number of rows: one page holds them all."""
+
+_DB_FLOOR = -120.0
+
+_VISIBLE = 4e-3
+"""Part of the largest amplitude below which a linear spectrum shows nothing."""
+
+_CROWDED = 80
+"""Orders above which their lines are thin and have no heads."""
+
+_TITLE = 46
+"""Characters that fit above a panel."""
+
+
+_RANKS = ("strongest", "second", "third")
+_LONGEST_NAME = 26
+
+SCALES = ("linear", "dB")
+
+
+class Motion(NamedTuple):
+    """Quantity over one period: values (k,) at evenly spaced phases, including both ends, values of the
+    solution beside it, if any, and amplitudes (m + 1,) from the mean on."""
+
+    values: Array
+    beside: Array | None
+    amplitudes: Array
+
+
+@figure.register(Orbit)
+def orbit_figure(
+    orbit: Orbit,
+    names: Sequence[str] | None = None,
+    quasi_static: bool = False,
+    scale: str = "linear",
+    harmonics: int | None = None,
+) -> Figure:
+    """Time curve over one period and spectrum of each name, and multipliers unless nothing vibrates; see
+    `Orbit.plot`."""
+    require_name("scale", scale, SCALES)
+    system, vibrates = orbit.system, orbit.system.vibrates
+    motions = {name: _motion(orbit, name, quasi_static, harmonics) for name in shown(system, names)}
+    heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), CIRCLE_ROW][: 1 + vibrates]
+    labels = ("nonlinear", "linear") if isinstance(orbit, NonlinearOrbit) else ("dynamic", "quasi-static")
+    with page(sum(heights), titled(system, orbit.speed)) as figure:
+        grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
+        upper, *lower = (figure.add_subfigure(grid[row]) for row in range(len(heights)))
+        axes = upper.subplots(len(motions), 2, sharex="col", squeeze=False, width_ratios=(1.2, 1))
+        orders = _orders(motions, scale)
+        for (left, right), (name, motion) in zip(axes, motions.items(), strict=True):
+            scaled = _draw_curve(left, system, name, motion, labels)
+            _draw_spectrum(right, system, scaled, motion.amplitudes[orders], orders, scale)
+        _label_columns(axes, system, orbit.speed)
+        if any(motion.beside is not None for motion in motions.values()):
+            low, high = axes[0, 0].get_ylim()
+            axes[0, 0].set_ylim(top=high + 0.25 * (high - low))
+            axes[0, 0].legend(loc="upper right", ncols=2)
+        upper.align_ylabels()
+        for place in lower:
+            draw_stability(place, orbit)
+    return figure
+
+
+def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) -> Motion:
+    """A quantity of the orbit, with the quasi-static solution beside, or the linear one of a nonlinear
+    orbit."""
+    phase, beside = np.linspace(0.0, orbit.system.period, orbit.samples + 1), None
+    if quasi_static:
+        beside = orbit.quasi_static.signal(name)(phase)
+    elif isinstance(orbit, NonlinearOrbit):
+        beside = orbit.linear_values(name, phase)
+    amplitudes, _ = orbit.harmonics(name, harmonics or orbit.samples // 8)
+    return Motion(orbit.signal(name)(phase), beside, amplitudes)
+
+
+def _draw_curve(
+    axes: Axes, system: PeriodicSystem, name: str, motion: Motion, labels: tuple[str, str]
+) -> tuple[float, str]:
+    """Draw it; the factor and the unit, which its spectrum shares."""
+    degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
+    curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": labels[0]})]
+    if motion.beside is not None:
+        style = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": labels[1]}
+        curves.append((motion.beside, style))
+    factor, unit = prefixed(system.units.get(name, ""), max(np.abs(y).max() for y, _ in curves))
+    for values, style in curves:
+        axes.plot(degrees, factor * values, **style)
+    axes.set_xlim(0.0, math.degrees(system.period))
+    axes.margins(y=0.08)
+    axes.set_ylabel(labelled(name, unit))
+    meaning = textwrap.shorten(system.meanings.get(name, ""), _TITLE, placeholder=" …")
+    axes.set_title(meaning, loc="left", color=GREY)
+    return factor, unit
+
+
+def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
+    """Harmonics to draw: up to the last that can be seen in any of the spectra."""
+    least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else _VISIBLE
+    spectra = [motion.amplitudes[1:] for motion in motions.values()]
+    last = max((int(at) for each in spectra for at in np.flatnonzero(each > least * each.max())), default=0)
+    return np.arange(1, min(len(spectra[0]), max(10, last + 2)) + 1)
+
+
+def _draw_spectrum(
+    axes: Axes, system: PeriodicSystem, scaled: tuple[float, str], amplitudes: Array, k: Array, scale: str
+) -> None:
+    from matplotlib.ticker import MultipleLocator
+
+    largest, (factor, unit) = np.nan_to_num(amplitudes).max(), scaled
+    order = k * (2 * math.pi / system.period)
+    if scale == "dB":
+        with np.errstate(divide="ignore"):
+            heights, foot = 20 * np.log10(amplitudes / largest if largest else amplitudes), _DB_FLOOR
+        axes.set_ylim(_DB_FLOOR, 8.0)
+        axes.set_ylabel(f"dB re {largest * factor:.3g} {unit}")
+        axes.yaxis.set_major_locator(MultipleLocator(40))
+    else:
+        heights, foot = amplitudes * factor, 0.0
+        axes.set_ylim(0.0, 1.12 * largest * factor or 1.0)
+        axes.set_ylabel(labelled("amplitude", unit))
+    seen = heights > foot + (0.0 if scale == "dB" else _VISIBLE * largest * factor)
+    crowded = len(k) > _CROWDED
+    axes.vlines(order[seen], foot, heights[seen], color=BLUE, linewidth=0.6 if crowded else 1.0)
+    if not crowded:
+        axes.plot(order[seen], heights[seen], "o", color=BLUE, markersize=2.5)
+    axes.set_xlim(0.0, order[-1] + order[0] / 2)
+    axes.grid(visible=False, axis="x")
+
+
+def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
+    """Phase and order below, time and hertz above."""
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+    left, right = axes[-1]
+    turn = math.degrees(system.period)
+    left.xaxis.set_major_locator(MultipleLocator(45.0 if math.isclose(turn, 360.0) else turn / 6))
+    left.xaxis.set_major_formatter("{x:g}")
+    left.set_xlabel("phase (°)")
+    right.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    right.set_xlabel("order of rotation")
+    factor, unit = prefixed("s", system.period / speed)
+    degrees = math.radians(1.0) / speed * factor
+    hertz = speed / (2 * math.pi)
+    for top, scale, label in ((axes[0, 0], degrees, f"time ({unit})"), (axes[0, 1], hertz, "frequency (Hz)")):
+        second = top.secondary_xaxis("top", functions=(lambda x, s=scale: x * s, lambda x, s=scale: x / s))
+        second.set_xlabel(label, loc="right")
+
+
+@tables.register(Orbit)
+def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[RenderableType]:
+    """Extrema and strongest orders, those of the quasi-static solution where it is asked for, stability."""
+    made = [_extrema_table(orbit, "Motion over one period"), _order_table(orbit)]
+    if quasi_static:
+        made.append(_extrema_table(orbit.quasi_static, "Quasi-static, without inertia and damping"))
+    return [*made, *(stability_tables(orbit) if orbit.system.vibrates else [])]
+
+
+@brief.register(RigidOrbit)
+def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
+    """All of it, since there is no verdict."""
+    return printout(orbit)
+
+
+def _extrema_table(turn: Turn, title: str) -> Table:
+    """Largest, least and mean values, and at which phases."""
+    turn.evaluate_outputs()
+    made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
+    for name in turn.system.known_quantities():
+        found = turn.statistics(name)
+        factor, unit = prefixed(turn.system.units.get(name, ""), found.max_abs)
+        high, low, mean = (
+            fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
+        )
+        high_at, low_at = map(partial(_degrees, turn.system.period), (found.max_phase, found.min_phase))
+        made.add_row(_broken(name), unit, high, high_at, low, low_at, mean)
+    return made
+
+
+def _degrees(period: float, phase: float) -> str:
+    """A phase of the drive, the end of the turn as its beginning."""
+    rounded = round(math.degrees(phase), 1)
+    return f"{rounded if rounded < round(math.degrees(period), 1) else 0.0:.1f}°"
+
+
+def _order_table(orbit: Orbit) -> Table:
+    made = table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS)
+    rotation = 2 * math.pi / orbit.system.period
+    for name in orbit.system.known_quantities():
+        amplitudes, angles = orbit.harmonics(name, orbit.samples // 8)
+        largest = orbit.statistics(name).max_abs
+        factor, _ = prefixed(orbit.system.units.get(name, ""), largest)
+        unknown, cells = orbit.error_estimate.orbit * largest, []
+        for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
+            size = float(amplitudes[k]) * factor
+            amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
+            known = unknown < amplitudes[k] < math.inf
+            cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if known else "–")
+        made.add_row(_broken(name), *cells)
+    return made
+
+
+def _broken(name: str) -> str:
+    """A long name on two lines, parted at an underscore: 80 columns leave it no more than these."""
+    place = name.rfind("_", 0, _LONGEST_NAME) + 1
+    return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"

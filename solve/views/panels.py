@@ -1,0 +1,159 @@
+"""Pictures of one solution: time curves, spectra, multipliers."""
+
+import math
+import textwrap
+from collections.abc import Callable, Hashable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
+from solve.labels import SPEED
+from solve.results.contents import MOST_SHOWN
+from solve.results.quantities import greek, headed, named, prefixed
+from solve.system import PeriodicSystem
+from solve.views.style import GREY, Axes, Figure
+
+Value = TypeVar("Value", bound=Hashable)
+
+
+_BETWEEN = 16
+"""Parts in which a curve is drawn between two of its points."""
+
+_DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
+_LIGHTEST = 0.8
+"""Place in the colour map beyond which lines fade into the page."""
+
+_FEW = 60
+"""Points of a curve up to which they are marked."""
+
+_LABEL = 54
+"""Characters a line of a label."""
+
+
+def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
+    """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
+    ValueOutOfBoundsError for more rows than a page holds."""
+    if not names:
+        return list((system.coordinates or system.outputs)[:MOST_SHOWN])
+    known = system.known_quantities(names)
+    if len(known) > MOST_SHOWN:
+        raise ValueOutOfBoundsError(
+            f"{len(known)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
+        )
+    return list(known)
+
+
+def titled(system: PeriodicSystem, speed: float) -> str:
+    """Model, case and speed."""
+    return f"{title_of(system)}, {system.speed_unit.text(speed)}"
+
+
+def told_apart(values: Sequence[Value], words: Callable[[Value, str], str]) -> Sequence[str]:
+    """Each of the values in words, in the shortest of a few forms of numbers in which different ones differ.
+
+    >>> told_apart([1.0, 1.00000002], lambda value, form: f"{value:{form}}")
+    ['1', '1.00000002']
+    """
+    different, found = len(set(values)), []
+    for form in (".6g", ".10g", ".17g"):
+        found = [words(value, form) for value in values]
+        if len(set(found)) >= different:
+            break
+    return found
+
+
+def title_of(system: PeriodicSystem) -> str:
+    """Model and case."""
+    case = f", case {system.case}" if system.case else ""
+    return f"{system.name.replace('_', ' ')}{case}"
+
+
+def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> None:
+    """Values z (ny, nx) as colours over x and y, and their scale beside."""
+    mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
+    bar.set_label(label, color=GREY)
+    axes.ticklabel_format(scilimits=(-3, 6))
+    axes.grid(visible=False)
+
+
+def axis_label(system: PeriodicSystem, name: str) -> str:
+    """A parameter or the speed with its unit and meaning."""
+    label = headed(name, system.unit_of(name).name)
+    _, meaning = system.parameter_labels.get(name, ("", ""))
+    return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
+
+
+def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
+    """The horizontal axis of rising speeds (k,) in rad/s, or of values of a parameter."""
+    shown = system.unit_of(name).of(values)
+    if shown[0] < shown[-1]:
+        axes.set_xlim(shown[0], shown[-1])
+    axes.set_xlabel(axis_label(system, name))
+    axes.ticklabel_format(axis="x", scilimits=(-3, 6))
+
+
+def label_phases(axes: Axes, period: float) -> None:
+    """The horizontal axis of phases in degrees over a period in rad."""
+    from matplotlib.ticker import MultipleLocator
+
+    axes.set_xlim(0.0, math.degrees(period))
+    axes.xaxis.set_major_locator(MultipleLocator(math.degrees(period) / 12))
+    axes.set_xlabel("phase (°)")
+
+
+def through(x: Array, y: Array) -> tuple[Array, Array]:
+    """Further points of a curve over x (k,), in any order, between its own: monotone cubics (F. Fritsch, R.
+    Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN
+    stay."""
+    from scipy.interpolate import PchipInterpolator
+
+    parts, (x, first) = [], np.unique(x, return_index=True)
+    y = np.where(np.isfinite(y), y, np.nan)[first]
+    for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
+        at, values = x[part], y[part]
+        if np.isfinite(values).all() and len(part) > 1:
+            fine = np.interp(
+                np.linspace(0, len(part) - 1, _BETWEEN * (len(part) - 1) + 1), part - part[0], at
+            )
+            at, values = fine, PchipInterpolator(at, values)(fine)
+        parts.append((at, values))
+    return np.concatenate([at for at, _ in parts]), np.concatenate([values for _, values in parts])
+
+
+def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
+    """A curve over x (k,) `through` its points, or `by_logarithm` of positive ones; where these are few they
+    are marked."""
+    with np.errstate(divide="ignore"):
+        fine, values = through(x, np.log(y) if by_logarithm else y)
+    axes.plot(fine, np.exp(values) if by_logarithm else values, **style)
+    if len(x) <= _FEW:
+        dots = {"color": style.get("color"), "markersize": 3.5, "zorder": 3}
+        axes.plot(x, y, ".", **dots)
+
+
+def shades(count: int) -> list[dict[str, Any]]:
+    """Colours and dashes of several curves, the first darkest, that differ on a black and white print too."""
+    import matplotlib
+
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
+    return [{"color": colour, "dashes": _DASHES[k % len(_DASHES)]} for k, colour in enumerate(colours)]
+
+
+def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
+    """Name the vertical axis for these values of a quantity, or of a figure of it, and say its meaning above;
+    the factor from SI units to those shown."""
+    factor, unit = prefixed(system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
+    axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
+    axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+    return factor
+
+
+def labelled(name: str, unit: str) -> str:
+    """A label of few characters a line, Greek names as letters, the unit in brackets."""
+    lines = textwrap.wrap(greek(name).replace("_", " "), 12)
+    if unit and len(lines) == 1 and len(lines[0] + unit) < 9:
+        return f"{lines[0]} ({unit})"
+    return "\n".join([*lines, f"({unit})"] if unit else lines)

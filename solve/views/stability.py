@@ -1,0 +1,130 @@
+"""Stability at one speed: multipliers and the verdict."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import VERDICTS
+from solve.results.stability import Stability
+from solve.units import raised
+from solve.views.panels import titled
+from solve.views.show import brief, figure, heading_of, tables
+from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
+from solve.views.tables import RenderableType, assembled, stacked, table
+
+CIRCLE_ROW = 2.45
+"""Height of the panels of multipliers, in inches."""
+
+_CLOSER = 0.4
+"""Spectral radius below which multipliers get a second, closer view."""
+
+_MOST_MULTIPLIERS = 8
+_VERDICT_STYLE = "bold green", "bold yellow", "bold red", "bold magenta"
+
+
+@figure.register(Stability)
+def stability_figure(result: Stability) -> Figure:
+    """Multipliers on the unit circle, and a closer view of small ones."""
+    with page(CIRCLE_ROW + 0.4, titled(result.system, result.speed)) as figure:
+        draw_stability(figure, result)
+    return figure
+
+
+@tables.register(Stability)
+def stability_tables(result: Stability) -> Sequence[RenderableType]:
+    """Multipliers and the verdict."""
+    return [_multiplier_table(result), _verdict_line(result)]
+
+
+@brief.register(Stability)
+def stability_in_brief(result: Stability) -> RenderableType:
+    """Heading and verdict."""
+    return stacked(heading_of(result), _verdict_line(result))
+
+
+def _multiplier_table(result: Stability) -> RenderableType:
+    columns = "Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"
+    title = "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T"
+    made = table(title, *columns, left=0)
+    every = zip(result.multipliers, result.exponents, result.modes, result.multiplier_errors, strict=True)
+    rows = [row[:3] for row in every if not (np.imag(row[0]) < 0 or math.isnan(row[3]))]
+    for rho, exponent, mode in rows[:_MOST_MULTIPLIERS]:
+        made.add_row(
+            f"{rho.real:.6g}",
+            f"±{rho.imag:.6g}" if rho.imag else "0",
+            f"{abs(rho):.6g}",
+            f"{exponent.real:.5g}",
+            f"{mode.folded / (2 * math.pi):.5g}",
+            "–" if mode.unfolded is None else f"{mode.unfolded / (2 * math.pi):.5g}",
+            "–" if mode.order is None else f"{mode.order}",
+        )
+    smaller = len(rows) - _MOST_MULTIPLIERS
+    rest = [f"{smaller} smaller"] * (smaller > 0)
+    rest += [f"{result.unresolved} without a digit"] * (result.unresolved > 0)
+    if rest:
+        made.caption = "and " + ", ".join(rest)
+    return made
+
+
+def _verdict_line(result: Stability) -> RenderableType:
+    radius, error = result.spectral_radius, result.error_estimate.multipliers
+    style = _VERDICT_STYLE[VERDICTS.index(result.verdict)]
+    line = ["\n", (result.verdict, style), f": spectral radius {radius:.10g} ± {error * radius:.0e}"]
+    if result.reduction_error is not None:
+        line.append(f", reduction ± {result.reduction_error.spectral_radius * radius:.0e}")
+    return assembled(*line)
+
+
+def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
+    """Panels of the multipliers, with a closer view of small ones, and of the verdict."""
+    from matplotlib.patches import Circle
+
+    rho, radius = result.multipliers, float(np.abs(result.multipliers).max(initial=0.0))
+    closer = 0.0 < radius < _CLOSER
+    panels = place.subplots(1, 3 if closer else 2, width_ratios=(1, 1, 0.75) if closer else (1, 1.75))
+    _draw_multipliers(panels[0], rho, max(1.0, radius))
+    panels[0].add_patch(Circle((0, 0), 1.0, fill=False, color=BLACK, linewidth=0.9))
+    panels[0].set_title("Floquet multipliers", loc="left", color=GREY)
+    if closer:
+        power = math.floor(math.log10(radius)) if radius < 0.1 else 0
+        unit = f" ({raised(f'10^{power}')})" if power else ""
+        _draw_multipliers(panels[1], rho / 10.0**power, radius / 10.0**power, unit)
+        panels[1].add_patch(
+            Circle((0, 0), radius / 10.0**power, fill=False, color=GREY, linewidth=0.8, linestyle="--")
+        )
+        panels[1].set_title("closer, within the largest", loc="left", color=GREY)
+    _write_summary(panels[-1], result)
+
+
+def _draw_multipliers(axes: Axes, rho: Array, reach: float, unit: str = "") -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    axes.axvline(0.0, color=GREY, linewidth=0.5)
+    dots = {"color": BLUE, "markersize": 4.5, "markeredgecolor": "white", "markeredgewidth": 0.5}
+    axes.plot(np.real(rho), np.imag(rho), "o", **dots)
+    for axis, set_limits in ((axes.xaxis, axes.set_xlim), (axes.yaxis, axes.set_ylim)):
+        set_limits(-1.15 * reach, 1.15 * reach)
+        axis.set_major_locator(MaxNLocator(5, symmetric=True))
+    axes.set_aspect("equal")
+    axes.set_xlabel(f"Re ρ{unit}")
+    axes.set_ylabel(f"Im ρ{unit}")
+
+
+def _write_summary(axes: Axes, result: Stability) -> None:
+    orbit, multipliers = result.error_estimate
+    lines = [
+        f"|ρ| max = {result.spectral_radius:.6g}",
+        f"{result.method}, {result.steps} steps",
+        f"error of multipliers {multipliers:.0e}",
+    ]
+    if not math.isnan(orbit):
+        lines.append(f"error of orbit {orbit:.0e}")
+    place: dict[str, Any] = {"va": "top", "transform": axes.transAxes}
+    color = VERMILION if result.verdict == "unstable" else BLACK
+    axes.axis("off")
+    axes.text(0.0, 1.0, result.verdict, fontweight="bold", color=color, **place)
+    axes.text(0.0, 0.88, "\n".join(lines), linespacing=1.6, **place)
