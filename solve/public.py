@@ -17,6 +17,8 @@ from solve.newton.branches import branch
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
+from solve.proof.prove import prove
+from solve.proof.result import Proof
 from solve.results.bands import Band
 from solve.results.branch import Branch
 from solve.results.chart import Chart
@@ -66,6 +68,7 @@ __all__ = [
     "Orbit",
     "PeriodicCurves",
     "PeriodicSystem",
+    "Proof",
     "Radau",
     "Report",
     "RungeKutta4",
@@ -97,6 +100,7 @@ __all__ = [
     "nonlinear",
     "open",
     "periodic",
+    "prove",
     "report",
     "sensitivities",
     "sensitivities_over",

@@ -9,16 +9,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.commands.groups import Results
+from solve.results.contents import plain
 from solve.results.files import Whole, write_whole
 from solve.results.result import Result
 from solve.results.save import writer
+from solve.views.proof import proof_printout
 from solve.views.show import printout
 from solve.views.style import Figure, drawn
 from solve.views.tables import RenderableType, assembled, console, text
 
 if TYPE_CHECKING:
+    from solve.proof.result import Proof
     from solve.views.animation import Animation
     from solve.views.page import Report
+
+
+class ContradictionError(Exception):
+    """A proof and the ordinary verdict contradict each other: an internal error."""
 
 
 def deliver_result(
@@ -31,11 +38,13 @@ def deliver_result(
     report: Callable[[], RenderableType] | None = None,
     figure: Callable[[], Figure] | None = None,
     beside: Mapping[Path, Callable[[], Figure | str]] | None = None,
+    proof: "Proof | None" = None,
 ) -> None:
     """Write and print what the flags ask for; standard output has the tables or the JSON, no more.
 
     Record, report and figure are the result's own where none is given; beside: further pictures, and
-    texts. choices: what the user set beyond the case; notes come before the warnings.
+    texts. choices: what the user set beyond the case; notes come before the warnings. Raises
+    ContradictionError, in the end, for a proof that the result contradicts.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
@@ -48,11 +57,17 @@ def deliver_result(
             files.write(data, writer(result, data))
     with _naming([file for file in (*pictures, data) if file is not None]):
         if flags.json:
-            print(json.dumps((record or result.record)(), ensure_ascii=False, allow_nan=False))
+            made = (record or result.record)()
+            made |= {} if proof is None else {"proof": plain(proof.record)}
+            print(json.dumps(made, ensure_ascii=False, allow_nan=False))
         else:
             console().print(report() if report else printout(result, choices))
+            if proof is not None:
+                console().print(proof_printout(proof))
         sys.stdout.flush()
-        print_warnings([*notes, *result.warnings])
+        print_warnings([*notes, *result.warnings, *([] if proof is None else proof.warnings)])
+    if proof is not None and proof.contradicted:
+        raise ContradictionError(f"{proof.verdict} is proved, but the ordinary verdict is {result.verdict}")
 
 
 def _write_text(words: str, stream: BinaryIO) -> None:

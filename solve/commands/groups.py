@@ -31,9 +31,11 @@ from solve.sizes import MOST, limited
 from solve.units import speeds_in_si
 
 if TYPE_CHECKING:
+    from solve.proof.result import Proof
     from solve.results.bands import Bands
     from solve.results.critical_speeds import CriticalSpeeds
     from solve.results.result import Result
+    from solve.results.stability import Stability
 
 
 class Flag(NamedTuple):
@@ -221,6 +223,41 @@ class OnePoint(Steps):
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
         """What a function such as `solve.periodic` gives."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
+
+
+@dataclass(frozen=True)
+class Proving:
+    """Whether the verdict of a single speed is proved."""
+
+    prove: Annotated[bool, Flag("Prove verdict and bounds by ball arithmetic; needs python-flint.")] = False
+    digits: Annotated[
+        int | None, Flag("With --prove: decimal digits of multipliers; 20 by default.", "N")
+    ] = None
+    rounded: Annotated[bool, Flag("With --prove: for all numbers that are rounded to the given ones.")] = (
+        False
+    )
+
+    def require_provable(self, model: Model) -> None:
+        """Raise SolveError subclasses for what cannot be proved, before anything is solved."""
+        given = [f"--digits {self.digits}"] if self.digits is not None else []
+        given += ["--rounded"] if self.rounded else []
+        if given and not self.prove:
+            raise ValueOutOfBoundsError(f"{given[0]} requires --prove; add it")
+        if len(given) > 1:
+            raise ValueOutOfBoundsError("--rounded has the digits of the numbers; leave out --digits")
+        if self.prove:
+            from solve.proof.prove import checked_digits, require_provable
+
+            checked_digits(self.digits)
+            require_provable(model)
+
+    def proof(self, result: "Stability") -> "Proof | None":
+        """The proof of a result, if it was requested."""
+        if not self.prove:
+            return None
+        from solve.proof.prove import prove
+
+        return prove(result, digits=self.digits, rounded=self.rounded)
 
 
 @dataclass(frozen=True)

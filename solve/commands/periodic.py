@@ -5,7 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Flag, OnePoint, Problem, Results, Speed
+from solve.commands.groups import Flag, OnePoint, Problem, Proving, Results, Speed
 from solve.commands.parse import harmonic_count
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.model.model import Model
@@ -26,6 +26,7 @@ def periodic(
     problem: Problem,
     speed: Speed,
     accuracy: OnePoint,
+    proving: Proving,
     results: Results,
     harmonics: Annotated[int | None, Flag("Orders of the spectrum; 60 by default.", "N")] = None,
     nonlinear: Annotated[bool, Flag("The orbit of the nonlinear equations, the linear one beside.")] = False,
@@ -43,6 +44,9 @@ def periodic(
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
     orders, model = harmonic_count(harmonics), problem.loaded(rigid=True)
+    proving.require_provable(model)
+    if nonlinear and proving.prove:
+        raise ValueOutOfBoundsError("only linear equations can be proved; leave out --nonlinear or --prove")
     require_name("scale", scale, SCALES)
     shown(model, show)
     if fits and results.plot is None:
@@ -67,12 +71,13 @@ def periodic(
     if nonlinear:
         find = partial(_nonlinear, start=start, periods=1 if periods is None else periods)
     orbit = accuracy.solved(find, model, speed.omega(model))
+    proof = proving.proof(orbit)
     figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
     record = partial(orbit.record, orders, quasi_static)
     report = partial(printout, orbit, problem.choices, quasi_static=quasi_static)
     if records is not None:
         record, report, figure = _with_measured(orbit, records, record, report)
-    deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure)
+    deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure, proof=proof)
 
 
 def _nonlinear(

@@ -22,7 +22,8 @@ _CLOSER = 0.4
 """Spectral radius below which multipliers get a second, closer view."""
 
 _MOST_MULTIPLIERS = 8
-_VERDICT_STYLE = "bold green", "bold yellow", "bold red", "bold magenta"
+VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
+"""Styles of the verdicts."""
 
 
 @figure.register(Stability)
@@ -71,7 +72,7 @@ def _multiplier_table(result: Stability) -> RenderableType:
 
 def _verdict_line(result: Stability) -> RenderableType:
     radius, error = result.spectral_radius, result.error_estimate.multipliers
-    style = _VERDICT_STYLE[VERDICTS.index(result.verdict)]
+    style = VERDICT_STYLES[result.verdict]
     line = ["\n", (result.verdict, style), f": spectral radius {radius:.10g} ± {error * radius:.0e}"]
     if result.reduction_error is not None:
         line.append(f", reduction ± {result.reduction_error.spectral_radius * radius:.0e}")

@@ -239,6 +239,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--coupler-point": ("0.1,0", "1e308,1"),
     "--cut": ("delta=1", "speed=1 rad/s"),
     "--data": tuple(MEASURED),
+    "--digits": ("5", "12", "0", "x"),
     "--elements": ("1,2", "3", "0", "9999"),
     "--figure": ("rms", "max"),
     "--frames": _COUNT,

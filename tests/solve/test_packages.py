@@ -67,6 +67,7 @@ called = {
     "chart": solve.chart(mathieu, {"delta": [0.5, 1.0]}, {"epsilon": [0.1, 0.2]}, **rough),
     "critical_speeds": solve.critical_speeds(cam, [60.0, 62.0, 64.0], **rough, tolerance=1e-2),
     "frequencies": solve.frequencies(cam),
+    "prove": solve.prove(mathieu, 1.0),
     "report": solve.report(solve.load("portal_frame")),
     "animate": solve.animate(cam, "100 rpm", rtol=1e-2),
     "frequencies_over": solve.frequencies_over(cam, "k1", [8e4, 9e4], np.zeros(1)),

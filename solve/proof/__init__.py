@@ -1,0 +1,1 @@
+"""Rigorous enclosures of periodic solutions and Floquet multipliers by ball arithmetic."""

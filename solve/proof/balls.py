@@ -1,0 +1,80 @@
+"""Balls of Arb, matrices of these, and upper bounds on norms.
+
+A ball is a midpoint with a radius. Every operation returns a ball that contains the exact results for all
+numbers of its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are computed in balls too,
+so that their rounding is directed.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from solve.errors import MissingLibraryError
+
+try:
+    import flint
+except ImportError:
+    raise MissingLibraryError.of_extra("a proof", "python-flint", "prove") from None
+
+Ball = Any
+"""A real ball, complex ball or power series with such coefficients."""
+
+Matrix = Any
+"""A matrix of real or complex balls."""
+
+arb, acb, arb_mat, acb_mat = flint.arb, flint.acb, flint.arb_mat, flint.acb_mat
+arb_series = flint.arb_series
+
+
+@contextmanager
+def precision(bits: int, terms: int = 10) -> Iterator[None]:
+    """Working precision in bits, and the number of terms of power series, inside the block."""
+    before = flint.ctx.prec, flint.ctx.cap
+    flint.ctx.prec, flint.ctx.cap = bits, terms
+    try:
+        yield
+    finally:
+        flint.ctx.prec, flint.ctx.cap = before
+
+
+def norm(matrix: Matrix) -> Ball:
+    """Upper bound on the maximum norm of a matrix: the largest sum of the moduli of a row."""
+    columns = matrix.ncols()
+    moduli = [entry.abs_upper() for entry in matrix.entries()]
+    return largest(sum(moduli[at : at + columns], arb(0)) for at in range(0, len(moduli), columns))
+
+
+def largest(values: Iterable[Ball]) -> Ball:
+    """Exact upper bound on nonnegative balls; infinite if one is not finite."""
+    found = arb(0)
+    for value in values:
+        high = value.upper()
+        if not high.is_finite():
+            return arb.pos_inf()
+        if high > found:
+            found = high
+    return found
+
+
+def interval(low: Ball, high: Ball) -> Ball:
+    """The smallest ball that contains both."""
+    return low.union(high)
+
+
+def widened(matrix: Matrix, radius: Ball) -> Matrix:
+    """A real matrix with every entry enlarged by a radius."""
+    by = arb(0, radius.upper())
+    return arb_mat(matrix.nrows(), matrix.ncols(), [entry + by for entry in matrix.entries()])
+
+
+def above(x: Ball) -> float:
+    """A double that is at least as large as a nonnegative ball; infinite if that is not finite."""
+    if x.is_zero():
+        return 0.0
+    return math.nextafter(float(x.upper()), math.inf) if x.is_finite() else math.inf
+
+
+def below(x: Ball) -> float:
+    """A double that is at most as large as a nonnegative ball, at least 0."""
+    return 0.0 if x.is_zero() else max(0.0, math.nextafter(float(x.lower()), -math.inf))

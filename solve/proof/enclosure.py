@@ -1,0 +1,206 @@
+"""The enclosures of a model at a speed, with the precision that a verdict needs."""
+
+import math
+import time
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from fractions import Fraction
+from functools import partial
+
+import numpy as np
+
+from solve.errors import ResonanceError
+from solve.model.model import Model
+from solve.period.multipliers import UNDETERMINED, VERDICTS
+from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest, precision
+from solve.proof.equation import Equation
+from solve.proof.instructions import Instructions
+from solve.proof.orbit import largest_modulus, polynomials, position_and_rate, states
+from solve.proof.result import Proof
+from solve.proof.spectrum import Multiplier, multipliers, verdict
+from solve.proof.turn import Turn, turn
+from solve.results.orbit import Orbit
+from solve.results.stability import Stability
+
+_GUARD_BITS = 40
+"""Bits beyond the digits: condition numbers up to 10^6, and the levels of the product."""
+
+_MOST_ADVANCE = 24.0
+"""h‖A‖ of a step at most. Between 12 and 48 the cost of a period changes by less than a third."""
+
+_ROUNDED = 34, 4.0
+"""Bits, and h‖A‖ at most, for balls of parameters: their radius of 2^-53 is enlarged by e^{2h‖A‖}."""
+
+_DOUBLINGS = 2
+"""Most doublings of the precision for an open verdict."""
+
+_SAMPLES = 64
+"""Phases from which scales are chosen; they change widths, not truth."""
+
+_SHOWN = 4
+"""Decimal digits that are shown beyond those which two bounds share."""
+
+_LARGEST_WHOLE = 2**53
+"""Whole numbers below it are exact doubles."""
+
+_EXACT = "parameters, speed and constants are exactly their double-precision numbers"
+_ALL_WITHIN = (
+    "parameters, speed and constants are any real numbers within two units in the last place of the given "
+    "ones; whole numbers are exact"
+)
+
+_DENOMINATORS = range(1, 13)
+"""A period within two units in the last place of kπ/q, for such a q, is exactly that number."""
+
+
+def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Proof:
+    """The proof for a model whose ordinary result is given; of its orbit, if the result has one."""
+    begun = time.process_time()
+    equation = _equation(system, result.speed, rounded)
+    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + _GUARD_BITS, _MOST_ADVANCE)
+    found = _enclosed(system, equation, bits, most, rounded)
+    for _ in range(0 if rounded else _DOUBLINGS):
+        if found.verdict != UNDETERMINED:
+            break
+        bits *= 2
+        found = _enclosed(system, equation, bits, most, rounded)
+    bounds, orbit_error, warnings = {}, math.nan, []
+    if found.verdict == UNDETERMINED:
+        warnings.append(
+            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless a "
+            "multiplier lies on it, as those of rigid-body modes do"
+        )
+    with precision(2 * bits):
+        if isinstance(result, Orbit):
+            try:
+                enclosures = states(found.turn, equation.n, found.Phi)
+                bounds, orbit_error = _orbit(result, equation, found, enclosures)
+            except ResonanceError as error:
+                warnings.append(str(error))
+        errors = {"multipliers": _true_error(result, found.discs), "orbit": orbit_error}
+        each = [disc for disc in found.discs for _ in range(disc.count)]
+        centers = [complex(disc.center) for disc in each]
+        moved = zip(each, centers, strict=True)
+        radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
+        radius = _bounds([disc.low for disc in found.discs], [disc.high for disc in found.discs])
+    return Proof(
+        verdict=VERDICTS[found.verdict],
+        multipliers=np.array(centers),
+        radii=np.array(radii),
+        isolated=np.array([disc.isolated for disc in each]),
+        spectral_radius=radius,
+        max_abs=bounds,
+        result=result,
+        true_error=errors,
+        assumed=_ALL_WITHIN if rounded else _EXACT,
+        steps=len(found.turn.steps),
+        seconds=time.process_time() - begun,
+        warnings=tuple(warnings),
+    )
+
+
+def _bounds(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
+    """The largest of lower and of upper bounds as decimal numbers, with the digits that they share and a few
+    more."""
+    low, high = largest(lows), largest(highs)
+    if not high.is_finite():
+        return _decimal(low, _SHOWN, ROUND_FLOOR), "inf"
+    shared = float((high / (high - low)).log()) / math.log(10) if high > low else 0.0
+    digits = _SHOWN + math.ceil(max(0.0, shared))
+    return _decimal(low, digits, ROUND_FLOOR), _decimal(high, digits, ROUND_CEILING)
+
+
+@dataclass(frozen=True)
+class _Enclosed:
+    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict; at_rest: no load."""
+
+    turn: Turn
+    Phi: Matrix
+    discs: list[Multiplier]
+    verdict: int
+    at_rest: bool
+
+
+def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded: bool) -> _Enclosed:
+    with precision(2 * bits):
+        period = _period(system.period, rounded)
+        found = turn(equation, period, system.breaks, bits, most)
+        Phi = found.levels()[-1][0]
+        homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
+        discs = multipliers(homogeneous)
+        conservative, at_rest = equation.vanishes(period)
+        return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), at_rest)
+
+
+def _equation(system: Model, omega: float, rounded: bool) -> Equation:
+    instructions = Instructions.of(system.setup.function("linearised"), partial(_number, rounded=rounded))
+    phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
+    M, C, K, d = system.at(phases, omega)
+    samples = M, C / omega, K / omega**2, d / omega**2
+    numbers = [_number(float(x), rounded) for x in (omega, *system.setup.p)]
+    return Equation.scaled(instructions, numbers[0], numbers[1:], samples)
+
+
+def _number(x: float, rounded: bool) -> Ball:
+    """A number as a ball: rounded, with all numbers within two units in the last place, since units and
+    constants such as π round several times."""
+    whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
+    return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
+
+
+def _period(T: float, rounded: bool) -> Ball:
+    """A period as the multiple of π that it stands for."""
+    for q in _DENOMINATORS:
+        k = round(T * q / math.pi)
+        if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
+            return arb.pi() * k / q
+    return _number(T, rounded)
+
+
+def _orbit(
+    result: Orbit, equation: Equation, found: _Enclosed, enclosures: list[Matrix]
+) -> tuple[dict[str, tuple[float, float]], float]:
+    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|; zero
+    without a load."""
+    if found.at_rest:
+        return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
+    q = result.at(np.array([float(start) for start in found.turn.starts]))
+    bounds, worst, resting = {}, 0.0, 0.0
+    for i, name in enumerate(result.coordinates):
+        row = arb_mat([[*(arb(x) * equation.load for x in equation.modes[i].tolist()), *([0] * equation.n)]])
+        low, high = largest_modulus(polynomials(found.turn, enclosures, row))
+        bounds[name] = below(low), above(high)
+        values = zip(enclosures, q[i].tolist(), strict=True)
+        apart = largest(abs((row * position_and_rate(state))[0, 0] - value) for state, value in values)
+        if low > 0:
+            worst = max(worst, above(apart / low))
+        else:
+            resting = max(resting, above(apart))
+    # A coordinate that may be at rest has no size of its own.
+    size = max(low for low, _ in bounds.values())
+    return bounds, max(worst, resting / size) if size > 0 else math.inf
+
+
+def _true_error(result: Stability, discs: list[Multiplier]) -> float:
+    """Largest distance of an ordinary multiplier from the enclosure that is next to it, relative to the
+    spectral radius; NaN where it is unknown."""
+    centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]
+    radius = largest(disc.low for disc in discs)
+    worst, left = arb(0), list(centers)
+    for rho in result.multipliers.tolist():
+        if math.isnan(rho.real):
+            continue
+        near = min(left, key=lambda each: abs(each[0] - rho))
+        left.remove(near)
+        worst = largest((worst, abs(near[1].center - rho) + near[1].radius))
+    if len(left) == len(centers):
+        return math.nan
+    return above(worst / radius) if radius > 0 else math.inf
+
+
+def _decimal(x: Ball, digits: int, rounding: str) -> str:
+    """An exact ball as a decimal number, rounded in a direction."""
+    mantissa, exponent = (int(part) for part in x.man_exp())
+    exact = Context(prec=abs(exponent) + mantissa.bit_length() + 10)
+    value = exact.multiply(Decimal(mantissa), exact.power(Decimal(2), exponent))
+    return str(value.normalize(Context(prec=digits, rounding=rounding)))

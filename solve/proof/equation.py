@@ -1,0 +1,177 @@
+"""The scaled first-order form of a periodic system, with enclosures of its coefficients.
+
+The equations of motion Ω²M q″ + ΩC q′ + K q = d, with derivatives by the phase, are scaled by modes T and
+frequencies W of constant matrices. With y = (T⁻¹q, W⁻¹T⁻¹q′) and a load of size one as a further component,
+
+    y₁′ = W y₂,    m y₂′ + r (y₁, y₂, 1) = 0,    m = P M T W,    r = P [K T/Ω², C T W/Ω, −d/(Ω² λ)].
+
+T, W and λ may be any exact numbers and P any exact regular matrix: they change no multiplier, and the orbit
+only by known factors. W is diagonal.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from solve.arrays import Array
+from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, arb_mat, arb_series, interval, largest, norm
+from solve.proof.instructions import ANY, Entries, Instructions, Outcomes, UndecidedError
+
+_CONDITION = 1e6
+"""Condition number of the modes above which coordinates are not transformed to modes."""
+
+
+_TINY = 1e-290
+"""Numbers above it keep all digits when they are multiplied by scales near 1."""
+
+_HALVINGS = 30
+"""Most halvings of a step in search of decided outcomes: the radius of a ball is rounded up by 2^-30 of
+itself, and then is shorter than a window at a jump."""
+
+
+@dataclass(frozen=True)
+class Equation:
+    """A system with n coordinates at a speed.
+
+    Parameters
+    ----------
+    instructions : M, C, K, d of phase, speed and parameters
+    n : number of coordinates
+    speed : ball, rad/s
+    parameters : balls
+    modes : T (n, n), exact
+    frequencies : W (n,), exact, in multiples of the speed
+    load : λ, exact
+    """
+
+    instructions: Instructions
+    n: int
+    speed: Ball
+    parameters: tuple[Ball, ...]
+    modes: Array
+    frequencies: Array
+    load: float
+
+    @classmethod
+    def scaled(
+        cls,
+        instructions: Instructions,
+        speed: Ball,
+        parameters: Sequence[Ball],
+        samples: tuple[Array, Array, Array, Array],
+    ) -> "Equation":
+        """Equation in scales that balance the mean moduli of its coefficients.
+
+        samples : M, C, K (m, n, n) and d (m, n) by the phase, at some phases
+        """
+        M, C, K, d = samples
+        n = d.shape[1]
+        modes = np.linalg.eig(np.linalg.solve(M.mean(axis=0), K.mean(axis=0)))[1]
+        if np.iscomplexobj(modes) or np.linalg.cond(modes) > _CONDITION:
+            modes = np.eye(n)
+        rates = np.zeros((2 * n, 2 * n))
+        rates[:n, n:] = np.eye(n)
+        for columns, part in ((slice(0, n), K), (slice(n, 2 * n), C)):
+            rates[n:, columns] = np.abs(np.linalg.solve(M @ modes, part @ modes)).mean(axis=0)
+        scales = matrix_balance(rates, permute=False, separate=True)[1][0]
+        modes, frequencies = modes * scales[:n], scales[n:] / scales[:n]
+        if not _exact(modes, modes * frequencies):
+            modes, frequencies = np.eye(n), np.ones(n)
+        moved = np.abs(np.linalg.solve(M @ (modes * frequencies), d[..., None])).max()
+        return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0))
+
+    def vanishes(self, period: Ball) -> tuple[bool, bool]:
+        """Whether C, and whether d, is exactly zero at all phases. Without C, det Φ = 1 (Liouville)."""
+        entries = self._entries(interval(arb(0), period), None)
+        rates, loads = (all(value.is_zero() for *_, value in entries[k][0]) for k in (1, 3))
+        return rates, loads
+
+    def outcomes(self, start: Ball, end: Ball, halvings: int = _HALVINGS) -> Outcomes:
+        """Outcomes of the operations with pieces between two phases, which are halved where the intervals are
+        too wide to decide. Raises UndecidedError where the outcomes differ."""
+        try:
+            return self.instructions([[interval(start, end)], [self.speed], self.parameters])[1]
+        except UndecidedError:
+            if not halvings:
+                raise
+        middle = ((start + end) / 2).mid()
+        first, second = self.outcomes(start, middle, halvings - 1), self.outcomes(middle, end, halvings - 1)
+        if first != second:
+            raise UndecidedError
+        return first
+
+    def largest_rate(self, phase: Ball) -> Ball:
+        """Upper bound on ‖[0 W 0; −m⁻¹r]‖ on an interval of phases, for all outcomes."""
+        m, r = self.at(phase, None)
+        return largest((norm(m.inv() * r), arb(float(self.frequencies.max()))))
+
+    def at(self, phase: Ball, outcomes: Outcomes | None, P: Matrix | None = None) -> tuple[Matrix, Matrix]:
+        """m (n, n) and r (n, 2n+1) at real or complex phases, not multiplied by P if that is None; with any
+        outcomes if these are None."""
+        matrix, zero = (acb_mat, acb(0)) if isinstance(phase, acb) else (arb_mat, arb(0))
+        found = self._entries(phase, outcomes)
+        M, C, K, d = (self._filled(matrix, zero, entries, columns) for entries, columns in found)
+        return self._scaled(matrix, M, C, K, d, P)
+
+    def series(
+        self, phase: Ball, outcomes: Outcomes, P: Matrix, terms: int
+    ) -> tuple[list[Matrix], list[Matrix]]:
+        """Taylor coefficients of m and r at a phase."""
+        found = self._entries(arb_series([phase, arb(1)]), outcomes)
+        made = []
+        for term in range(terms):
+            M, C, K, d = (
+                self._filled(arb_mat, arb(0), [(i, j, _coefficient(x, term)) for i, j, x in entries], columns)
+                for entries, columns in found
+            )
+            made.append(self._scaled(arb_mat, M, C, K, d, P))
+        return [m for m, _ in made], [r for _, r in made]
+
+    def _entries(self, phase: Ball, outcomes: Outcomes | None) -> list[tuple[Entries, int]]:
+        values, _ = self.instructions(
+            [[phase], [self.speed], self.parameters], ANY if outcomes is None else outcomes
+        )
+        return list(zip(values, (self.n, self.n, self.n, 1), strict=True))
+
+    def _filled(self, matrix: type, zero: Ball, entries: Entries, columns: int) -> Matrix:
+        values = [zero] * (self.n * columns)
+        for i, j, value in entries:
+            values[i * columns + j] = value
+        return matrix(self.n, columns, values)
+
+    def _scaled(
+        self, matrix: type, M: Matrix, C: Matrix, K: Matrix, d: Matrix, P: Matrix | None
+    ) -> tuple[Matrix, Matrix]:
+        n, T, TW = self.n, self._modes, self._modes_by_frequencies
+        m, by_rate, by_position = M * TW, C * TW / self.speed, K * T / self.speed**2
+        load = d / (-self.load * self.speed**2)
+        rows = [
+            [*(by_position[i, j] for j in range(n)), *(by_rate[i, j] for j in range(n)), load[i, 0]]
+            for i in range(n)
+        ]
+        r = matrix(n, 2 * n + 1, [entry for row in rows for entry in row])
+        return (m, r) if P is None else (P * m, P * r)
+
+    @property
+    def _modes(self) -> Matrix:
+        return arb_mat(self.modes.tolist())
+
+    @property
+    def _modes_by_frequencies(self) -> Matrix:
+        return arb_mat((self.modes * self.frequencies).tolist())
+
+
+def _exact(*factors: Array) -> bool:
+    """Whether products of these by powers of two, which scales are, are neither subnormal nor infinite."""
+    sizes = np.abs(np.concatenate([factor.ravel() for factor in factors]))
+    return bool((np.isfinite(sizes) & ((sizes == 0) | (sizes > _TINY))).all())
+
+
+def _coefficient(x: Ball, term: int) -> Ball:
+    if isinstance(x, arb_series):
+        if x.prec <= term:
+            raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
+        return x[term]
+    return x if term == 0 else arb(0)

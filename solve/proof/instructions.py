@@ -1,0 +1,275 @@
+"""Evaluation of a CasADi function on balls, discs and power series.
+
+A function of scalars is a list of instructions. Each operation is applied to whatever numbers are given, so
+that one list serves real balls, complex balls and power series. Operations with pieces (comparisons, |x|,
+floor, min, max) are analytic only where their outcome is constant. Outcomes are recorded in an evaluation on
+a real interval, where they must be the same everywhere, and then used on discs and in power series.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi
+
+from solve.errors import LinearModelError
+from solve.proof.balls import Ball, acb, arb
+
+
+class UndecidedError(Exception):
+    """An operation has different outcomes on parts of an interval."""
+
+
+Outcomes = tuple[Any, ...]
+"""Outcomes of the operations with pieces, in the order of the instructions."""
+
+Entries = list[tuple[int, int, Ball]]
+"""Rows, columns and values of a matrix."""
+
+ANY: Outcomes = ("any",)
+"""All outcomes that are possible on an interval: results contain those of each."""
+
+
+def _power(x: Ball, y: Ball) -> Ball:
+    whole = y.unique_fmpz() if isinstance(y, arb) and y.is_exact() else None
+    if whole is not None:
+        return _whole_power(x, int(whole))
+    return (_log(x) * y).exp()
+
+
+def _whole_power(x: Ball, k: int) -> Ball:
+    if k < 0:
+        return 1 / _whole_power(x, -k)
+    result = arb(1)
+    while k:
+        result, x, k = (result * x if k & 1 else result), (x * x if k > 1 else x), k >> 1
+    return result
+
+
+def _analytic(name: str) -> Callable[[Ball], Ball]:
+    """A function that is undefined on discs which meet its branch cut: there it is not analytic."""
+
+    def apply(x: Ball) -> Ball:
+        function = getattr(x, name)
+        return function(analytic=True) if isinstance(x, acb) else function()
+
+    return apply
+
+
+def _inverse(name: str) -> Callable[[Ball], Ball]:
+    """asin, acos or atan, undefined on discs that may meet a branch cut: the real axis beyond ±1, for atan
+    the imaginary axis beyond ±i."""
+
+    def apply(x: Ball) -> Ball:
+        if isinstance(x, acb):
+            along, across = (x.imag, x.real) if name == "atan" else (x.real, x.imag)
+            if not abs(along) < 1 and across.contains(0):
+                return acb(arb.nan())
+        return getattr(x, name)()
+
+    return apply
+
+
+_log, _atan = _analytic("log"), _inverse("atan")
+
+_SMOOTH: dict[int, Callable[..., Ball]] = {
+    casadi.OP_ASSIGN: lambda x: x,
+    casadi.OP_ADD: lambda x, y: x + y,
+    casadi.OP_SUB: lambda x, y: x - y,
+    casadi.OP_MUL: lambda x, y: x * y,
+    casadi.OP_DIV: lambda x, y: x / y,
+    casadi.OP_NEG: lambda x: -x,
+    casadi.OP_SQ: lambda x: x * x,
+    casadi.OP_TWICE: lambda x: 2 * x,
+    casadi.OP_INV: lambda x: 1 / x,
+    casadi.OP_POW: _power,
+    casadi.OP_CONSTPOW: _power,
+    casadi.OP_SQRT: _analytic("sqrt"),
+    casadi.OP_EXP: lambda x: x.exp(),
+    casadi.OP_LOG: _log,
+    casadi.OP_SIN: lambda x: x.sin(),
+    casadi.OP_COS: lambda x: x.cos(),
+    casadi.OP_TAN: lambda x: x.tan(),
+    casadi.OP_ASIN: _inverse("asin"),
+    casadi.OP_ACOS: _inverse("acos"),
+    casadi.OP_ATAN: _atan,
+    casadi.OP_SINH: lambda x: (x.exp() - (-x).exp()) / 2,
+    casadi.OP_COSH: lambda x: (x.exp() + (-x).exp()) / 2,
+    casadi.OP_TANH: lambda x: 1 - 2 / ((2 * x).exp() + 1),
+}
+"""Analytic operations: results of their operands."""
+
+
+def _certain(yes: bool, no: bool) -> bool:
+    if not yes and not no:
+        raise UndecidedError
+    return yes
+
+
+def _true(condition: Ball) -> bool:
+    return _certain(not condition.contains(0), condition.is_zero())
+
+
+def _sign(x: Ball) -> int:
+    return 0 if x.is_zero() else 1 if _certain(x > 0, x < 0) else -1
+
+
+def _nonnegative(x: Ball) -> int:
+    return 1 if _certain(x >= 0, x < 0) else -1
+
+
+def _floor(x: Ball) -> int:
+    found = x.floor().unique_fmpz()
+    if found is None:
+        raise UndecidedError
+    return int(found)
+
+
+def _towards_zero(x: Ball, y: Ball) -> int:
+    quotient = x / y
+    return _floor(quotient) if _nonnegative(quotient) > 0 else -_floor(-quotient)
+
+
+def _half_plane(y: Ball, x: Ball) -> str:
+    """A half plane that contains all points (x, y) and not the cut of atan2, with the points far from its
+    edge where that is possible."""
+    halves = {"right": x, "upper": y, "lower": -y}
+    inside = [half for half, distance in halves.items() if distance > 0]
+    if not inside:
+        raise UndecidedError
+    return max(inside, key=lambda half: float(halves[half].lower()))
+
+
+def _angle(half: str, y: Ball, x: Ball) -> Ball:
+    if half == "right":
+        return _atan(y / x)
+    quarter = arb.pi() / 2
+    return (quarter if half == "upper" else -quarter) - _atan(x / y)
+
+
+_PIECES: dict[int, tuple[Callable[..., Any], Callable[..., Ball]]] = {
+    casadi.OP_FABS: (_nonnegative, lambda sign, x: x if sign > 0 else -x),
+    casadi.OP_SIGN: (_sign, lambda sign, x: arb(sign)),
+    casadi.OP_FLOOR: (_floor, lambda k, x: arb(k)),
+    casadi.OP_CEIL: (lambda x: -_floor(-x), lambda k, x: arb(k)),
+    casadi.OP_FMOD: (_towards_zero, lambda k, x, y: x - k * y),
+    casadi.OP_FMIN: (lambda x, y: _certain(x <= y, x > y), lambda first, x, y: x if first else y),
+    casadi.OP_FMAX: (lambda x, y: _certain(x >= y, x < y), lambda first, x, y: x if first else y),
+    casadi.OP_ATAN2: (_half_plane, _angle),
+    casadi.OP_LT: (lambda x, y: _certain(x < y, x >= y), lambda yes, x, y: arb(int(yes))),
+    casadi.OP_LE: (lambda x, y: _certain(x <= y, x > y), lambda yes, x, y: arb(int(yes))),
+    casadi.OP_NOT: (lambda x: not _true(x), lambda yes, x: arb(int(yes))),
+    casadi.OP_AND: (
+        lambda x, y: _true(x) and _true(y),
+        lambda yes, x, y: arb(int(yes)),
+    ),
+    casadi.OP_OR: (
+        lambda x, y: _true(x) or _true(y),
+        lambda yes, x, y: arb(int(yes)),
+    ),
+    casadi.OP_IF_ELSE_ZERO: (
+        lambda condition, x: _true(condition),
+        lambda yes, condition, x: x if yes else arb(0),
+    ),
+}
+"""Operations with pieces: the outcome on real balls, and the result of outcome and operands. Conditions are
+exact, since their comparisons are decided."""
+
+_HULLS: dict[int, Callable[..., Ball]] = {
+    casadi.OP_FABS: lambda x: x.union(-x),
+    casadi.OP_SIGN: lambda x: arb(-1).union(arb(1)),
+    casadi.OP_FLOOR: lambda x: x.floor(),
+    casadi.OP_CEIL: lambda x: x.ceil(),
+    casadi.OP_ATAN2: lambda y, x: arb(0, arb.pi().upper()),
+    casadi.OP_FMOD: lambda x, y: arb(0, y.abs_upper()),
+    casadi.OP_FMIN: lambda x, y: x.union(y),
+    casadi.OP_FMAX: lambda x, y: x.union(y),
+    casadi.OP_LT: lambda x, y: arb(0).union(arb(1)),
+    casadi.OP_LE: lambda x, y: arb(0).union(arb(1)),
+    casadi.OP_NOT: lambda x: arb(0).union(arb(1)),
+    casadi.OP_AND: lambda x, y: arb(0).union(arb(1)),
+    casadi.OP_OR: lambda x, y: arb(0).union(arb(1)),
+    casadi.OP_IF_ELSE_ZERO: lambda condition, x: x.union(arb(0)),
+}
+"""Operations with pieces of which several outcomes are possible: a ball that contains their results."""
+
+_NAMES = {value: name for name, value in vars(casadi).items() if name.startswith("OP_")}
+
+
+@dataclass(frozen=True)
+class Instructions:
+    """A function as a list of (operation, places of operands, place of the result, constant).
+
+    The result of an output is its number with the row and the column of the entry, since later lines reuse
+    places. entries: number of entries of each output that are not structurally zero.
+    """
+
+    lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
+    places: int
+    entries: tuple[int, ...]
+
+    @classmethod
+    def of(cls, function: casadi.Function, number: Callable[[float], Ball] = arb) -> "Instructions":
+        """Instructions of a function, with its constants as balls by `number`. Raises LinearModelError for an
+        operation without a rule."""
+        function = function if function.is_a("SXFunction") else function.expand()
+        sparsities = map(function.sparsity_out, range(function.n_out()))
+        triplets = [list(zip(*each.get_triplet(), strict=True)) for each in sparsities]
+        lines = []
+        for k in range(function.n_instructions()):
+            operation = function.instruction_id(k)
+            given, made = function.instruction_input(k), function.instruction_output(k)
+            if operation == casadi.OP_OUTPUT:
+                lines.append((operation, tuple(given), (made[0], *triplets[made[0]][made[1]]), None))
+            elif operation == casadi.OP_CONST:
+                lines.append((operation, (), made[0], number(function.instruction_constant(k))))
+            elif operation == casadi.OP_INPUT or operation in _SMOOTH or operation in _PIECES:
+                lines.append((operation, tuple(given), made[0], None))
+            else:
+                raise LinearModelError(
+                    f"the equations contain {_NAMES.get(operation, operation)}, for which no enclosure is "
+                    "implemented; state them with other functions"
+                )
+        return cls(tuple(lines), function.sz_w(), tuple(map(len, triplets)))
+
+    def __call__(
+        self, inputs: Sequence[Sequence[Ball]], outcomes: Outcomes | None = None
+    ) -> tuple[list[Entries], Outcomes]:
+        """Entries (row, column, value) of each output, and the outcomes of the operations with pieces.
+
+        Parameters
+        ----------
+        inputs : elements of each input
+        outcomes : of an earlier evaluation, or ANY; if None, determined from the inputs, which are real balls
+
+        Raises
+        ------
+        UndecidedError if an outcome is not the same for all numbers of the inputs.
+        """
+        work: list[Any] = [None] * self.places
+        values: list[Entries] = [[] for _ in self.entries]
+        recorded: list[Any] = []
+        replayed = None if outcomes is None or outcomes is ANY else iter(outcomes)
+        for operation, places, result, constant in self.lines:
+            if operation == casadi.OP_CONST:
+                work[result] = constant
+            elif operation == casadi.OP_OUTPUT:
+                output, row, column = result
+                values[output].append((row, column, work[places[0]]))
+            elif operation == casadi.OP_INPUT:
+                work[result] = inputs[places[0]][places[1]]
+            elif operation in _SMOOTH:
+                work[result] = _SMOOTH[operation](*(work[place] for place in places))
+            else:
+                decide, apply = _PIECES[operation]
+                operands = [work[place] for place in places]
+                try:
+                    outcome = decide(*operands) if replayed is None else next(replayed)
+                except UndecidedError:
+                    if outcomes is not ANY or operation not in _HULLS:
+                        raise
+                    work[result] = _HULLS[operation](*operands)
+                    continue
+                recorded.append(outcome)
+                work[result] = apply(outcome, *operands)
+        return values, tuple(recorded)

@@ -1,0 +1,93 @@
+"""Enclosures of the periodic solution: its states, and the extrema of its coordinates."""
+
+import heapq
+import math
+
+from solve.errors import ResonanceError
+from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest
+from solve.proof.turn import Turn
+
+_WIDTH = 1e-12
+"""Relative width at which the search for a maximum ends."""
+
+_SHORTEST = 2.0**-30
+"""Fraction of a step below which halving narrows nothing: the enclosure of the solution is wider."""
+
+_CELLS = 20_000
+"""Most intervals that are examined for one maximum."""
+
+
+def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
+    """States (2n+1, 1) of the periodic solution at the start of each step. Raises ResonanceError where 1 − Φ
+    may be singular."""
+    size = 2 * n
+    difference = arb_mat([[int(i == j) - Phi[i, j] for j in range(size)] for i in range(size)])
+    forced = arb_mat([[Phi[i, size]] for i in range(size)])
+    try:
+        start = difference.solve(forced)
+    except ZeroDivisionError:
+        raise ResonanceError(
+            "1 − Φ may be singular, so that no periodic solution is proved; more digits may decide, unless "
+            "the speed is at a resonance"
+        ) from None
+    return turn.states(arb_mat([*start.table(), [arb(1)]]))
+
+
+def position_and_rate(state: Matrix) -> Matrix:
+    """The scaled state (2n, 1) without the unit load."""
+    return arb_mat(state.table()[:-1])
+
+
+def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[list[Ball], Ball]]:
+    """Coefficients by τ of a combination (1, 2n) of the state on each step, and a bound on their error."""
+    weight = sum((entry.abs_upper() for entry in row.entries()), arb(0))
+    found = []
+    for step, state in zip(turn.steps, states, strict=True):
+        size = largest(entry.abs_upper() for entry in state.entries())
+        coefficients = [(row * (term * state))[0, 0] for term in step.terms]
+        found.append((coefficients, (weight * size * step.error).upper()))
+    return found
+
+
+def largest_modulus(pieces: list[tuple[list[Ball], Ball]]) -> tuple[Ball, Ball]:
+    """Lower and upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and all pieces.
+
+    The interval with the largest upper bound is halved until this is close to the largest lower bound. Bounds
+    are rounded up to doubles, so that their order is exact.
+    """
+    low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(pieces))]
+    for _ in range(_CELLS):
+        bound, at, start, end = heap[0]
+        if (low > 0 and arb(-bound) - low < _WIDTH * low) or end - start < _SHORTEST:
+            break
+        heapq.heappop(heap)
+        middle = (start + end) / 2
+        for first, second in ((start, middle), (middle, end)):
+            least, most = _on(pieces[at], first, second)
+            low = least if least > low else low
+            heapq.heappush(heap, (-above(most), at, first, second))
+    return low, arb(-heap[0][0])
+
+
+def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball, Ball]:
+    """Lower bound on |p| in the middle of an interval, and upper bound on the whole, by the mean value form
+    of second order."""
+    coefficients, error = piece
+    middle, half = (arb(start) + arb(end)) / 2, (arb(end) - arb(start)) / 2
+    value, slope, curvature = _derivatives(coefficients, middle, arb(start).union(arb(end)))
+    low = (abs(value) - error).lower()
+    high = (abs(value) + abs(slope) * half + curvature * half**2 / 2 + error).upper()
+    return low, high
+
+
+def _derivatives(coefficients: list[Ball], middle: Ball, cell: Ball) -> tuple[Ball, Ball, Ball]:
+    """p and p′ at the middle, and a bound on |p″| on the cell, by Horner's scheme."""
+    value, slope, second = arb(0), arb(0), arb(0)
+    first_on, value_on = arb(0), arb(0)
+    for c in reversed(coefficients):
+        slope = slope * middle + value
+        value = value * middle + c
+        second = second * cell + 2 * first_on
+        first_on = first_on * cell + value_on
+        value_on = value_on * cell + c
+    return value, slope, second.abs_upper()

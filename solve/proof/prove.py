@@ -1,0 +1,101 @@
+"""`prove`: multipliers, verdict and orbit of a system as enclosures."""
+
+from solve.argument import first_is
+from solve.errors import LinearModelError, MissingValueError, ValueOutOfBoundsError
+from solve.model.model import Model
+from solve.model.sampling import MatrixSampler
+from solve.proof.result import Proof
+from solve.results.nonlinear import NonlinearOrbit
+from solve.results.stability import Stability
+from solve.single import floquet, periodic
+from solve.system import PeriodicSystem
+
+DIGITS = 20
+"""Decimal digits, relative to the spectral radius, that enclosures aim at."""
+
+_MOST_DIGITS = 1000
+"""Most digits: the cost of a step grows with their square, and is minutes then."""
+
+
+@first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")
+def prove(
+    system: Model | Stability,
+    speed: float | str | None = None,
+    digits: int | None = None,
+    rounded: bool = False,
+    orbit: bool = True,
+) -> Proof:
+    """Enclosures of the multipliers, the verdict and the periodic solution of a generated model.
+
+    Parameters
+    ----------
+    system : Model or Stability
+        A model with generated matrices, or a linear result of one, such as an orbit.
+    speed : float or str, optional
+        rad/s, or a text with unit; not with a result.
+    digits : int, optional
+        Decimal digits of the multipliers relative to the spectral radius; 20 by default.
+    rounded : bool, optional
+        Whether the statement holds for all real numbers within two units in the last place of the given
+        ones, whole numbers being exact, rather than for exactly these doubles.
+    orbit : bool, optional
+        Whether the periodic solution is enclosed too; that of a result is, if it has one.
+
+    Returns
+    -------
+    Proof
+        Its verdict is "undetermined" where none is proved.
+
+    Raises
+    ------
+    LinearModelError
+        For systems without generated matrices, and for nonlinear orbits.
+    MissingLibraryError
+        Without python-flint.
+    StepsError
+        Where no step has an enclosure.
+    ValueOutOfBoundsError
+        For unsuitable digits.
+
+    Examples
+    --------
+    >>> import solve
+    >>> solve.prove(solve.load("mathieu"), 1.0).verdict
+    'asymptotically stable'
+    """
+    wanted = checked_digits(digits)
+    if isinstance(system, Stability):
+        if isinstance(system, NonlinearOrbit):
+            raise LinearModelError("only linear equations can be proved; give the linear orbit")
+        if speed is not None:
+            raise ValueOutOfBoundsError("the result has a speed of its own; leave out the speed")
+        result = system
+    elif speed is None:
+        raise MissingValueError('no speed given; add one, such as "600 rpm"')
+    else:
+        require_provable(system)
+        result = periodic(system, speed) if orbit else floquet(system, speed)
+    from solve.proof.enclosure import enclosed
+
+    return enclosed(require_provable(result.system), result, wanted, rounded)
+
+
+def checked_digits(digits: int | None) -> int:
+    """The number of digits, the default one for None. Raises ValueOutOfBoundsError."""
+    if digits is not None and not 1 <= digits <= _MOST_DIGITS:
+        raise ValueOutOfBoundsError(f"digits is {digits}; allowed: 1 to {_MOST_DIGITS}")
+    return DIGITS if digits is None else digits
+
+
+def require_provable(system: PeriodicSystem) -> Model:
+    """The system, a model whose matrices are a generated function of the phase. Raises LinearModelError, and
+    MissingLibraryError without python-flint."""
+    if not isinstance(system, Model) or not isinstance(system._matrices, MatrixSampler) or system.assembled:
+        raise LinearModelError(
+            "a proof needs matrices that are a generated function of the phase; systems of Python functions "
+            "or samples, structures and modal damping have none"
+        )
+    from solve.proof.instructions import Instructions
+
+    Instructions.of(system.setup.function("linearised"))
+    return system

@@ -1,0 +1,94 @@
+"""What `prove` returns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from solve.arrays import Array
+from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, VERDICTS
+from solve.results.stability import Stability
+
+
+@dataclass(frozen=True)
+class Proof:
+    """Enclosures of multipliers and orbit, and the ordinary result with its true error.
+
+    Attributes
+    ----------
+    verdict : str
+        "asymptotically stable", "stable", "unstable" or "undetermined".
+    multipliers : (2n,) complex array
+        Centers of discs that contain the multipliers, by falling modulus.
+    radii : (2n,) array
+        Radii of the discs.
+    isolated : (2n,) array of bool
+        Whether the disc contains one multiplier only; others share a disc, which is repeated.
+    spectral_radius : tuple of str
+        Lower and upper bound, as decimal numbers.
+    max_abs : mapping of str to tuple of float
+        Lower and upper bound of max|q| over a period, by coordinate; empty without an orbit.
+    result : Stability
+        The ordinary result.
+    true_error : mapping of str to float
+        Bounds on the errors of the ordinary result: of its multipliers, relative to the spectral radius, and
+        of its orbit at the steps of the proof, relative to max|q|; NaN without an orbit.
+    assumed : str
+        The assumption on the numbers of the model.
+    steps : int
+        Number of steps of the period.
+    seconds : float
+        Processor time.
+    warnings : tuple of str
+        Why something was not proved.
+    """
+
+    verdict: str
+    multipliers: Array
+    radii: Array
+    isolated: Array
+    spectral_radius: tuple[str, str]
+    max_abs: Mapping[str, tuple[float, float]]
+    result: Stability
+    true_error: Mapping[str, float]
+    assumed: str
+    steps: int
+    seconds: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def proved(self) -> bool:
+        """Whether the verdict is proved."""
+        return self.verdict != VERDICTS[UNDETERMINED]
+
+    @property
+    def contradicted(self) -> bool:
+        """Whether the ordinary verdict and the proved one exclude each other."""
+        ordinary, low = self.result.verdict, float(self.spectral_radius[0])
+        asymptotically, stable, unstable, _ = VERDICTS
+        excluded = {
+            asymptotically: (unstable,),
+            stable: (asymptotically, unstable),
+            # An ordinary verdict "stable" allows for moduli up to its error.
+            unstable: (asymptotically, stable) if low > 1 + KNOWN_ON_CIRCLE else (asymptotically,),
+        }
+        return ordinary in excluded.get(self.verdict, ())
+
+    def statistics(self, name: str) -> tuple[float, float]:
+        """Lower and upper bound of max|q| of a coordinate."""
+        return self.max_abs[name]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The object `proof` of JSON."""
+        discs = zip(self.multipliers.tolist(), self.radii.tolist(), strict=True)
+        return {
+            "proved": self.proved,
+            "verdict": self.verdict,
+            "multipliers": [[center.real, center.imag, radius] for center, radius in discs],
+            "isolated": self.isolated.tolist(),
+            "spectral_radius": list(self.spectral_radius),
+            "assumed": self.assumed,
+            "max_abs": {name: list(bounds) for name, bounds in self.max_abs.items()},
+            "true_error": dict(self.true_error),
+            "seconds": self.seconds,
+        }

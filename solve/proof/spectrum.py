@@ -1,0 +1,160 @@
+"""Enclosures of the eigenvalues of an interval matrix by Gershgorin's discs, and the verdict.
+
+With approximate eigenvectors X, D = X⁻¹ΦX is nearly diagonal. Row i of D divided by σ and column i multiplied
+by σ is a similar matrix. If its disc i, of radius Σ_j |D_ij|/σ, is apart from all others, it contains exactly
+one eigenvalue. With σ as large as that allows, the radius is of second order in the off-diagonal entries.
+"""
+
+from dataclasses import dataclass
+
+from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE
+from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, largest, norm
+
+_APART = 4
+"""Fraction of the distance of two discs that the column's entry may take: 1/4 leaves room for both radii."""
+
+
+@dataclass(frozen=True)
+class Multiplier:
+    """A disc with Floquet multipliers.
+
+    center : complex ball without radius
+    radius : upper bound, exact
+    count : number of multipliers for which the disc stands
+    isolated : whether it contains no other multiplier
+    """
+
+    center: Ball
+    radius: Ball
+    count: int
+    isolated: bool
+
+    @property
+    def low(self) -> Ball:
+        """Lower bound on the modulus of one of the multipliers, at least 0."""
+        low = (abs(self.center) - self.radius).lower()
+        return low if low > 0 else arb(0)
+
+    @property
+    def high(self) -> Ball:
+        """Upper bound on the modulus of each multiplier."""
+        return (abs(self.center) + self.radius).upper()
+
+
+def multipliers(Phi: Matrix) -> list[Multiplier]:
+    """Discs of all eigenvalues of a real interval matrix (N, N), by falling modulus; those that are not
+    isolated from each other share a disc."""
+    Phi = acb_mat(Phi)
+    found = [_discs(D) for D in _similar(Phi)]
+    return min(found, key=lambda discs: float(largest(disc.high for disc in discs)))
+
+
+def _similar(Phi: Matrix) -> list[Matrix]:
+    """The matrix, and one that is similar to it and nearly diagonal, if its eigenvectors are regular."""
+    X = Phi.mid().eig(right=True, algorithm="approx")[1].mid()
+    try:
+        return [Phi, X.solve(Phi * X)]
+    except ZeroDivisionError:
+        return [Phi]
+
+
+def _discs(D: Matrix) -> list[Multiplier]:
+    size = D.nrows()
+    moduli = [[D[i, j].abs_upper() for j in range(size)] for i in range(size)]
+    own = [_radius(D[i, i]) for i in range(size)]
+    radii = [largest([sum((moduli[i][j] for j in range(size) if j != i), own[i])]) for i in range(size)]
+    centers = [D[i, i].mid() for i in range(size)]
+    isolated = {i: _isolated(i, centers, radii, moduli, own[i]) for i in range(size)}
+    found = [Multiplier(centers[i], radius, 1, True) for i, radius in isolated.items() if radius is not None]
+    for some in _connected(centers, radii):
+        count = sum(isolated[i] is None for i in some)
+        if count:
+            found.append(_joined([centers[i] for i in some], [radii[i] for i in some], count))
+    found = _with_real(found)
+    return sorted(found, key=lambda each: (-float(abs(each.center).mid()), -float(each.center.imag.mid())))
+
+
+def _with_real(discs: list[Multiplier]) -> list[Multiplier]:
+    """Discs with real centers where these prove that a multiplier is real: the only one in a disc that is
+    symmetric about the real axis, since its conjugate is a multiplier too."""
+    made = list(discs)
+    for at, disc in enumerate(discs):
+        if not disc.isolated or disc.center.imag.is_zero() or abs(disc.center.imag) > disc.radius:
+            continue
+        real = Multiplier(acb(disc.center.real), (disc.radius + abs(disc.center.imag)).upper(), 1, True)
+        others = (other for other in discs if other is not disc)
+        if all(abs(real.center - other.center) > real.radius + other.radius for other in others):
+            made[at] = real
+    return made
+
+
+def _radius(x: Ball) -> Ball:
+    return acb(arb(0, x.real.rad()), arb(0, x.imag.rad())).abs_upper()
+
+
+def _isolated(
+    i: int, centers: list[Ball], radii: list[Ball], moduli: list[list[Ball]], own: Ball
+) -> Ball | None:
+    """Radius of a disc about center i that contains exactly one eigenvalue; None if none is found."""
+    others = [j for j in range(len(centers)) if j != i]
+    if not others:
+        return radii[i]
+    gaps = {j: abs(centers[i] - centers[j]).lower() for j in others}
+    sigma = arb(2) ** 60
+    for j in others:
+        if not gaps[j] > 0:
+            return None
+        if moduli[j][i] > 0:
+            bound = gaps[j] / (_APART * moduli[j][i])
+            sigma = bound.mid() if bound < sigma else sigma
+    # With σ < 1 the disc would not lie within the unscaled one, which the sets of discs count.
+    if not sigma >= 1:
+        return None
+    radius = ((radii[i] - own) / sigma + own).upper()
+    apart = all(radius + radii[j] + sigma * moduli[j][i] < gaps[j] for j in others)
+    return radius if apart else None
+
+
+def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
+    """Sets of discs that may overlap: each contains as many eigenvalues as it has discs."""
+    sets: list[list[int]] = []
+    for i in range(len(centers)):
+        near = [
+            some for some in sets if any(not abs(centers[i] - centers[j]) > radii[i] + radii[j] for j in some)
+        ]
+        sets = [some for some in sets if some not in near] + [[i, *(j for some in near for j in some)]]
+    return sets
+
+
+def _joined(centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
+    center = (sum(centers, acb(0)) / len(centers)).mid()
+    reach = largest(abs(each - center) + radius for each, radius in zip(centers, radii, strict=True))
+    return Multiplier(center, reach, count, len(centers) == 1)
+
+
+_POWERS = 20
+"""Squarings of Φ for bounds on the spectral radius from norms and traces."""
+
+
+def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:
+    """Position in VERDICTS of what the enclosures imply.
+
+    Asymptotically stable if all discs lie inside the unit circle, or a norm of a power of Φ is below 1.
+    Unstable if a disc lies outside, or the trace of a power of Φ is larger than its size. Stable for one
+    conservative coordinate (det Φ = 1) with |tr Φ| < 2: both multipliers are on the circle and different.
+    """
+    size = Phi.nrows()
+    if all(each.high < 1 for each in found):
+        return ASYMPTOTICALLY_STABLE
+    if any(each.low > 1 for each in found):
+        return UNSTABLE
+    if conservative and size == 2 and abs(Phi.trace()) < 2:
+        return STABLE
+    power = Phi
+    for _ in range(_POWERS):
+        if norm(power) < 1:
+            return ASYMPTOTICALLY_STABLE
+        if abs(power.trace()) > size:
+            return UNSTABLE
+        power = power * power
+    return UNDETERMINED

@@ -1,0 +1,224 @@
+"""Enclosure of the map of one step by a Taylor polynomial with a bounded defect.
+
+On a step of length h, τ = t/h in [0, 1], the solution Y (2n, 2n+1) with Y(0) = (I, 0) is approximated by a
+polynomial Ỹ with exact coefficients. Its defects are D₁ = Ỹ₁′ − hWỸ₂ and D₂ = mỸ₂′ + hr(Ỹ, 1). The error E =
+Y − Ỹ satisfies E₁′ = hWE₂ − D₁, m E₂′ + h r_y E = −D₂, E(0) = 0, and by Gronwall's inequality
+
+    ‖E(1)‖ ≤ e^a max(1, μ) Σ_k ‖D_k‖,    a ≥ sup h‖A‖,  μ ≥ sup ‖m⁻¹‖  on the step,  A = [0 W; −m⁻¹r_y].
+
+Coefficients of m and r beyond the order J are bounded by Cauchy's inequality from their sup S on the disc
+|t| ≤ R: ‖r_j‖h^j ≤ S s^j with s = h/R < 1, so that these add at most (S s^{J+1}/(1 − s)) Σ_k ‖Z_k‖ to the
+defect, Z = (Ỹ, 1) for r, and Ỹ₂′ for m.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.proof.balls import Ball, Matrix, acb, arb, arb_mat, interval, largest, norm, precision, widened
+from solve.proof.equation import Equation
+from solve.proof.instructions import Outcomes, UndecidedError
+
+_RATIOS = 16, 8, 4, 2
+"""Candidates for R/h: large ones need fewer terms of the coefficients, but these grow on large discs."""
+
+_PARTS, _SHORTEST_PART = 4, 2.0**-6
+"""Intervals of a step on which ‖A‖ and ‖m⁻¹‖ are bounded, and the fraction of the step below which they are
+not halved any more."""
+
+_MOST_TERMS = 8
+"""Most terms of the solution per term of the coefficients: Taylor series of solutions that converge on the
+step need up to three times as many."""
+
+_BOUNDS = 64
+"""Bits with which bounds are computed."""
+
+
+class StepTooLongError(Exception):
+    """No enclosure of the required accuracy on a step of this length."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Enclosure of the solution on a step.
+
+    map : (2n+1, 2n+1), from y and the unit load at the start to these at the end
+    terms : coefficients (2n, 2n+1) of τ^k, exact
+    error : bound on the error of the polynomial at every τ
+    """
+
+    map: Matrix
+    terms: list[Matrix]
+    error: Ball
+
+
+def step(equation: Equation, start: Ball, length: Ball, bits: int, most: float) -> Step:
+    """Enclosure of a step with an error below 2^-bits and h‖A‖ below `most`.
+
+    Raises StepTooLongError where that is not reached, or an operation with pieces changes its outcome.
+    """
+    n = equation.n
+    try:
+        outcomes = equation.outcomes(start, start + length)
+        P = equation.at(start, outcomes)[0].mid().inv().mid()
+    except (UndecidedError, ZeroDivisionError):
+        raise StepTooLongError from None
+    with precision(_BOUNDS):
+        advance, inverse = _bounds_on_step(equation, start, length, outcomes, P, most)
+        amplified = advance.exp() * inverse
+        aim = arb(2) ** -bits / amplified / 4
+        order, tail = _truncation(equation, start, length, outcomes, P, aim / amplified)
+        if order > bits:
+            raise StepTooLongError
+    with precision(bits + math.ceil(3 * float(advance)) + 40, order + 1):
+        m, r = equation.series(start, outcomes, P, order + 1)
+        terms, defect = _polynomial(n, arb_mat(_diagonal(equation.frequencies)) * length, length, m, r, aim)
+        with precision(_BOUNDS):
+            sizes = [norm(term) for term in terms]
+            rates = [k * size for k, size in enumerate(sizes)]
+            defect += tail[1] * (sum(sizes, arb(1))) + tail[0] * sum(rates, arb(0))
+            error = (defect * amplified).upper()
+        if not error < arb(2) ** -bits:
+            raise StepTooLongError
+        end = sum(terms[1:], terms[0])
+        rows = [*widened(end, error).table(), [arb(0)] * (2 * n) + [arb(1)]]
+        return Step(arb_mat(rows), terms, error)
+
+
+def _bounds_on_step(
+    equation: Equation, start: Ball, length: Ball, outcomes: Outcomes, P: Matrix, most: float
+) -> tuple[Ball, Ball]:
+    """Upper bounds on h‖A‖ and max(1, ‖m⁻¹‖) on the step. Raises StepTooLongError where m may be
+    singular, or h‖A‖ is too large."""
+    n, frequency = equation.n, float(equation.frequencies.max())
+    rates, inverses = [arb(frequency) * length], [arb(1)]
+    pending = [(part / _PARTS, (part + 1) / _PARTS) for part in range(_PARTS)]
+    while pending:
+        first, second = pending.pop()
+        m, r = equation.at(interval(start + length * first, start + length * second), outcomes, P)
+        rate, size = _rate(n, m, r * length)
+        if rate < most:
+            rates.append(rate)
+            inverses.append(size)
+        elif second - first < _SHORTEST_PART:
+            raise StepTooLongError
+        else:
+            middle = (first + second) / 2
+            pending += [(first, middle), (middle, second)]
+    return largest(rates), largest(inverses)
+
+
+def _rate(n: int, m: Matrix, r: Matrix) -> tuple[Ball, Ball]:
+    """Upper bounds on ‖m⁻¹r_y‖ and ‖m⁻¹‖, infinite where m may be singular."""
+    try:
+        inverse = m.inv()
+    except ZeroDivisionError:
+        return arb.pos_inf(), arb.pos_inf()
+    return norm(inverse * arb_mat([row[: 2 * n] for row in r.table()])), norm(inverse)
+
+
+def _truncation(
+    equation: Equation, start: Ball, length: Ball, outcomes: Outcomes, P: Matrix, aim: Ball
+) -> tuple[int, tuple[Ball, Ball]]:
+    """Order J of the coefficients, and Σ_{j>J} ‖m_j‖h^j and Σ_{j>J} ‖r_j‖h^{j+1}, below the aim. Raises
+    StepTooLongError where the coefficients are not analytic on a disc twice as large as the step."""
+    h, best = length.upper(), None
+    for ratio in _RATIOS:
+        radius = h * ratio
+        m, r = equation.at(acb(arb(start, radius), arb(0, radius)), outcomes, P)
+        size = largest((norm(m), h * norm(r)))
+        if not size.is_finite():
+            continue
+        order = max(1, math.ceil(float((size / aim).log() / math.log(ratio))))
+        if best is None or order < best[0]:
+            part = arb(ratio) ** -(order + 1) / (1 - arb(1) / ratio)
+            best = order, (part * norm(m), part * h * norm(r))
+    if best is None:
+        raise StepTooLongError
+    return best
+
+
+def _polynomial(
+    n: int, W: Matrix, h: Ball, m: list[Matrix], r: list[Matrix], aim: Ball
+) -> tuple[list[Matrix], Ball]:
+    """Coefficients of Ỹ, until these are below the aim, and Σ_k ‖D_k‖."""
+    order = len(m) - 1
+    rows, loads = [], []
+    power = h
+    for j in range(order + 1):
+        inertia = m[j + 1] * power if j < order else arb_mat(n, n)
+        scaled = r[j] * power
+        rows.append(
+            arb_mat(
+                [[scaled[i, k] for k in range(2 * n)] + [inertia[i, k] for k in range(n)] for i in range(n)]
+            )
+        )
+        loads.append([scaled[i, 2 * n] for i in range(n)])
+        power *= h
+    terms = [arb_mat([[int(i == j) for j in range(2 * n + 1)] for i in range(2 * n)])]
+    stacked = [_stacked(n, 0, terms[0])]
+    defect, k, last = arb(0), 0, math.inf
+    while k <= last + order:
+        if len(terms) > _MOST_TERMS * (order + 1):
+            raise StepTooLongError
+        inertial = _forces(n, k, rows, loads, stacked)
+        position_rates = W * _half(n, terms[k]) if k <= last else arb_mat(n, 2 * n + 1)
+        if k < last:
+            term = _joined(position_rates.mid(), (-inertial).mid(), k + 1)
+            small = _below(term, aim) and _below(terms[k], aim)
+            terms.append(term)
+            stacked.append(_stacked(n, k + 1, term))
+            if small:
+                last = k + 1
+            exact = term * (k + 1)
+            inertial = inertial + m[0] * _half(n, exact)
+            position_rates = _first(n, exact) - position_rates
+        with precision(_BOUNDS):
+            defect += largest((norm(position_rates), norm(inertial)))
+        k += 1
+    return terms, defect
+
+
+def _forces(n: int, k: int, rows: list[Matrix], loads: list[list[Ball]], stacked: list[Matrix]) -> Matrix:
+    """The coefficient of τ^k of m Ỹ₂′ + h r (Ỹ, 1) without m_0 (k + 1) Y_{2,k+1}."""
+    total = arb_mat(n, 2 * n + 1)
+    for j in range(max(0, k - len(stacked) + 1), min(k, len(rows) - 1) + 1):
+        total += rows[j] * stacked[k - j]
+    if k < len(loads):
+        load = arb_mat(n, 2 * n + 1)
+        for i in range(n):
+            load[i, 2 * n] = loads[k][i]
+        total += load
+    return total
+
+
+def _stacked(n: int, k: int, term: Matrix) -> Matrix:
+    """(Y_k, k Y_{2,k})."""
+    entries = term.entries()
+    rates = [k * entry for entry in entries[n * (2 * n + 1) :]]
+    return arb_mat(3 * n, 2 * n + 1, entries + rates)
+
+
+def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
+    """Exact midpoint of both, one above the other, divided by a whole number."""
+    made = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
+    return (made / divisor).mid()
+
+
+def _first(n: int, term: Matrix) -> Matrix:
+    return arb_mat(n, 2 * n + 1, term.entries()[: n * (2 * n + 1)])
+
+
+def _half(n: int, term: Matrix) -> Matrix:
+    return arb_mat(n, 2 * n + 1, term.entries()[n * (2 * n + 1) :])
+
+
+def _below(term: Matrix, limit: Ball) -> bool:
+    with precision(_BOUNDS):
+        return bool(norm(term) < limit)
+
+
+def _diagonal(values: Array) -> list[list[float]]:
+    return np.diag(values).tolist()

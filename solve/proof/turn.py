@@ -1,0 +1,136 @@
+"""The maps of a period: steps between the jumps, and their products by halves.
+
+Comparisons in generated code are made with rounded numbers, so that a jump is somewhere near its break. In a
+window of a few units in the last place around each break, every outcome is admitted, and the map is the
+identity up to e^{δ sup‖A‖} − 1, δ being the width of the window.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from solve.errors import StepsError
+from solve.proof.balls import Ball, Matrix, arb, arb_mat, interval, widened
+from solve.proof.equation import Equation
+from solve.proof.instructions import UndecidedError
+from solve.proof.step import Step, StepTooLongError, step
+from solve.terminal import progress
+
+_SHORTEST = 2.0**-36
+"""Fraction of the period below which a step is given up: an undeclared jump, or a singular M, is there."""
+
+_WINDOW = 4
+"""Half width of the window around a break, in units in the last place of the period."""
+
+_GROWTH = 1.5
+"""Ratio of a step to the one before, if that was not too long."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Steps of a period: start and length of each, and its enclosure."""
+
+    period: Ball
+    starts: tuple[Ball, ...]
+    lengths: tuple[Ball, ...]
+    steps: tuple[Step, ...]
+
+    def levels(self) -> list[list[Matrix]]:
+        """Products of 1, 2, 4, … neighbouring maps; the last one is that of the period. Radii grow with the
+        number of levels, and not exponentially with the number of steps."""
+        levels = [[each.map for each in self.steps]]
+        while len(levels[-1]) > 1:
+            pairs = itertools.zip_longest(levels[-1][::2], levels[-1][1::2])
+            levels.append([first if second is None else second * first for first, second in pairs])
+        return levels
+
+    def states(self, start: Matrix) -> list[Matrix]:
+        """States (2n+1, 1) at the start of each step, from the first one."""
+        states = [start]
+        for maps in reversed(self.levels()[:-1]):
+            states = [
+                state if at % 2 == 0 else maps[at - 1] * state
+                for at, state in enumerate(itertools.chain.from_iterable(zip(states, states, strict=True)))
+            ][: len(maps)]
+        return states
+
+
+def turn(equation: Equation, period: Ball, breaks: Sequence[float], bits: int, most: float) -> Turn:
+    """Steps of a period, each with an error below 2^-bits and h‖A‖ below `most`. Raises StepsError where no
+    step is found."""
+    found = []
+    with progress.task("% of the period", 100) as done:
+        for start, length, made in _pieces(equation, period, breaks, bits, most):
+            found.append((start, length, made))
+            done.add(100 * float(length) / float(period))
+    starts, lengths, steps = zip(*found, strict=True)
+    return Turn(period, starts, lengths, steps)
+
+
+def _pieces(
+    equation: Equation, period: Ball, breaks: Sequence[float], bits: int, most: float
+) -> Iterator[tuple[Ball, Ball, Step]]:
+    """Steps between the jumps, and windows around these."""
+    end, first = float(period.mid()), 0.0
+    width = _WINDOW * math.ulp(end)
+    if _jumps(equation, arb(-width), arb(width)):
+        yield _window(equation, arb(0), arb(width))
+        first = width
+    for at in (each for each in breaks if width < each < end - width):
+        yield from _between(equation, first, arb(at - width), bits, most, end)
+        first = at + width
+        yield _window(equation, arb(at - width), arb(first) - arb(at - width))
+    if _jumps(equation, arb(end - width), period):
+        yield from _between(equation, first, arb(end - width), bits, most, end)
+        yield _window(equation, arb(end - width), period - arb(end - width))
+    else:
+        yield from _between(equation, first, period, bits, most, end)
+
+
+def _jumps(equation: Equation, start: Ball, end: Ball) -> bool:
+    """Whether an operation with pieces may change its outcome between two phases."""
+    try:
+        equation.outcomes(start, end, 0)
+    except UndecidedError:
+        return True
+    return False
+
+
+def _between(
+    equation: Equation, phase: float, end: Ball, bits: int, most: float, period: float
+) -> Iterator[tuple[Ball, Ball, Step]]:
+    """Steps from one phase to another."""
+    h, stop = period / 16, float(end.mid())
+    while phase < stop:
+        last = phase + h >= stop
+        following = stop if last else phase + h
+        length = (end if last else arb(following)) - arb(phase)
+        try:
+            made = step(equation, arb(phase), length, bits, most)
+        except StepTooLongError:
+            h = (following - phase) / 2
+            if h < _SHORTEST * period:
+                raise StepsError(
+                    f"no enclosure of the solution beyond phase {phase:.9g}: M is singular there, or the "
+                    "equations have a jump that is not declared; declare it as a break"
+                ) from None
+            continue
+        yield arb(phase), length, made
+        phase, h = following, _GROWTH * (following - phase)
+
+
+def _window(equation: Equation, start: Ball, length: Ball) -> tuple[Ball, Ball, Step]:
+    n = equation.n
+    try:
+        error = ((equation.largest_rate(interval(start, start + length)) * length).exp() - 1).upper()
+    except (ZeroDivisionError, UndecidedError):
+        error = arb.pos_inf()
+    if not error < 1:
+        raise StepsError(
+            f"no bound on the equations near the jump at phase {float(start):.9g}: M may be singular there, "
+            "or a branch is undefined beyond it"
+        )
+    identity = arb_mat([[int(i == j) for j in range(2 * n + 1)] for i in range(2 * n)])
+    rows = [*widened(identity, error).table(), [arb(0)] * (2 * n) + [arb(1)]]
+    return start, length, Step(arb_mat(rows), [identity], error)

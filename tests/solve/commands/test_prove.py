@@ -1,0 +1,97 @@
+"""`--prove` of `solve floquet` and `periodic`: what it prints and refuses."""
+
+import dataclasses
+import json
+import sys
+
+import pytest
+
+pytest.importorskip("flint")
+
+from solve.proof import prove as proving
+
+MATHIEU = "floquet", "mathieu", "--speed", "1 rad/s"
+
+
+def test_json_holds_the_proof_beside_the_result(command):
+    ran = command("periodic", *MATHIEU[1:], "--prove", "--digits", "30", "--json")
+    assert ran.status == 0, ran.err
+    found = json.loads(ran.out)
+    proof = found["proof"]
+    assert proof.keys() == {
+        *("proved", "verdict", "multipliers", "isolated", "spectral_radius", "assumed", "max_abs"),
+        *("true_error", "seconds"),
+    }
+    assert proof["proved"] is True
+    assert proof["verdict"] == found["verdict"] == "asymptotically stable"
+    assert proof["isolated"] == [True, True]
+    low, high = map(float, proof["spectral_radius"])
+    error = found["error_estimate"]["multipliers"] * found["spectral_radius"]
+    assert low - error <= found["spectral_radius"] <= high + error
+    for (real, imaginary, radius), ordinary in zip(proof["multipliers"], found["multipliers"], strict=True):
+        assert abs(complex(real, imaginary) - complex(*ordinary)) <= radius + error
+    assert proof["true_error"]["multipliers"] <= found["error_estimate"]["multipliers"]
+
+
+def test_without_an_orbit_its_error_is_null(command):
+    ran = command(*MATHIEU, "--prove", "--json")
+    proof = json.loads(ran.out)["proof"]
+    assert proof["true_error"]["orbit"] is None
+    assert proof["max_abs"] == {}
+
+
+def test_the_terminal_shows_verdict_bounds_and_assumption(command):
+    ran = command(*MATHIEU, "--prove")
+    assert ran.status == 0, ran.err
+    assert "\nproved: asymptotically stable\nspectral radius ≥ 0.91497580309320" in ran.out
+    assert "Assumed: parameters, speed and constants are exactly their double-precision" in ran.out
+    assert all(len(line) <= 80 for line in ran.out.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((*MATHIEU, "--digits", "3"), "solve: --digits 3 requires --prove; add it\n"),
+        ((*MATHIEU, "--rounded"), "solve: --rounded requires --prove; add it\n"),
+        (
+            (*MATHIEU, "--prove", "--rounded", "--digits", "9"),
+            "solve: --rounded has the digits of the numbers; leave out --digits\n",
+        ),
+        ((*MATHIEU, "--prove", "--digits", "0"), "solve: digits is 0; allowed: 1 to 1000\n"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(command, arguments, said):
+    assert command(*arguments) == (2, "", said)
+
+
+def test_a_model_without_generated_matrices_is_refused_before_it_is_solved(command):
+    ran = command("floquet", "four_bar", "--speed", "30 rad/s", "--prove")
+    assert (ran.status, ran.out) == (2, "")
+    assert "a proof needs matrices that are a generated function of the phase" in ran.err
+
+
+def test_without_python_flint_the_extra_is_named(command, monkeypatch):
+    monkeypatch.setitem(sys.modules, "flint", None)
+    for name in [
+        name for name in sys.modules if name.startswith("solve.proof.") and name != proving.__name__
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    ran = command(*MATHIEU, "--prove")
+    assert (ran.status, ran.out) == (2, "")
+    said = 'solve: a proof needs python-flint; install it with: pip install "parametric-vibration[prove]"\n'
+    assert ran.err == said
+
+
+def test_a_contradiction_is_printed_and_ends_in_status_70(command, monkeypatch):
+    usual = proving.prove
+
+    def contradicting(*given, **options):
+        return dataclasses.replace(usual(*given, **options), verdict="unstable")
+
+    monkeypatch.setattr(proving, "prove", contradicting)
+    ran = command(*MATHIEU, "--prove", "--json")
+    assert ran.status == 70
+    assert json.loads(ran.out)["proof"]["verdict"] == "unstable"
+    assert json.loads(ran.out)["verdict"] == "asymptotically stable"
+    (line,) = ran.err.splitlines()
+    assert "unstable is proved, but the ordinary verdict is asymptotically stable" in line

@@ -1,0 +1,298 @@
+"""Proofs against independent truths: closed forms, mpmath, and the same proof with more digits."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import mpmath
+import numpy as np
+import pytest
+
+pytest.importorskip("flint")
+
+import solve
+from derive import Mechanism, cos, exp, rate, sin
+from solve.errors import LinearModelError, MissingValueError, StepsError, ValueOutOfBoundsError
+from solve.proof import step as of_step
+from solve.proof.balls import arb, precision
+from solve.proof.enclosure import _enclosed, _equation, _period
+from solve.proof.prove import prove
+from solve.proof.turn import turn
+
+
+def mathieu(**parameters):
+    return solve.load("mathieu", **parameters)
+
+
+def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
+    """Trace of the monodromy matrix of Mathieu's equation, from Taylor series of 40 digits."""
+    with mpmath.workdps(40):
+        c, h = 2 * mpmath.mpf(zeta) * mpmath.sqrt(mpmath.mpf(delta)), mpmath.pi / steps
+        product = mpmath.eye(2)
+        for step in range(steps):
+            stiffness = [
+                epsilon
+                * mpmath.cos(2 * step * h + k * mpmath.pi / 2)
+                * mpmath.mpf(2) ** k
+                / mpmath.factorial(k)
+                for k in range(terms)
+            ]
+            stiffness[0] += delta
+            columns = []
+            for start in ((1, 0), (0, 1)):
+                y = list(map(mpmath.mpf, start))
+                for k in range(terms - 2):
+                    force = (
+                        mpmath.fsum(stiffness[j] * y[k - j] for j in range(k + 1)) + c * (k + 1) * y[k + 1]
+                    )
+                    y.append(-force / ((k + 1) * (k + 2)))
+                value = mpmath.fsum(term * h**k for k, term in enumerate(y))
+                slope = mpmath.fsum(k * term * h ** (k - 1) for k, term in enumerate(y) if k)
+                columns.append((value, slope))
+            product = mpmath.matrix(columns).T * product
+        return product[0, 0] + product[1, 1]
+
+
+@pytest.mark.parametrize(
+    ("delta", "epsilon", "zeta", "said"),
+    [
+        (1.0, 1.0, 0.0, "unstable"),
+        (2.0, 1.0, 0.0, "stable"),
+        (1.3, 0.4, 0.03, "asymptotically stable"),
+        (0.9, 1.5, 0.02, "unstable"),
+    ],
+)
+def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, said):
+    found = prove(mathieu(delta=delta, epsilon=epsilon, zeta=zeta), 1.0, digits=25)
+    assert found.verdict == said
+    trace = exact_trace(delta, epsilon, zeta)
+    with precision(300):
+        Phi = _enclosed(found.result.system, _equation(found.result.system, 1.0, False), 120, 24.0, False).Phi
+        enclosure, exact = Phi[0, 0] + Phi[1, 1], arb(mpmath.nstr(trace, 38))
+        assert abs(enclosure - exact) < 1e-30
+    low, high = found.spectral_radius
+    with mpmath.workdps(40):
+        damping = 2 * mpmath.mpf(zeta) * mpmath.sqrt(mpmath.mpf(delta))
+        radius = max(map(abs, mpmath.polyroots([1, -trace, mpmath.exp(-damping * mpmath.pi)])))
+        assert mpmath.mpf(low) - mpmath.mpf(10) ** -32 <= radius <= mpmath.mpf(high) + mpmath.mpf(10) ** -32
+        assert mpmath.mpf(high) - mpmath.mpf(low) < mpmath.mpf(10) ** -23
+
+
+def test_more_digits_lie_within_fewer():
+    system = mathieu(delta=3.3, epsilon=2.2, zeta=0.01)
+    coarse, fine = (prove(system, 1.0, digits=digits).spectral_radius for digits in (8, 40))
+    assert float(coarse[0]) <= float(fine[0]) <= float(fine[1]) <= float(coarse[1])
+    with mpmath.workdps(60):
+        widths = [mpmath.mpf(high) - mpmath.mpf(low) for low, high in (coarse, fine)]
+        assert widths[1] < 1e-25 * widths[0]
+
+
+def test_jumps_have_the_closed_form():
+    """Meissner's equation: a product of two rotations."""
+    found = prove(solve.load("meissner"), 1.0)
+    assert found.verdict == "stable"
+    product = np.eye(2)
+    given = found.result.system.parameters
+    assert given["share"] == 0.5
+    for w in (given["w1"], given["w2"]):
+        a, b = math.cos(w * math.pi), math.sin(w * math.pi)
+        product = np.array([[a, b / w], [-w * b, a]]) @ product
+    assert sum(found.multipliers).real == pytest.approx(np.trace(product), abs=1e-12)
+
+
+def test_an_undeclared_jump_is_refused():
+    system = solve.load("meissner")
+    with precision(200), pytest.raises(StepsError, match=r"beyond phase 3\.1415.*declare it as a break"):
+        turn(_equation(system, 1.0, False), _period(system.period, False), (), 100, 24.0)
+
+
+def test_the_ordinary_result_is_within_its_estimate_of_the_proof():
+    found = prove(solve.load("manipulator"), "50 rpm")
+    estimate = found.result.error_estimate
+    assert found.verdict == found.result.verdict == "asymptotically stable"
+    assert not found.contradicted
+    assert found.true_error["multipliers"] <= estimate.multipliers
+    assert found.true_error["orbit"] <= estimate.orbit
+    for name in found.result.coordinates:
+        low, high = found.statistics(name)
+        assert high - low < 1e-9 * high
+        assert found.result.statistics(name).max_abs == pytest.approx(low, rel=2 * estimate.orbit + 1e-11)
+
+
+@pytest.mark.parametrize("left_out", ["truncated coefficients", "defect"])
+def test_leaving_out_a_remainder_is_noticed(monkeypatch, left_out):
+    """Without a remainder the enclosure is too narrow to contain the truth; the truth is known, so a test
+    that passes with remainders and fails without them sees their absence."""
+    system = mathieu(delta=1.0, epsilon=1.0, zeta=0.0)
+    truth = prove(system, 1.0, digits=40)
+    whole = of_step._polynomial
+
+    def coarse(n, W, h, m, r, aim):
+        terms, defect = (
+            whole(n, W, h, m[:6], r[:6], aim) if left_out != "defect" else whole(n, W, h, m, r, 1e-3)
+        )
+        return terms, defect if left_out != "defect" else 0 * defect
+
+    monkeypatch.setattr(of_step, "_polynomial", coarse)
+    found = prove(system, 1.0, digits=20)
+    with mpmath.workdps(60):
+        low, high = map(mpmath.mpf, found.spectral_radius)
+        assert not low <= mpmath.mpf(truth.spectral_radius[0]) <= high
+
+
+def test_rounded_parameters_widen_the_enclosures():
+    system = mathieu(delta=1.3, epsilon=0.4, zeta=0.03)
+    exact, rounded = prove(system, 1.0), prove(system, 1.0, rounded=True)
+    assert rounded.verdict == "asymptotically stable"
+    assert float(rounded.spectral_radius[0]) < float(exact.spectral_radius[0])
+    assert float(rounded.spectral_radius[1]) > float(exact.spectral_radius[1])
+    assert rounded.radii.max() < 1e-6
+    assert "within two units in the last place" in rounded.assumed
+
+
+def test_a_result_is_proved_at_its_own_speed():
+    orbit = solve.periodic(mathieu(delta=1.3, epsilon=0.4, zeta=0.03), 1.0)
+    assert prove(orbit).result is orbit
+    with pytest.raises(ValueOutOfBoundsError, match="leave out the speed"):
+        prove(orbit, 1.0)
+    with pytest.raises(MissingValueError, match="no speed given"):
+        prove(orbit.system)
+
+
+def test_on_a_stability_boundary_nothing_is_proved():
+    """Without stiffness a mass drifts: a double multiplier +1."""
+    found = prove(mathieu(delta=0.0, epsilon=0.0, zeta=0.0), 1.0, orbit=False)
+    assert found.verdict == "undetermined"
+    assert not found.proved
+    assert any("meet the unit circle" in text for text in found.warnings)
+
+
+def test_every_phase_of_a_period_is_covered():
+    """A window ends where the next step starts, also where a sum is rounded: there the break lies below 1."""
+    system = solve.load("meissner", share=0.15915494309189532)
+    (at,) = [each for each in system.breaks if each]
+    assert at < 1 < at + 1e-15
+    with precision(300):
+        found = turn(_equation(system, 1.0, False), _period(system.period, False), system.breaks, 60, 24.0)
+        for start, length, following in zip(found.starts, found.lengths, found.starts[1:], strict=False):
+            assert start + length == following
+        assert (found.starts[-1] + found.lengths[-1]).overlaps(found.period)
+
+
+def test_bounds_of_an_orbit_hold_to_the_last_digit():
+    """Two masses with constant coefficients: the amplitudes by a complex solve with 50 digits."""
+    rng = np.random.default_rng(7)
+    made = Mechanism("pair", "Two masses")
+    q1, q2 = made.coordinates(q1=("m", "first"), q2=("m", "second"))
+    m, c, k1, k2, F = made.parameters(
+        m=("kg", "mass"), c=("N s/m", "damping"), k1=("N/m", "spring"), k2=("N/m", "spring"), F=("N", "load")
+    )
+    made.kinetic = m * (rate(q1) ** 2 + rate(q2) ** 2) / 2
+    made.potential = (k1 * q1**2 + k2 * (q2 - q1) ** 2) / 2
+    made.dissipation = c * (rate(q1) ** 2 + rate(q2) ** 2) / 2
+    made.force(F * cos(made.phase), along=q2)
+    for _ in range(6):
+        values = dict(zip(("m", "c", "k1", "k2", "F"), rng.uniform(0.5, 2, 5).tolist(), strict=True))
+        found = prove(solve.load(made, **values), 1.0, digits=6)
+        with mpmath.workdps(50):
+            m_, c_, a, b, F_ = (mpmath.mpf(values[name]) for name in ("m", "c", "k1", "k2", "F"))
+            diagonal = 1j * c_ - m_
+            amplitude = mpmath.lu_solve(
+                mpmath.matrix([[a + b + diagonal, -b], [-b, b + diagonal]]), mpmath.matrix([0, F_])
+            )
+            for name, exact in zip(("q1", "q2"), map(abs, amplitude), strict=True):
+                low, high = found.statistics(name)
+                assert mpmath.mpf(low) <= exact <= mpmath.mpf(high)
+                assert high - low < 1e-10 * high
+
+
+@pytest.mark.parametrize(
+    ("ordinary", "proved", "low", "contradicted"),
+    [
+        ("stable", "asymptotically stable", "0.99999999999", False),
+        ("unstable", "asymptotically stable", "0.9", True),
+        ("asymptotically stable", "unstable", "1.0000001", True),
+        ("stable", "unstable", "1.0000000001", False),
+        ("stable", "unstable", "1.001", True),
+        ("undetermined", "unstable", "1.5", False),
+        ("unstable", "undetermined", "0.9", False),
+    ],
+)
+def test_verdicts_that_exclude_each_other(ordinary, proved, low, contradicted):
+    proof = prove(mathieu(delta=1.3, epsilon=0.4, zeta=0.03), 1.0, orbit=False)
+    made = dataclasses.replace(
+        proof, verdict=proved, spectral_radius=(low, low), result=SimpleNamespace(verdict=ordinary)
+    )
+    assert made.contradicted is contradicted
+
+
+def test_a_step_beyond_a_singular_inertia_is_given_up():
+    """The series diverges on a step that is longer than the distance to a complex zero of M."""
+    made = Mechanism("swing", "A mass that nearly vanishes")
+    (q,) = made.coordinates(q=("m", "deflection"))
+    m, e, c, k = made.parameters(
+        m=("kg", "mass"), e=("1", "share"), c=("N s/m", "damping"), k=("N/m", "spring")
+    )
+    made.kinetic = m * (e + cos(made.phase)) * rate(q) ** 2 / 2
+    made.potential, made.dissipation = k * q**2 / 2, c * rate(q) ** 2 / 2
+    found = prove(solve.load(made, m=1.0, e=1.0017, c=1e-3, k=1e-3), 1.0, digits=3, orbit=False)
+    assert found.result.verdict == found.verdict
+
+
+def test_what_cannot_be_proved_is_refused():
+    def oscillator(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
+
+    with pytest.raises(LinearModelError, match="generated function"):
+        prove(solve.PeriodicSystem(oscillator, ["q"]), 1.0)
+    with pytest.raises(LinearModelError, match="generated function"):
+        prove(solve.load("four_bar"), "30 rad/s")
+    with pytest.raises(ValueOutOfBoundsError, match="digits is 0; allowed: 1 to 1000"):
+        prove(mathieu(), 1.0, digits=0)
+
+
+def oscillator(stiffness, load=cos):
+    """q̈ + 0.02 q̇ + stiffness(φ) q = load(φ)."""
+    made = Mechanism("oscillator", "One mass")
+    (q,) = made.coordinates(q=("m", "deflection"))
+    c, k, m, F = made.parameters(
+        c=("N s/m", "damping"), k=("N/m", "stiffness"), m=("kg", "mass"), F=("N", "load")
+    )
+    made.kinetic = m * rate(q) ** 2 / 2
+    made.potential = k * stiffness(made.phase) * q**2 / 2
+    made.dissipation = c * rate(q) ** 2 / 2
+    made.force(F * load(made.phase), along=q)
+    return solve.load(made, c=0.02, k=1.0, m=1.0, F=1.0)
+
+
+def test_the_response_of_constant_coefficients_has_the_closed_form():
+    found = prove(oscillator(lambda phase: 3.9, lambda phase: cos(2 * phase)), 1.0)
+    low, high = found.statistics("q")
+    response = 1 / abs(3.9 - 4 + 0.04j)
+    assert low <= response * (1 + 1e-15)
+    assert high >= response * (1 - 1e-15)
+    assert high - low < 1e-9 * response
+    assert found.true_error["orbit"] <= found.result.error_estimate.orbit
+
+
+@pytest.mark.parametrize("place", [0.7, 2.9, 5.1])
+def test_a_bump_of_a_five_thousandth_of_the_period_is_not_missed(place):
+    """Its impulse alone, of which the product of two maps is the limit, makes the motion unstable."""
+    width = 2 * math.pi / 5000
+    strength = 4.0
+    peak = strength / (width * math.sqrt(2 * math.pi))
+    system = oscillator(lambda phase: 3.9 + peak * exp(-2 * (sin((phase - place) / 2) / width) ** 2))
+    found = prove(system, 1.0, orbit=False)
+    w = math.sqrt(3.9 - 0.01**2)
+    T, decay = 2 * math.pi, math.exp(-0.01 * 2 * math.pi)
+    smooth = decay * np.array(
+        [
+            [math.cos(w * T) + 0.01 / w * math.sin(w * T), math.sin(w * T) / w],
+            [-3.9 / w * math.sin(w * T), math.cos(w * T) - 0.01 / w * math.sin(w * T)],
+        ]
+    )
+    limit = max(abs(np.linalg.eigvals(smooth @ [[1.0, 0.0], [-strength, 1.0]])))
+    assert limit > 1.1
+    assert found.verdict == "unstable"
+    assert float(found.spectral_radius[0]) == pytest.approx(limit, rel=0.02)
