@@ -26,10 +26,10 @@ _GUARD_BITS = 40
 """Bits beyond the digits: condition numbers up to 10^6, and the levels of the product."""
 
 _MOST_ADVANCE = 24.0
-"""h‖A‖ of a step at most. Between 12 and 48 the cost of a period changes by less than a third."""
+"""h‖A‖ of a step at most. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
 
 _ROUNDED = 34, 4.0
-"""Bits, and h‖A‖ at most, for balls of parameters: their radius of 2^-53 is enlarged by e^{2h‖A‖}."""
+"""Bits, and h‖A‖ at most, for balls of parameters: their radius of up to 2^-51 is enlarged by e^{2h‖A‖}."""
 
 _DOUBLINGS = 2
 """Most doublings of the precision for an open verdict."""

@@ -11,6 +11,7 @@ only by known factors. W is diagonal.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import matrix_balance
@@ -21,7 +22,6 @@ from solve.proof.instructions import ANY, Entries, Instructions, Outcomes, Undec
 
 _CONDITION = 1e6
 """Condition number of the modes above which coordinates are not transformed to modes."""
-
 
 _TINY = 1e-290
 """Numbers above it keep all digits when they are multiplied by scales near 1."""
@@ -154,11 +154,11 @@ class Equation:
         r = matrix(n, 2 * n + 1, [entry for row in rows for entry in row])
         return (m, r) if P is None else (P * m, P * r)
 
-    @property
+    @cached_property
     def _modes(self) -> Matrix:
         return arb_mat(self.modes.tolist())
 
-    @property
+    @cached_property
     def _modes_by_frequencies(self) -> Matrix:
         return arb_mat((self.modes * self.frequencies).tolist())
 
