@@ -198,9 +198,8 @@ def _label_frequencies(axes: Axes) -> None:
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """A row a position, and the figures below."""
-    k = found.values.shape[1]
-    shown = f": the first {MOST_MODES} of {k}" if k > MOST_MODES else ""
-    made = table_of(f"Over the turn, rad/s{shown}", found.columns, most=_MOST_ROWS)
+    listed = _lowest(min(found.values.shape[1], MOST_MODES), found.system.most_frequencies)
+    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=_MOST_ROWS)
     made.add_section()
     for name, values in found.statistics(0).items():
         made.add_row(name, *map(found.text_of, values[:MOST_MODES]))
@@ -236,9 +235,13 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
             columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
     further = (tables(part) for part in (found.turn, found.variation) if part is not None)
     caption = "\n".join(captions) or None
-    listed, every = len(roots), found.system.most_frequencies
-    title = "Natural frequencies" + (f": the lowest {listed} of {every}" if listed < every else "")
+    title = "Natural frequencies" + _lowest(len(roots), found.system.most_frequencies)
     return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
+
+
+def _lowest(listed: int, every: int) -> str:
+    """End of a table's title where it lists fewer modes than there are."""
+    return f": the lowest {listed} of {every}" if listed < every else ""
 
 
 def _about_modes(found: Findings) -> list[str]:

@@ -28,6 +28,15 @@ def test_a_free_train_names_its_rigid_body_mode():
     assert "0, 81.21, 141.2, 379, 536.4 Hz" in Findings(found).summary
 
 
+@pytest.mark.parametrize(
+    ("discs", "count", "title"),
+    [(5, None, ": the lowest 4 of 5"), (8, 7, ": the lowest 6 of 8"), (3, None, "")],
+)
+def test_a_table_of_frequencies_says_how_many_modes_it_leaves_out(discs, count, title):
+    found = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
+    assert f"Over the turn, rad/s{title}\n" in repr(found).replace(" \n", "\n")
+
+
 def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
     """The others from the closed form for three equal inertias J: J λ = k1 + k2 ± √(k1² + k2² − k1 k2)."""
     k1, k2, J = np.linspace(40, 60, 21), 50.0, 0.1
