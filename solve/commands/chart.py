@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Annotated
 
-from solve.commands.deliver import deliver_result
+from solve.commands.deliver import ContradictionError, deliver_result
 from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed
 from solve.commands.parse import assignments, points, quantities
 from solve.errors import MissingValueError
@@ -32,16 +32,19 @@ def chart(
         str | None, Flag("Draw this over them: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
     ] = None,
     tolerance: Annotated[float, Flag("Accuracy of boundaries, as part of the ranges.", "R")] = 1e-9,
+    prove: Annotated[bool, Flag("Prove verdicts on boxes that cover the chart; needs python-flint.")] = False,
 ) -> None:
     """Stability over two quantities, with named boundaries."""
     across, upwards = _axis("--x", x), _axis("--y", y)
     model = problem.loaded(varied={**across, **upwards})
     lines = [_held(text, model) for text in cut or []]
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
-    asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
+    asked = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of, "prove": prove}
     with places.given() as given:
         result = found(model, across, upwards, omega, **asked, **given).with_cuts(lines)
     deliver_result(results, result, problem.choices, result.notes)
+    if result.contradicted:
+        raise ContradictionError(f"proved verdicts contradict {result.contradicted} points of the chart")
 
 
 def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:

@@ -43,7 +43,7 @@ _SHOWN = 4
 _LARGEST_WHOLE = 2**53
 """Whole numbers below it are exact doubles."""
 
-_EXACT = "parameters, speed and constants are exactly their double-precision numbers"
+EXACT = "parameters, speed and constants are exactly their double-precision numbers"
 _ALL_WITHIN = (
     "parameters, speed and constants are any real numbers within two units in the last place of the given "
     "ones; whole numbers are exact"
@@ -56,7 +56,7 @@ _DENOMINATORS = range(1, 13)
 def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Proof:
     """The proof for a model whose ordinary result is given; of its orbit, if the result has one."""
     begun = time.process_time()
-    equation = _equation(system, result.speed, rounded)
+    equation = equation_of(system, result.speed, rounded)
     bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + _GUARD_BITS, _MOST_ADVANCE)
     found = _enclosed(system, equation, bits, most, rounded)
     for _ in range(0 if rounded else _DOUBLINGS):
@@ -92,7 +92,7 @@ def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Pr
         max_abs=bounds,
         result=result,
         true_error=errors,
-        assumed=_ALL_WITHIN if rounded else _EXACT,
+        assumed=_ALL_WITHIN if rounded else EXACT,
         steps=len(found.turn.steps),
         seconds=time.process_time() - begun,
         warnings=tuple(warnings),
@@ -123,7 +123,7 @@ class _Enclosed:
 
 def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded: bool) -> _Enclosed:
     with precision(2 * bits):
-        period = _period(system.period, rounded)
+        period = period_of(system, rounded)
         found = turn(equation, period, system.breaks, bits, most)
         Phi = found.levels()[-1][0]
         homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
@@ -132,7 +132,7 @@ def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded
         return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), at_rest)
 
 
-def _equation(system: Model, omega: float, rounded: bool) -> Equation:
+def equation_of(system: Model, omega: float, rounded: bool) -> Equation:
     instructions = Instructions.of(system.setup.function("linearised"), partial(_number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
@@ -148,8 +148,9 @@ def _number(x: float, rounded: bool) -> Ball:
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
 
-def _period(T: float, rounded: bool) -> Ball:
-    """A period as the multiple of π that it stands for."""
+def period_of(system: Model, rounded: bool = False) -> Ball:
+    """The period as the multiple of π that it stands for."""
+    T = system.period
     for q in _DENOMINATORS:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):

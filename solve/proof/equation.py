@@ -107,6 +107,26 @@ class Equation:
         m, r = self.at(phase, None)
         return largest((norm(m.inv() * r), arb(float(self.frequencies.max()))))
 
+    def growth(self, phase: Ball, outcomes: Outcomes) -> tuple[Ball, Ball]:
+        """Upper bounds on the logarithmic norm μ₂(A) and on Re tr A, A = [0 W; −m⁻¹r_y], on an interval of
+        phases: μ₂ is the largest eigenvalue of (A + A*)/2, which lies in a disc of Gershgorin."""
+        n = self.n
+        P = self.at(phase.mid(), outcomes)[0].mid().inv().mid()
+        m, r = self.at(phase, outcomes, P)
+        by_state = -1 * (m.inv() * r)
+        A = acb_mat(2 * n, 2 * n)
+        for i in range(n):
+            A[i, n + i] = acb(float(self.frequencies[i]))
+            for j in range(2 * n):
+                A[n + i, j] = by_state[i, j]
+        rows = [
+            A[i, i].real
+            + sum((abs(A[i, j] + A[j, i].conjugate()) / 2 for j in range(2 * n) if j != i), arb(0))
+            for i in range(2 * n)
+        ]
+        bounds = [row.upper() for row in rows]
+        return max(bounds), A.trace().real.upper()
+
     def at(self, phase: Ball, outcomes: Outcomes | None, P: Matrix | None = None) -> tuple[Matrix, Matrix]:
         """m (n, n) and r (n, 2n+1) at real or complex phases, not multiplied by P if that is None; with any
         outcomes if these are None."""

@@ -175,13 +175,28 @@ _PIECES: dict[int, tuple[Callable[..., Any], Callable[..., Ball]]] = {
 """Operations with pieces: the outcome on real balls, and the result of outcome and operands. Conditions are
 exact, since their comparisons are decided."""
 
+
+def _decided(decide: Callable[..., Any], operands: Sequence[Ball]) -> Any:
+    """The outcome on real balls. Complex ones, for parameters near real ones, have the outcomes of these."""
+    if any(isinstance(operand, acb) for operand in operands):
+        raise UndecidedError
+    return decide(*operands)
+
+
+def _real_only(hull: Callable[..., Ball]) -> Callable[..., Ball]:
+    """Undefined for complex operands, for which the hull of real values is wrong."""
+    return lambda *operands: (
+        acb(arb.nan()) if any(isinstance(operand, acb) for operand in operands) else hull(*operands)
+    )
+
+
 _HULLS: dict[int, Callable[..., Ball]] = {
     casadi.OP_FABS: lambda x: x.union(-x),
     casadi.OP_SIGN: lambda x: arb(-1).union(arb(1)),
-    casadi.OP_FLOOR: lambda x: x.floor(),
-    casadi.OP_CEIL: lambda x: x.ceil(),
-    casadi.OP_ATAN2: lambda y, x: arb(0, arb.pi().upper()),
-    casadi.OP_FMOD: lambda x, y: arb(0, y.abs_upper()),
+    casadi.OP_FLOOR: lambda x: x.real.floor(),
+    casadi.OP_CEIL: lambda x: x.real.ceil(),
+    casadi.OP_ATAN2: _real_only(lambda y, x: arb(0, arb.pi().upper())),
+    casadi.OP_FMOD: _real_only(lambda x, y: arb(0, y.abs_upper())),
     casadi.OP_FMIN: lambda x, y: x.union(y),
     casadi.OP_FMAX: lambda x, y: x.union(y),
     casadi.OP_LT: lambda x, y: arb(0).union(arb(1)),
@@ -264,7 +279,7 @@ class Instructions:
                 decide, apply = _PIECES[operation]
                 operands = [work[place] for place in places]
                 try:
-                    outcome = decide(*operands) if replayed is None else next(replayed)
+                    outcome = _decided(decide, operands) if replayed is None else next(replayed)
                 except UndecidedError:
                     if outcomes is not ANY or operation not in _HULLS:
                         raise

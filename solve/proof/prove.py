@@ -1,10 +1,13 @@
 """`prove`: multipliers, verdict and orbit of a system as enclosures."""
 
+from concurrent.futures import Executor
+
 from solve.argument import first_is
 from solve.errors import LinearModelError, MissingValueError, ValueOutOfBoundsError
 from solve.model.model import Model
 from solve.model.sampling import MatrixSampler
 from solve.proof.result import Proof
+from solve.results.chart import ProvedBoxes
 from solve.results.nonlinear import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
@@ -99,3 +102,43 @@ def require_provable(system: PeriodicSystem) -> Model:
 
     Instructions.of(system.setup.function("linearised"))
     return system
+
+
+def prove_boxes(
+    system: Model,
+    names: tuple[str, str],
+    ranges: tuple[tuple[float, float], tuple[float, float]],
+    speed: float | None,
+    executor: Executor | None = None,
+) -> ProvedBoxes:
+    """Boxes of two quantities on which a verdict is proved, and others.
+
+    Parameters
+    ----------
+    system : Model
+        See `require_provable`.
+    names : tuple of str
+        Two parameters, or one and "speed".
+    ranges : tuple of pairs of float
+        Lower and upper end of both, in the model's units, speed in rad/s.
+    speed : float or None
+        rad/s, if it is not one of the two.
+    executor : Executor, optional
+        Computes monodromy matrices in parallel.
+
+    Raises
+    ------
+    LinearModelError
+        For a system without generated matrices, or jumps that move with one of the quantities.
+    """
+    from solve.proof.boxes import proved_boxes
+    from solve.proof.regions import Box, Plane
+
+    plane, box = Plane(require_provable(system), names, speed), Box(*ranges)
+    moved = {plane.at(x, y)[0].breaks for x in box.x for y in box.y}
+    if len(moved) > 1:
+        raise LinearModelError(
+            f"jumps of the equations move with {' or '.join(names)}, which a proved chart does not allow; "
+            "choose other quantities"
+        )
+    return proved_boxes(plane, box, executor)

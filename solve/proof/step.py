@@ -54,8 +54,11 @@ class Step:
     error: Ball
 
 
-def step(equation: Equation, start: Ball, length: Ball, bits: int, most: float) -> Step:
-    """Enclosure of a step with an error below 2^-bits and h‖A‖ below `most`.
+def step(
+    equation: Equation, start: Ball, length: Ball, bits: int, most: float, allowed: float | None = None
+) -> Step:
+    """Enclosure of a step with h‖A‖ below `most`, an error below `allowed`, and a truncation error below
+    2^-bits; the allowed error is 2^-bits if that is None.
 
     Raises StepTooLongError where that is not reached, or an operation with pieces changes its outcome.
     """
@@ -80,7 +83,7 @@ def step(equation: Equation, start: Ball, length: Ball, bits: int, most: float) 
             rates = [k * size for k, size in enumerate(sizes)]
             defect += tail[1] * (sum(sizes, arb(1))) + tail[0] * sum(rates, arb(0))
             error = (defect * amplified).upper()
-        if not error < arb(2) ** -bits:
+        if not error < (arb(2) ** -bits if allowed is None else allowed):
             raise StepTooLongError
         end = sum(terms[1:], terms[0])
         rows = [*widened(end, error).table(), [arb(0)] * (2 * n) + [arb(1)]]

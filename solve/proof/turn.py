@@ -56,12 +56,19 @@ class Turn:
         return states
 
 
-def turn(equation: Equation, period: Ball, breaks: Sequence[float], bits: int, most: float) -> Turn:
+def turn(
+    equation: Equation,
+    period: Ball,
+    breaks: Sequence[float],
+    bits: int,
+    most: float,
+    allowed: float | None = None,
+) -> Turn:
     """Steps of a period, each with an error below 2^-bits and h‖A‖ below `most`. Raises StepsError where no
     step is found."""
     found = []
     with progress.task("% of the period", 100) as done:
-        for start, length, made in _pieces(equation, period, breaks, bits, most):
+        for start, length, made in _pieces(equation, period, breaks, bits, most, allowed):
             found.append((start, length, made))
             done.add(100 * float(length) / float(period))
     starts, lengths, steps = zip(*found, strict=True)
@@ -69,23 +76,32 @@ def turn(equation: Equation, period: Ball, breaks: Sequence[float], bits: int, m
 
 
 def _pieces(
-    equation: Equation, period: Ball, breaks: Sequence[float], bits: int, most: float
+    equation: Equation, period: Ball, breaks: Sequence[float], bits: int, most: float, allowed: float | None
 ) -> Iterator[tuple[Ball, Ball, Step]]:
     """Steps between the jumps, and windows around these."""
+    for start, end, window in intervals(equation, period, breaks):
+        if window:
+            yield _window(equation, start, end - start)
+        else:
+            yield from _between(equation, float(start), end, bits, most, float(period.mid()), allowed)
+
+
+def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iterator[tuple[Ball, Ball, bool]]:
+    """Start and end of the intervals between the jumps and of the windows around these, which are marked."""
     end, first = float(period.mid()), 0.0
     width = _WINDOW * math.ulp(end)
     if _jumps(equation, arb(-width), arb(width)):
-        yield _window(equation, arb(0), arb(width))
+        yield arb(0), arb(width), True
         first = width
     for at in (each for each in breaks if width < each < end - width):
-        yield from _between(equation, first, arb(at - width), bits, most, end)
+        yield arb(first), arb(at - width), False
         first = at + width
-        yield _window(equation, arb(at - width), arb(first) - arb(at - width))
+        yield arb(at - width), arb(first), True
     if _jumps(equation, arb(end - width), period):
-        yield from _between(equation, first, arb(end - width), bits, most, end)
-        yield _window(equation, arb(end - width), period - arb(end - width))
+        yield arb(first), arb(end - width), False
+        yield arb(end - width), period, True
     else:
-        yield from _between(equation, first, period, bits, most, end)
+        yield arb(first), period, False
 
 
 def _jumps(equation: Equation, start: Ball, end: Ball) -> bool:
@@ -98,7 +114,7 @@ def _jumps(equation: Equation, start: Ball, end: Ball) -> bool:
 
 
 def _between(
-    equation: Equation, phase: float, end: Ball, bits: int, most: float, period: float
+    equation: Equation, phase: float, end: Ball, bits: int, most: float, period: float, allowed: float | None
 ) -> Iterator[tuple[Ball, Ball, Step]]:
     """Steps from one phase to another."""
     h, stop = period / 16, float(end.mid())
@@ -107,7 +123,7 @@ def _between(
         following = stop if last else phase + h
         length = (end if last else arb(following)) - arb(phase)
         try:
-            made = step(equation, arb(phase), length, bits, most)
+            made = step(equation, arb(phase), length, bits, most, allowed)
         except StepTooLongError:
             h = (following - phase) / 2
             if h < _SHORTEST * period:

@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.period.multipliers import VERDICTS
+from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE, VERDICTS
 from solve.period.named import Named
 from solve.results.contents import Column, Columns, Facts, plain, require_different_names
 from solve.results.lasting import lasting
@@ -58,6 +58,55 @@ class Cut:
         }
 
 
+@lasting
+@dataclass(frozen=True)
+class ProvedBoxes:
+    """Boxes that cover the ranges of a chart, with the verdicts that are proved everywhere on them.
+
+    ends (k, 4): lower and upper end of x, then of y. verdicts (k,): positions in VERDICTS. assumed: the
+    statement's assumptions. seconds: of all processors.
+    """
+
+    ends: Array
+    verdicts: Array
+    assumed: str
+    seconds: float
+
+    def fraction(self, *verdicts: int) -> float:
+        """Fraction of the area with one of these verdicts."""
+        areas = (self.ends[:, 1] - self.ends[:, 0]) * (self.ends[:, 3] - self.ends[:, 2])
+        return float(areas[np.isin(self.verdicts, verdicts)].sum() / areas.sum())
+
+    def at(self, x: Array, y: Array) -> Array:
+        """Positions in VERDICTS (ny, nx) at the points of a grid; on edges, of either box."""
+        found = np.full((len(y), len(x)), UNDETERMINED)
+        first = np.stack([np.searchsorted(axis, self.ends[:, k]) for axis, k in ((x, 0), (y, 2))], axis=1)
+        last = np.stack(
+            [np.searchsorted(axis, self.ends[:, k], side="right") for axis, k in ((x, 1), (y, 3))], axis=1
+        )
+        inside = np.flatnonzero((last > first).all(axis=1) & (self.verdicts != UNDETERMINED))
+        for (i, j), (right, up), verdict in zip(
+            first[inside], last[inside], self.verdicts[inside], strict=True
+        ):
+            found[j:up, i:right] = verdict
+        return found
+
+    def record(self) -> dict[str, Any]:
+        return {
+            "proved": {
+                "stable": self.fraction(ASYMPTOTICALLY_STABLE, STABLE),
+                "unstable": self.fraction(UNSTABLE),
+                "undecided": self.fraction(UNDETERMINED),
+                "assumed": self.assumed,
+                "seconds": self.seconds,
+            },
+            "boxes": [
+                {"x": ends[:2], "y": ends[2:], "verdict": VERDICTS[verdict]}
+                for ends, verdict in zip(self.ends.tolist(), self.verdicts.tolist(), strict=True)
+            ],
+        }
+
+
 @dataclass(frozen=True)
 class Chart(Result):
     """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in its own unit or "speed" (rad/s).
@@ -66,7 +115,8 @@ class Chart(Result):
     and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
     of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
     where that is not as asked. of: a quantity that was asked for, values (ny, nx): what it is, NaN where
-    it has none; beyond: where there are no orbits, or these leave the bounds of the model.
+    it has none; beyond: where there are no orbits, or these leave the bounds of the model. proved: boxes
+    with proved verdicts, if these were requested.
     """
 
     _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")
@@ -85,6 +135,7 @@ class Chart(Result):
     of: Named | None = None
     values: Array | None = None
     beyond: Sequence[str] = ()
+    proved: ProvedBoxes | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -157,7 +208,8 @@ class Chart(Result):
     def whole(self) -> dict[str, Any]:
         cuts = [cut.record() for cut in self.cuts]
         asked = {} if self.of is None else {"of": self.of.text, "unit": self.of.unit}
-        return {**asked, "boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
+        proved = {} if self.proved is None else self.proved.record()
+        return {**asked, **proved, "boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
 
     def record(self) -> dict[str, Any]:
         """Of `solve chart --json`."""
@@ -167,6 +219,19 @@ class Chart(Result):
         points = {name: getattr(self, name) for name in names}
         asked = {} if self.of is None else {"values": self.values}
         return {**super().record(), **plain({**axes, **points, **asked, "failures": failures})}
+
+    @property
+    def contradicted(self) -> int:
+        """Number of grid points whose verdict and proved verdict exclude each other."""
+        if self.proved is None:
+            return 0
+        proved, ordinary = self.proved.at(self.x, self.y), self.results.verdicts.reshape(self.shape)
+        stable = (proved == ASYMPTOTICALLY_STABLE) | (proved == STABLE)
+        return int(
+            (
+                stable & (ordinary == UNSTABLE) | (proved == UNSTABLE) & (ordinary == ASYMPTOTICALLY_STABLE)
+            ).sum()
+        )
 
     @property
     def _boundary_records(self) -> list[dict[str, Any]]:
@@ -181,6 +246,10 @@ class Chart(Result):
             low, high = np.nanmin(self.values), np.nanmax(self.values)
             facts.append((self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1")))
         facts.append(("stable", f"{share:.4g} % of {known.size} points; largest |ρ| {np.nanmax(radius):.6g}"))
+        if self.proved is not None:
+            of = self.proved.record()["proved"]
+            parts = (f"{100 * of[name]:.4g} % {name}" for name in ("stable", "unstable", "undecided"))
+            facts.append(("proved", f"{', '.join(parts)}, of the area"))
         if open_:
             facts.append(("undetermined", f"{open_} points, within their error of the unit circle"))
         return facts

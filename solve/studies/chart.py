@@ -14,11 +14,13 @@ from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
-from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
+from solve.errors import LinearModelError, MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
+from solve.model.model import Model
 from solve.period.named import EXPONENT, HARMONIC, PHASE, RADIUS, RHO, Named
 from solve.period.quantities import FIGURES
+from solve.proof.prove import prove_boxes, require_provable
 from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept, PointResults
 from solve.results.stability import Stability
@@ -55,6 +57,7 @@ def chart(
     executor: Executor | None = None,
     store: str | Path | None = None,
     of: str | None = None,
+    prove: bool = False,
 ) -> Chart:
     """Stability over two quantities: parameters in the model's unit or as texts with unit, or "speed". Each
     is {name: values}, or a text as on the command line: "delta=0:10:60", "k1=10:90:50 kN m/rad",
@@ -65,14 +68,17 @@ def chart(
     that of the case. Boundaries, including thin unstable tongues between stable points, are located to
     `tolerance` times the range of the values. engine: as in `sweep`. An executor computes parts of the grid.
     store: a folder that keeps completed parts; the same call resumes from it. of: a quantity, such as
-    "q3.max_abs" or "rho1.re", shown in the chart. Raises SolveError subclasses for bad input. A point that
-    fails, such as a linkage that cannot rotate fully, is NaN with its reason, and boundaries end there.
+    "q3.max_abs" or "rho1.re", shown in the chart. prove: whether verdicts are proved on boxes that cover the
+    chart, for models with generated matrices; this needs python-flint. Raises SolveError subclasses for bad
+    input. A point that fails, such as a linkage that cannot rotate fully, is NaN with its reason, and
+    boundaries end there.
     """
     if isinstance(model, str):
         model, case = load(model, case), None
     labels = model if isinstance(model, PeriodicSystem) else None
     (x_name, across), (y_name, upwards) = _axis("x", x, labels), _axis("y", y, labels)
     xs, ys = np.array(across), np.array(upwards)
+    provable = _provable(model) if prove else None
     if isinstance(model, PeriodicSystem):
         model = model.shown_in(across[0]).shown_in(upwards[0])
     if x_name == y_name:
@@ -104,10 +110,21 @@ def chart(
             values = asked.over(found, family.speeds(points), system.period)
             beyond = _beyond(system, found, results) if of_orbit else []
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
+        if provable is not None and isinstance(family, SystemFamily):
+            ranges = (float(xs[0]), float(xs[-1])), (float(ys[0]), float(ys[-1]))
+            boxes = prove_boxes(provable, (x_name, y_name), ranges, family.speed, executor)
+            solved = replace(solved, proved=boxes)
         if not boundaries:
             return solved
         known = steady.judge(points) if steady else Judged.of(points, results)
         return replace(solved, boundaries=_boundaries(search, solved, known, step))
+
+
+def _provable(model: object) -> Model:
+    """The model. Raises LinearModelError where verdicts on boxes cannot be proved."""
+    if not isinstance(model, PeriodicSystem):
+        raise LinearModelError("a proved chart needs a model, not a function that builds systems")
+    return require_provable(model)
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.period.multipliers import UNDETERMINED
 from solve.results.chart import Chart, Cut
 from solve.results.quantities import headed, prefixed
 from solve.system import PeriodicSystem
@@ -36,7 +37,8 @@ _MOST_CURVES = 20
 
 class Field(NamedTuple):
     """Over x (nx,) and y (ny,), as they are shown: growth ln|ρ| a period (ny, nx), the kind of unstable
-    points or "", and which are unknown. boundaries: kinds and curves (k, 2)."""
+    points or "", and which are unknown. boundaries: kinds and curves (k, 2). decided, open: boxes (k, 4),
+    ends along x and y, with a proved verdict and without one."""
 
     x: Array
     y: Array
@@ -44,6 +46,8 @@ class Field(NamedTuple):
     kinds: Array
     unknown: Array
     boundaries: Sequence[tuple[str, Array]]
+    decided: Array | None = None
+    open: Array | None = None
 
 
 @figure.register(Chart)
@@ -61,12 +65,21 @@ def chart_figure(chart: Chart) -> Figure:
         chart.kinds,
         np.isnan(chart.stable),
         [(kind, points / [unit.size for unit in units]) for kind, points in chart.boundaries],
+        *_boxes(chart, np.repeat([unit.size for unit in units], 2)),
     )
     labels = axis_label(system, names[0]), axis_label(system, names[1])
     if chart.of is None or chart.values is None:
         return regions_figure(system, field, labels)
     factor, unit = prefixed(chart.of.unit, float(np.nanmax(np.abs(chart.values), initial=0.0)))
     return values_figure(system, field, labels, factor * chart.values, headed(chart.of.text, unit))
+
+
+def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
+    """Boxes with a proved verdict and without one, in the units shown."""
+    if chart.proved is None:
+        return None, None
+    open_ = chart.proved.verdicts == UNDETERMINED
+    return chart.proved.ends[~open_] / sizes, chart.proved.ends[open_] / sizes
 
 
 def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
@@ -117,9 +130,27 @@ def _draw_boundaries(
     lines = [
         Line2D([], [], label=f"boundary {_SHORT[kind]}", **styles[kind]) for kind in _LINES if kind in kinds
     ]
+    lines += _draw_boxes(axes, field)
     if keys or lines:
         figure.legend(handles=[*keys, *lines], loc="outside lower center", ncols=3, handlelength=3)
     axes.set(xlabel=labels[0], ylabel=labels[1], xlim=field.x[[0, -1]], ylim=field.y[[0, -1]])
+
+
+def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
+    """Edges of the boxes with a proved verdict, and the others in black; keys of the legend."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.patches import Patch
+
+    if field.decided is None or field.open is None:
+        return []
+    edges: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "linewidth": 0.2}
+    for boxes, style in ((field.decided, edges), (field.open, {"facecolor": BLACK, "edgecolor": "none"})):
+        corners = boxes[:, [[0, 2], [1, 2], [1, 3], [0, 3]]]
+        axes.add_collection(PolyCollection(list(corners), rasterized=True, zorder=1.6, **style))
+    return [
+        Patch(facecolor="none", edgecolor=GREY, linewidth=0.4, label="box with a proved verdict"),
+        Patch(facecolor=BLACK, label="not proved"),
+    ]
 
 
 def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str]) -> None:

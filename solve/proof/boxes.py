@@ -1,0 +1,177 @@
+"""Boxes of two quantities that are proved stable, proved unstable, or undecided.
+
+A polynomial on a box is re-expanded on each half by the matrix that expresses T_k((x ± 1)/2) by T_j(x). Its
+range lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. For one coordinate, with trace t and determinant D of
+Φ, both multipliers lie inside the unit circle if D < 1 and |t| < 1 + D, and one lies outside if D > 1 or
+|t| > 1 + D (Jury's criterion). More coordinates are decided by the discs of `spectrum`.
+"""
+
+import time
+from collections import deque
+from concurrent.futures import Executor
+from fractions import Fraction
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE
+from solve.proof.balls import arb, arb_mat, precision
+from solve.proof.enclosure import EXACT
+from solve.proof.regions import Box, Plane, polynomials, require_degrees
+from solve.proof.spectrum import multipliers, verdict
+from solve.results.chart import ProvedBoxes
+from solve.terminal import progress
+
+_UNIT = 2.0**-52
+"""Twice the unit round-off: the factor of two covers the rounding of the sums that bound rounding."""
+
+_OPEN = 0.001
+"""Fraction of the area at which bisection of the undecided boxes ends."""
+
+_MOST_BOXES = 200_000, 20_000
+"""Most boxes that are examined for one coordinate, and for more, whose boxes take a hundred times as long."""
+
+_SMALLEST = 2.0**-8
+"""Width of a box, as a fraction of the range, below which it is not bisected in search of a polynomial."""
+
+_PRECISION = 53
+"""Bits of the balls in which boxes of several coordinates are decided."""
+
+
+class _Piece(NamedTuple):
+    """A box with coefficients (k, p+1, q+1) and errors (k,) of the functions on it."""
+
+    box: Box
+    coefficients: Array
+    errors: Array
+    conservative: bool
+
+
+def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> ProvedBoxes:
+    """Verdicts on boxes that cover the whole. Boxes are bisected until all but a small fraction of the area
+    is decided, or too many have been examined."""
+    begun = time.perf_counter()
+    require_degrees(plane, _central(whole))
+    pieces, ends, verdicts = _pieces(plane, whole, executor)
+    queue, open_area = deque(pieces), sum(piece.box.area for piece in pieces)
+    with progress.task("% of the area decided", 100) as count:
+        for _ in range(_MOST_BOXES[plane.system.n > 1]):
+            if not queue or open_area <= _OPEN * whole.area:
+                break
+            piece = queue.popleft()
+            found = _verdict(piece, plane.system.n)
+            if found == UNDETERMINED:
+                queue.extend(_halves(piece))
+                continue
+            ends.append(piece.box)
+            verdicts.append(found)
+            open_area -= piece.box.area
+            count.add(100 * piece.box.area / whole.area)
+    ends += [piece.box for piece in queue]
+    verdicts += [UNDETERMINED] * len(queue)
+    return ProvedBoxes(
+        np.array([[*box.x, *box.y] for box in ends]),
+        np.array(verdicts),
+        f"{EXACT}, apart from {' and '.join(plane.names)}, which are any real numbers in a box",
+        time.perf_counter() - begun,
+    )
+
+
+def _central(whole: Box) -> Box:
+    """The smallest box for which polynomials are attempted, in the middle of the ranges."""
+    x, y = ((low + high) / 2 + np.array([-0.5, 0.5]) * _SMALLEST * (high - low) for low, high in whole)
+    return Box((float(x[0]), float(x[1])), (float(y[0]), float(y[1])))
+
+
+def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box], list[int]]:
+    """Boxes with polynomials, and those without, undecided: the equations are not analytic near these."""
+    found, without, pending = [], [], [whole]
+    while pending:
+        box = pending.pop()
+        made = polynomials(plane, box, executor)
+        if made is not None:
+            found.append(_Piece(box, made.coefficients, made.errors, made.conservative))
+            continue
+        widths = [(side[1] - side[0]) / (all_[1] - all_[0]) for side, all_ in zip(box, whole, strict=True)]
+        axis = int(widths[1] > widths[0])
+        if widths[axis] <= _SMALLEST:
+            without.append(box)
+        else:
+            pending += box.halved(axis)
+    return found, without, [UNDETERMINED] * len(without)
+
+
+def _halves(piece: _Piece) -> list[_Piece]:
+    """The piece bisected across the direction in which its functions vary most."""
+    size = np.abs(piece.coefficients)
+    axis = int(
+        (size[:, :, 1:].sum(axis=(1, 2)) / size.sum(axis=(1, 2))).max()
+        > (size[:, 1:].sum(axis=(1, 2)) / size.sum(axis=(1, 2))).max()
+    )
+    made = []
+    for box, side in zip(piece.box.halved(axis), (-1, 1), strict=True):
+        by = _halving(piece.coefficients.shape[1 + axis], side)
+        if axis == 0:
+            coefficients = by @ piece.coefficients
+            bounds = np.abs(by) @ size
+        else:
+            coefficients = piece.coefficients @ by.T
+            bounds = size @ np.abs(by).T
+        rounding = (len(by) + 3) * _UNIT * bounds.sum(axis=(1, 2))
+        made.append(_Piece(box, coefficients, piece.errors + 2 * rounding, piece.conservative))
+    return made
+
+
+@cache
+def _halving(count: int, side: int) -> Array:
+    """Matrix (count, count) from coefficients of Σ c_k T_k(x) to those of the same function of (x ± 1)/2,
+    computed exactly and rounded once."""
+    rows = [[Fraction(1)], [Fraction(side, 2), Fraction(1, 2)]]
+    for _ in range(2, count):
+        # T_k+1(z) = 2 z T_k(z) − T_k−1(z), 2z = x ± 1, and x T_j = (T_j+1 + T_|j−1|)/2.
+        last, before = rows[-1], rows[-2]
+        made = [Fraction(0)] * (len(last) + 1)
+        for j, c in enumerate(last):
+            made[j] += side * c
+            made[j + 1] += c / 2
+            made[abs(j - 1)] += c / 2
+        for j, c in enumerate(before):
+            made[j] -= c
+        rows.append(made)
+    matrix = np.zeros((count, count))
+    for k, row in enumerate(rows[:count]):
+        matrix[: len(row), k] = [float(c) for c in row]
+    return matrix
+
+
+def _verdict(piece: _Piece, n: int) -> int:
+    """Position in VERDICTS of what holds on the whole box."""
+    c = piece.coefficients
+    middle = c[:, 0, 0]
+    radius = np.abs(c).sum(axis=(1, 2)) - np.abs(middle)
+    # Twice the rounding of sums of as many terms, of the difference, and of what is added below.
+    radius = (
+        radius * (1 + 8 * _UNIT) + (c[0].size + 8) * _UNIT * np.abs(c).sum(axis=(1, 2)) + 2 * piece.errors
+    )
+    if n == 1:
+        return _of_one_coordinate(middle, radius, piece.conservative)
+    with precision(_PRECISION):
+        balls = [arb(value, by) for value, by in zip(middle.tolist(), radius.tolist(), strict=True)]
+        Phi = arb_mat(2 * n, 2 * n, balls)
+        return verdict(Phi, multipliers(Phi), conservative=False)
+
+
+def _of_one_coordinate(middle: Array, radius: Array, conservative: bool) -> int:
+    (t, D), (by, more) = middle.tolist(), radius.tolist()
+    if conservative:
+        D, more = 1.0, 0.0
+    margin, spread = 1 + D - abs(t), (by + more) * (1 + 2 * _UNIT) + 8 * _UNIT * (1 + abs(D) + abs(t))
+    if margin < -spread or D - more > 1 + 4 * _UNIT:
+        return UNSTABLE
+    if margin <= spread:
+        return UNDETERMINED
+    if conservative:
+        return STABLE
+    return ASYMPTOTICALLY_STABLE if D + more < 1 - 4 * _UNIT else UNDETERMINED

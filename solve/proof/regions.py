@@ -1,0 +1,318 @@
+"""Functions of the monodromy matrix over a box of two quantities, as polynomials with error bounds.
+
+The entries of Φ are analytic functions of parameters and speed where the coefficients of the equations are,
+as long as jumps do not move. Let x, y in [−1, 1] stand for the two quantities. Let |f| ≤ S on the product of
+the ellipses with foci ±1 and sums of half axes ρ_x and ρ_y. The polynomial of degrees p and q through the
+values of f at Chebyshev's points has an error of at most
+
+    E_x + Λ_p E_y,    E_x = 4 S ρ_x^−p / (ρ_x − 1),    Λ_p ≤ 1 + (2/π) log(p + 1)
+
+(L. N. Trefethen, Approximation Theory and Approximation Practice, Theorems 8.2 and 15.2; the second term is
+the interpolant over x of the error over y). S is bounded by the logarithmic norm: ‖Φ‖₂ ≤ exp ∫ μ₂(A) dφ.
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import SolveError, StepsError
+from solve.labels import SPEED
+from solve.model.model import Model
+from solve.proof.balls import Ball, Matrix, above, acb, arb, arb_mat, interval, largest, precision
+from solve.proof.enclosure import equation_of, period_of
+from solve.proof.equation import Equation
+from solve.proof.instructions import Outcomes, UndecidedError
+from solve.proof.turn import intervals, turn
+from solve.terminal import progress
+
+_RATIOS = 2.0, 3.0, 5.0, 8.0, 12.0, 20.0
+"""Candidates for ρ. A large one needs a lower degree for the same S, but S grows with the ellipse."""
+
+_PANELS = 48
+"""Intervals of the period on which μ₂ is bounded."""
+
+_SHORTEST = 2.0**-14
+"""Fraction of the period below which an interval on which M may be singular is not bisected."""
+
+_ACCURACY = 2.0**-20
+"""Interpolation error: far below the variation of Φ over the smallest boxes that are decided."""
+
+_BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
+"""Of the enclosures at the nodes: bits, largest h‖A‖, and allowed error of a step."""
+
+_LARGEST = 1024
+"""Binary exponent of bounds S above which no number of nodes serves."""
+
+_MOST_NODES = 1200
+"""Nodes of a box above which it is bisected instead."""
+
+_TOGETHER = 16
+"""Nodes that a worker computes at a time."""
+
+
+class Box(NamedTuple):
+    """Ranges of two quantities: exact doubles."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    @property
+    def area(self) -> float:
+        return (self.x[1] - self.x[0]) * (self.y[1] - self.y[0])
+
+    def halved(self, axis: int) -> tuple["Box", "Box"]:
+        """Both halves along x (0) or y (1)."""
+        low, high = self[axis]
+        middle = (low + high) / 2
+        if axis == 0:
+            return Box((low, middle), self.y), Box((middle, high), self.y)
+        return Box(self.x, (low, middle)), Box(self.x, (middle, high))
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A model over two of its parameters, or one of them and "speed".
+
+    speed : rad/s, where it is not one of the two
+    """
+
+    system: Model
+    names: tuple[str, str]
+    speed: float | None
+
+    def at(self, x: float, y: float) -> tuple[Model, float]:
+        """Model and speed (rad/s) at a point."""
+        values = dict(zip(self.names, (x, y), strict=True))
+        speed = values.pop(SPEED, self.speed)
+        assert speed is not None
+        return self.system.varied(values), speed
+
+    def equation(self, box: Box) -> Equation:
+        """The equation in the middle of a box, in scales that serve the whole."""
+        return equation_of(*self.at(*(sum(side) / 2 for side in box)), rounded=False)
+
+    def moved(self, equation: Equation, x: Ball, y: Ball) -> Equation:
+        """The equation with other values of the two quantities, in the same scales."""
+        order, parameters, speed = (
+            list(self.system.setup.case.parameters),
+            list(equation.parameters),
+            equation.speed,
+        )
+        for name, value in zip(self.names, (x, y), strict=True):
+            if name == SPEED:
+                speed = value
+            else:
+                parameters[order.index(name)] = value
+        return replace(equation, speed=speed, parameters=tuple(parameters))
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """Functions f (k) on a box: coefficients (k, p+1, q+1) of products of Chebyshev polynomials, and bounds
+    (k,) on their errors. conservative: whether C is zero, and so det Φ = 1."""
+
+    coefficients: Array
+    errors: Array
+    conservative: bool
+
+
+def require_degrees(plane: Plane, box: Box) -> None:
+    """Raise StepsError if the box needs too many nodes."""
+    try:
+        with precision(2 * _BITS):
+            if _degrees(plane, box)[0] is not None:
+                return
+    except (UndecidedError, ZeroDivisionError):
+        pass
+    widths = " by ".join(f"{high - low:.3g}" for low, high in box)
+    raise StepsError(
+        f"{plane.system.name} is too stiff for a proved chart: a box of {widths} needs more than "
+        f"{_MOST_NODES} monodromy matrices; choose narrower ranges"
+    )
+
+
+def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Polynomials | None:
+    """Trace and determinant of Φ for one coordinate, else all entries by rows; None where too many nodes are
+    needed, or the coefficients of the equations are not analytic in a neighbourhood of the box."""
+    try:
+        with precision(2 * _BITS):
+            degrees, errors, conservative = _degrees(plane, box)
+            if degrees is None:
+                return None
+            nodes = [(i, j) for i in range(degrees[0]) for j in range(degrees[1])]
+            parts = [nodes[at : at + _TOGETHER] for at in range(0, len(nodes), _TOGETHER)]
+            work = partial(_values, plane, box, degrees)
+            values = []
+            with progress.task("monodromy matrices", len(nodes)) as count:
+                for part in map(work, parts) if executor is None else executor.map(work, parts):
+                    values += part
+                    count.add(len(part))
+            coefficients, further = _transformed(np.array(values), degrees)
+    except (SolveError, UndecidedError, ZeroDivisionError):
+        return None
+    return Polynomials(coefficients, errors + further, conservative)
+
+
+def _values(
+    plane: Plane, box: Box, degrees: tuple[int, int], nodes: Sequence[tuple[int, int]]
+) -> list[Array]:
+    """Midpoints and radii (2, k) of the functions at some nodes."""
+    with precision(2 * _BITS):
+        equation = plane.equation(box)
+        period, breaks = period_of(plane.system), plane.system.breaks
+        found = []
+        for at in nodes:
+            x, y = (
+                (low + high) / arb(2) + (arb(high) - low) / 2 * _node(k, degree)
+                for (low, high), k, degree in zip(box, at, degrees, strict=True)
+            )
+            made = turn(plane.moved(equation, x, y), period, breaks, _BITS, _ADVANCE, _ALLOWED).levels()[-1][
+                0
+            ]
+            Phi = arb_mat([row[:-1] for row in made.table()[:-1]])
+            balls = [Phi.trace(), Phi.det()] if Phi.nrows() == 2 else Phi.entries()
+            middles = [float(ball.mid()) for ball in balls]
+            radii = [above(abs(ball - middle)) for ball, middle in zip(balls, middles, strict=True)]
+            found.append(np.array([middles, radii]))
+    return found
+
+
+def _node(k: int, count: int) -> Ball:
+    """Chebyshev point cos(π(k + ½)/count)."""
+    return (arb.pi() * (2 * k + 1) / (2 * count)).cos()
+
+
+def _transformed(values: Array, counts: tuple[int, int]) -> tuple[Array, Array]:
+    """Coefficients (k, p+1, q+1) of Chebyshev polynomials from values (nodes, 2, k), midpoints and radii, and
+    bounds (k,) on the errors of the polynomials by radii and rounding."""
+    across, upwards = (_analysis(count) for count in counts)
+    coefficients, errors = [], []
+    for middles, radii in zip(values[:, 0].T, values[:, 1].T, strict=True):
+        balls = [arb(middle, radius) for middle, radius in zip(middles.tolist(), radii.tolist(), strict=True)]
+        exact = across * arb_mat(*counts, balls) * upwards.transpose()
+        rounded = [float(entry.mid()) for entry in exact.entries()]
+        apart = (abs(entry - value).upper() for entry, value in zip(exact.entries(), rounded, strict=True))
+        coefficients.append(np.reshape(rounded, counts))
+        errors.append(above(sum(apart, arb(0))))
+    return np.array(coefficients), np.array(errors)
+
+
+def _analysis(count: int) -> Matrix:
+    """From values at the Chebyshev points to coefficients, (count, count)."""
+    return arb_mat(
+        [
+            [
+                (1 if j == 0 else 2) * (arb.pi() * (j * (2 * k + 1)) / (2 * count)).cos() / count
+                for k in range(count)
+            ]
+            for j in range(count)
+        ]
+    )
+
+
+def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, bool]:
+    """Numbers of nodes along x and y, None if these are too many, bounds (k,) on the interpolation errors,
+    and whether C is zero on the box. Equal ratios ρ are tried first, then neighbours of the best."""
+    equation = plane.equation(box)
+    real = plane.moved(equation, *(interval(arb(low), arb(high)) for low, high in box))
+    period = period_of(plane.system)
+    found: dict[tuple[int, int], tuple[tuple[int, int], Array]] = {}
+
+    def examine(i: int, j: int) -> None:
+        ratios = _RATIOS[i], _RATIOS[j]
+        ellipses = (_rectangle(side, ratio) for side, ratio in zip(box, ratios, strict=True))
+        bounds = _bounds(real, plane.moved(equation, *ellipses), period, plane.system.breaks)
+        size = largest(bounds)
+        if size < arb(2) ** _LARGEST:
+            counts = _count(size, ratios[0]), _count(size, ratios[1])
+            found[i, j] = counts, np.array([above(_error(bound, ratios, counts)) for bound in bounds])
+
+    def best() -> tuple[int, int]:
+        return min(found, key=lambda at: math.prod(found[at][0]))
+
+    for k in range(len(_RATIOS)):
+        examine(k, k)
+    if not found:
+        return None, np.zeros(0), False
+    k = best()[0]
+    for i, j in ((k - 1, k), (k + 1, k), (k, k - 1), (k, k + 1)):
+        if min(i, j) >= 0 and max(i, j) < len(_RATIOS):
+            examine(i, j)
+    counts, errors = found[best()]
+    return (counts if math.prod(counts) <= _MOST_NODES else None), errors, real.vanishes(period)[0]
+
+
+def _count(size: Ball, ratio: float) -> int:
+    """Nodes for an error of less than half of what is allowed, with Λ ≤ 4."""
+    return max(2, math.ceil(float((32 * size / _ACCURACY / (ratio - 1)).log()) / math.log(ratio)) + 1)
+
+
+def _error(size: Ball, ratios: Sequence[float], counts: Sequence[int]) -> Ball:
+    """E_x + Λ_p E_y."""
+    across, upwards = (
+        4 * size * arb(ratio) ** -(count - 1) / (ratio - 1)
+        for ratio, count in zip(ratios, counts, strict=True)
+    )
+    return across + (1 + 2 / arb.pi() * arb(counts[0]).log()) * upwards
+
+
+def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
+    """A complex ball that contains the ellipse about an interval."""
+    low, high = map(arb, side)
+    half, inverse = (high - low) / 2, 1 / arb(ratio)
+    along, across = (half * (ratio + inverse) / 2).upper(), (half * (ratio - inverse) / 2).upper()
+    middle = (low + high) / 2
+    return acb(middle + arb(0, along), arb(0, across))
+
+
+def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[float]) -> list[Ball]:
+    """Bounds on the moduli of the functions for complex values of the two quantities: of trace and
+    determinant for one coordinate, else of every entry of Φ."""
+    size = 2 * real.n
+    growth, trace, pending = arb(0), arb(0), list(_panels(real, period, breaks))
+    while pending:
+        start, end, outcomes = pending.pop()
+        length = end - start
+        try:
+            rates = _rates(ellipse, acb(interval(start, end)), outcomes)
+        except ZeroDivisionError:
+            if length < _SHORTEST * period:
+                raise
+            middle = ((start + end) / 2).mid()
+            pending += [(start, middle, outcomes), (middle, end, outcomes)]
+            continue
+        growth, trace = growth + rates[0] * length, trace + rates[1] * length
+    entry = growth.exp()
+    return [size * entry, trace.exp()] if real.n == 1 else [entry] * size**2
+
+
+def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[Ball, Ball]:
+    """Bounds on μ₂(A) and Re tr A on an interval of phases; in a window at a jump, where all outcomes of the
+    operations with pieces are possible, by a norm of A."""
+    if outcomes is not None:
+        return equation.growth(phase, outcomes)
+    rate = equation.largest_rate(phase)
+    # ‖A‖₂ ≤ (2n)^½ ‖A‖∞ bounds every eigenvalue of (A + A*)/2, and |tr A| ≤ 2n ‖A‖∞.
+    size = arb(2 * equation.n)
+    return size.sqrt() * rate, size * rate
+
+
+def _panels(
+    real: Equation, period: Ball, breaks: Sequence[float]
+) -> Iterator[tuple[Ball, Ball, Outcomes | None]]:
+    """Intervals of the period with the outcomes of the operations with pieces, None in windows at jumps."""
+    for start, end, window in intervals(real, period, breaks):
+        if window:
+            yield start, end, None
+            continue
+        count = math.ceil(_PANELS * float((end - start) / period))
+        points = [start + (end - start) * k / count for k in range(count)] + [end]
+        for first, second in itertools.pairwise(points):
+            yield first, second, real.outcomes(first, second)
