@@ -99,6 +99,11 @@ class Dependence(Protocol):
     linear: bool
     parted: bool
 
+    @property
+    def less_accurate(self) -> "Dependence":
+        """The same by differences of lower order, for error estimates; itself where derivatives are exact."""
+        ...
+
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         """Derivatives (k, n, r) of M q″ + C q′ + K q - d, of derivatives by the phase, or of the residual of
         nonlinear equations."""

@@ -131,9 +131,10 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
             "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
         )
     adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
-    shared = dependence, names, adjoint, {}
-    own, better = (OnGrid(solved, each, solved.steps, *shared) for each in (rule, rule.with_another_stage))
-    coarse = OnGrid(solved, rule, max(1, solved.steps // _COARSER), *shared)
+    shared = names, adjoint, {}
+    own = OnGrid(solved, rule, solved.steps, dependence, *shared)
+    better = OnGrid(solved, rule.with_another_stage, solved.steps, dependence.less_accurate, *shared)
+    coarse = OnGrid(solved, rule, max(1, solved.steps // _COARSER), dependence, *shared)
     with one_thread(system.n):
         slopes = list(zip(own.slopes(asked), better.slopes(asked), strict=True))
         found = _with_errors(asked, slopes, own, coarse)

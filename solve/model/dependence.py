@@ -3,18 +3,20 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Columns, Formulas
-from solve.differences import slope
+from solve.differences import slope, slopes
 from solve.labels import SPEED
 from solve.model.formulas import c_text
 from solve.model.sampling import Sampler, by_rows, symbol
 from solve.model.setup import Setup
 from solve.system import PeriodicSystem
+from solve.trigonometric import interpolated
 
 _TOGETHER = 1024
 """Phases whose derivatives are summed at a time: few enough to stay in a processor's cache."""
@@ -158,6 +160,10 @@ class GeneratedDependence:
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
 
+    @property
+    def less_accurate(self) -> "GeneratedDependence":
+        return self
+
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         slopes = self._slopes.residual
         found = slopes.whole(slopes.values(self._compiled, self._p, self._inputs(phase, speed, states)))
@@ -256,14 +262,25 @@ def _parts(states: Array) -> tuple[Array, Array, Array]:
     return a, v, q
 
 
+_Interpolant = Callable[[Array], Array]
+
+
 class AssembledDependence:
     """By differences of the matrices and outputs that are assembled; see `solve.system.Dependence`."""
 
     linear, parted = True, False
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str]):
-        self._system, self._names = system, tuple(names)
+        self._system, self._names, self._less = system, tuple(names), 0
         self._kept: dict[tuple[bytes, float], Array] = {}
+        self._interpolants: dict[tuple[str, float], list[tuple[_Interpolant, _Interpolant]]] = {}
+
+    @property
+    def less_accurate(self) -> "AssembledDependence":
+        """The same without the smallest step of the differences."""
+        made = AssembledDependence(self._system, self._names)
+        made._less, made._interpolants = 1, self._interpolants
+        return made
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         n, entries = self._system.n, self._entries(phase, speed)
@@ -291,25 +308,53 @@ class AssembledDependence:
         return np.stack([column(at) for at in range(len(self._names))], axis=-1)
 
     def _entries(self, phase: Array, speed: float) -> Array:
-        """Of Ω²M, ΩC, K by rows and d, (k, 3n² + n, r); those of the last phases are kept."""
+        """Derivatives of Ω²M, ΩC, K by rows and d, (k, 3n² + n, r); the last ones are cached."""
         key = phase.tobytes(), speed
         if key not in self._kept:
             columns = [
-                self._slope(name, speed, lambda system, omega, _: system.entries(phase, omega))
+                np.concatenate([block[self._less](phase) for block in self._blocks(name, speed)], axis=1)
                 for name in self._names
             ]
             self._kept = {key: np.stack(columns, axis=-1)}
         return self._kept[key]
 
+    def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
+        """Derivatives of Ω²M, ΩC, K by rows and of d, each with the less accurate ones, as functions of
+        phases (k,). A varied system takes longer to assemble than to sample: interpolants serve all grids."""
+        if (name, speed) not in self._interpolants:
+            n, moved = self._system.n, cache(self._moved(name, speed))
+
+            @cache
+            def sampled(phases: bytes) -> tuple[Array, Array]:
+                phase = np.frombuffer(phases)
+
+                def entries(number: float) -> Array:
+                    system, omega = moved(number)
+                    return system.entries(phase, omega)
+
+                return slopes(entries, self._value(name, speed))
+
+            def block(first: int, last: int, less: int) -> _Interpolant:
+                return interpolated(
+                    lambda phase: sampled(phase.tobytes())[less][:, first:last], self._system.period
+                )
+
+            bounds = list(pairwise((0, n**2, 2 * n**2, 3 * n**2, 3 * n**2 + n)))
+            self._interpolants[name, speed] = [(block(*ends, 0), block(*ends, 1)) for ends in bounds]
+        return self._interpolants[name, speed]
+
     def _slope(
         self, name: str, speed: float, value: Callable[[PeriodicSystem, float, float], Array]
     ) -> Array:
         """value: of a system at a speed, when the quantity of this name has moved by a step."""
-        at = speed if name == SPEED else self._system.parameters[name]
+        at, moved = self._value(name, speed), self._moved(name, speed)
+        return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
-        def moved(number: float) -> Array:
-            if name == SPEED:
-                return value(self._system, number, number - at)
-            return value(self._system.varied({name: number}), speed, number - at)
+    def _value(self, name: str, speed: float) -> float:
+        return speed if name == SPEED else self._system.parameters[name]
 
-        return slope(moved, at)
+    def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
+        """System and speed by the value of the parameter of this name, or of the speed."""
+        if name == SPEED:
+            return lambda number: (self._system, number)
+        return lambda number: (self._system.varied({name: number}), speed)
