@@ -2,7 +2,7 @@
 
 from solve.commands.app import Program
 
-_LISTED = {
+_COMMANDS = {
     "linkage": "Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces.",
     "elements": "Natural frequencies over a turn by several kinds of elements, beside the exact ones.",
     "study": "Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …",
@@ -14,8 +14,8 @@ _LISTED = {
 }
 PROGRAM = Program(
     "python -m models.four_bar",
-    "models.four_bar.commands",
-    _LISTED,
+    "models.four_bar.studies",
+    _COMMANDS,
     "The four-bar linkage of the thesis.",
     'linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
 )

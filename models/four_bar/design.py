@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from models.four_bar.design_map import DesignMap
-from models.four_bar.run_up.plan import Plan, arrival, least_cap, plan_below
-from models.four_bar.run_up.stress_map import StressMap
+from models.four_bar.plan import Plan, arrival, least_cap, plan_below
+from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
 
 RESERVE = 0.03

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
 from models.four_bar.linkage import ADVISED, Linkage
-from models.four_bar.run_up.stress_map import StressMap
+from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError

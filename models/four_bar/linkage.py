@@ -23,10 +23,13 @@ from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
 BRANCHES = {"open": 1.0, "crossed": -1.0}
 """Sign of sin(t3 - t2): open has B to the left of the line from A to C, crossed to the right."""
 
+TURN = 2 * math.pi
 _LENGTHS = ("L1", "L2", "L3", "L4")
 
 ADVISED = (math.radians(40), math.radians(140))
-"""Range within which a transmission angle should stay (thesis 3.3)."""
+"""Advised range of the transmission angle (thesis 3.3)."""
+
+OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
@@ -120,7 +123,7 @@ class Linkage:
         stretched = _angle_opposite(L1 + L2, L4, L3)
         folded = math.pi + _angle_opposite(L2 - L1, L4, L3)
         side = BRANCHES[self.branch]
-        return (side * stretched) % (2 * math.pi), (side * folded) % (2 * math.pi)
+        return (side * stretched) % (TURN), (side * folded) % TURN
 
     def require_full_turn(self) -> None:
         """Raises LinkageError unless the crank turns fully."""
@@ -266,3 +269,25 @@ def _angle_opposite(a: float, b: float, opposite: float) -> float:
     """Angle between the sides a and b of a triangle."""
     cosine = (a**2 + b**2 - opposite**2) / (2 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+def within_advised(least: float, greatest: float) -> bool:
+    """Whether a range of transmission angles is within the advised one."""
+    return ADVISED[0] <= least and greatest <= ADVISED[1]
+
+
+def transmission_warnings(linkage: Linkage) -> list[str]:
+    """Warning of a transmission angle outside the advised range.
+
+    A crank that cannot turn fully always has one: coupler and follower are in line at its ends.
+    """
+    if not linkage.turns_fully:
+        return ["the crank cannot turn fully: the transmission angle reaches 0° or 180° where it turns back"]
+    gamma = linkage.transmission_extremes()
+    if within_advised(gamma.min, gamma.max):
+        return []
+    return [
+        f"the transmission angle goes from {math.degrees(gamma.min):.4g}° to {math.degrees(gamma.max):.4g}°, "
+        f"{OUTSIDE_ADVISED}: forces pass badly from coupler to follower, and small errors of the "
+        "lengths move the follower much"
+    ]

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import models.four_bar
+from models.four_bar.forces import bodies, joint_forces
 from models.four_bar.linkage import Linkage
-from models.four_bar.rigid.forces import bodies, joint_forces
 from solve import case_numbers
 
 CASES = Path(models.four_bar.__path__[0]) / "cases.toml"

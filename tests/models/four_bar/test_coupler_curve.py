@@ -7,7 +7,7 @@ import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
-from models.four_bar.results.curve import coupler_curve
+from models.four_bar.studies.curve import coupler_curve
 
 PHASE = np.linspace(0, 2 * np.pi, 25)
 

@@ -12,7 +12,7 @@ import solve
 from models.four_bar.design import damping_effects, designed, plan_to_last
 from models.four_bar.design_map import DesignError, allowed_lengths, checked_allowable, design_map
 from models.four_bar.linkage import Linkage
-from models.four_bar.results.design import carry_out
+from models.four_bar.studies.design import carry_out
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.terminal import progress
 

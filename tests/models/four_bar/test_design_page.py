@@ -9,7 +9,7 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
-from models.four_bar.run_up.stress_map import StressMap
+from models.four_bar.stress_map import StressMap
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "four_bar_design.md").read_text(encoding="utf-8")
 COMMANDS = [line for line in PAGE.splitlines() if line.startswith("python -m models.four_bar ")]

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.four_bar.linkage import BRANCHES, Linkage, LinkageError
-from models.four_bar.rigid.record import transmission_warnings
+from models.four_bar.linkage import BRANCHES, Linkage, LinkageError, transmission_warnings
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from tests.models.four_bar.cranks import THESIS, cranks
 from tests.models.four_bar.multibody import witness
