@@ -7,14 +7,13 @@ from typing import Any
 
 import sympy
 
+from derive.declarations import AROUND, METRE
 from derive.errors import DeclarationError, DeriveError, UnitError, UnknownSymbolError, UnusedParameterError
-from derive.kinematics import LoopFunction
+from derive.functions import LoopFunction, PeriodicFunction
 from derive.mechanism import MechanismStatement
-from derive.sketch import AROUND, METRE
 from derive.structure import StructureStatement
 from derive.switches import switches
 from derive.symbols import ACCELERATION, PHASE, SPEED
-from derive.transmission import PeriodicFunction
 from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, require_coherent, short
 
 Dimensions = Mapping[sympy.Symbol, Dimension]

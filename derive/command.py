@@ -79,18 +79,14 @@ def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> s
     """The generated module as it should be; SymPy is loaded here and not before. report: is called with what
     of the statement the equations ignore."""
     if source.name == loader.BEAM_ELEMENTS:
-        from derive.beam_text import beam_elements_text
+        from derive.beam import beam_elements_text
 
         return beam_elements_text(source.sha256, source.command)
-    from derive.emit import module_text
-    from derive.structure import StructureStatement
-    from derive.structure_text import structure_text
+    from derive.structure_text import generated_text
 
     mechanism = loader.load(source)
     with loader.located(source, mechanism):
-        if isinstance(mechanism, StructureStatement):
-            return structure_text(mechanism, source.sha256, source.command)
-        return module_text(mechanism, source.sha256, source.command, report)
+        return generated_text(mechanism, source.sha256, source.command, report)
 
 
 def _write(sources: list[Source]) -> None:
@@ -131,8 +127,7 @@ def _is_stale(source: Source, full: bool) -> bool:
 
 
 def _show(sources: list[Source], case: str | None) -> None:
-    from derive.case_numbers import case_numbers
-    from derive.show import elements, equations
+    from derive.show import case_numbers, elements, equations
 
     for source in _reported(sources):
         if source.name == loader.BEAM_ELEMENTS:

@@ -1,14 +1,19 @@
-"""What a mechanism's author declares: each kind with its symbol, unit and meaning."""
+"""Declarations of a mechanism's author, with symbol, unit, meaning, and line in the author's file."""
 
 import keyword
+import os
 import re
+import sys
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import sympy
 
-from derive.errors import DeclarationError
-from derive.symbols import Moving
+from derive.errors import DeclarationError, DeriveError
+from derive.switches import switches
+from derive.symbols import Moving, counted
 
 RESERVED = (
     *("phase", "speed", "coordinates", "rates", "accelerations", "parameters", "casadi", "math", "running"),
@@ -126,3 +131,90 @@ class Condition:
     meaning: str
     margin: Any
     parameters: tuple[str, ...]
+
+
+_HERE = f"{Path(__file__).parent}{os.sep}"
+_MADE = "<string>"
+"""File of functions that dataclasses make."""
+
+
+def note(lines: dict[Any, int], expression: Any) -> None:
+    """Keep the line outside this package from which an expression is stated."""
+    frame: Any = sys._getframe(1)
+    while frame and (frame.f_code.co_filename.startswith(_HERE) or frame.f_code.co_filename == _MADE):
+        frame = frame.f_back
+    if frame and isinstance(expression, Hashable):
+        lines[expression] = frame.f_lineno
+
+
+def line_of(lines: Mapping[Any, int], error: DeriveError) -> int | None:
+    """Line, of those noted, on which what an error is about was stated; None where that is not known."""
+    about = error.about
+    if about is None or not isinstance(about, Hashable):
+        return None
+    switching = [line for each, line in lines.items() if _switches(each, about)]
+    return switching[-1] if switching else lines.get(about)
+
+
+def _switches(expression: Any, switch: Any) -> bool:
+    """Whether a stated expression switches there."""
+    if not (isinstance(expression, sympy.Expr) and isinstance(switch, sympy.Expr)):
+        return False
+    stated = counted(expression)
+    return bool({switch, -switch} & {*switches(stated, stated.free_symbols)})
+
+
+AROUND = sympy.Symbol("around a curve", real=True)
+"""Angle from 0 to 2π by which the point of a closed curve runs."""
+
+RUNNING = sympy.Symbol("running", real=True)
+"""From 0 to 1 along whatever is drawn as a curve."""
+
+METRE = sympy.Symbol("1 m", real=True)
+"""The unit of sizes that belong to the picture alone."""
+
+POINTS, CURVE, BEAM = "points", "curve", "beam"
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A line by its points x, y in the plane of motion; one that runs along a curve or beam has one point.
+
+    kind: POINTS, or CURVE where the point runs `around`, or BEAM where it runs along an elastic link.
+    """
+
+    name: str
+    points: tuple[tuple[Any, Any], ...]
+    unit: str
+    kind: str
+
+    @property
+    def numbers(self) -> list[Any]:
+        """x and y of every point, one after another."""
+        return [number for point in self.points for number in point]
+
+    def at(self, replace: Callable[[Any], Any]) -> sympy.Matrix:
+        """The numbers as a column, sizes in the coherent unit."""
+        return sympy.Matrix([replace(each).xreplace({METRE: sympy.S.One}) for each in self.numbers])
+
+
+def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any]) -> Sketch:
+    """The declared line. along_beam: symbols that mean something at one place of an elastic link only. Raises
+    DeclarationError."""
+    try:
+        pairs = [
+            tuple(sympy.sympify(scalar(name, number), strict=True) for number in each) for each in points
+        ]
+    except (TypeError, sympy.SympifyError):
+        pairs = []
+    numbers = [number for pair in pairs for number in pair]
+    good = all(len(pair) == 2 for pair in pairs)
+    good &= all(isinstance(each, sympy.Expr) and not each.has(sympy.I) for each in numbers)
+    symbols = set().union(*(each.free_symbols for pair in pairs if good for each in pair))
+    kind = BEAM if symbols & along_beam else CURVE if AROUND in symbols else POINTS
+    if not pairs or not good or (kind == POINTS) == (len(pairs) == 1) or (kind == BEAM and AROUND in symbols):
+        raise DeclarationError(
+            f"sketch {name}: give the points of a line, such as [(0, 0), (x, y)], two or more; or the one "
+            "point of a curve, such as [(r*cos(m.around), r*sin(m.around))] or beam.line(start, direction)"
+        )
+    return Sketch(name, tuple(pairs), unit, kind)

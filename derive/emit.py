@@ -8,13 +8,11 @@ from typing import Any
 
 import sympy
 
-from derive import lagrange
-from derive.breaks import ANGLES, PASSES, Passage, passages
-from derive.declarations import Condition, Output
-from derive.desired import Demand, conditions, demands
+from derive.declarations import AROUND, RUNNING, Condition, Output
+from derive.discontinuities import ANGLES, PASSES, Passage, passages
+from derive.equations import accelerated, clearances, drive_torque, from_fundamental, linearise, residuals
 from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
-from derive.field_text import along, definitions, field_functions, field_tools
 from derive.freshness import hashed_module
 from derive.function_text import (
     VARYING,
@@ -25,19 +23,14 @@ from derive.function_text import (
     tuple_lines,
     varying_text,
 )
-from derive.galerkin import Projection, project
-from derive.linearise import clearances, linearise
-from derive.loop_text import loop_orders, loop_text
-from derive.losses import idle, losses
-from derive.mathml import mathml
+from derive.functions import PeriodicFunction
+from derive.galerkin import Projection, along, definitions, field_functions, field_tools, project
 from derive.mechanism import MechanismStatement
-from derive.printer import CasadiPrinter
-from derive.reading import Equation, read
-from derive.recurrence import COMPONENTS, FOURIER
-from derive.sketch import AROUND, RUNNING
+from derive.printer import COMPONENTS, FOURIER, CasadiPrinter, loop_orders, loop_text
+from derive.reading import Equation, mathml, read
 from derive.symbols import steady
-from derive.transmission import PeriodicFunction
 from derive.units import size
+from derive.validity import Demand, conditions, demands, idle, losses
 from solve.terminal import progress
 
 CHOICE = '''\
@@ -114,18 +107,18 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
     """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
-    varying = lagrange.residuals(mechanism)
+    varying = residuals(mechanism)
     r = steady(varying)
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
             # Rows vanish on a motion only where they hold all that acts.
             rows = () if mechanism.damping_ratios else [*varying]
-            outputs.append(_torque(lagrange.drive_torque(mechanism, rows)))
+            outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
-        outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
+        outputs.append(_in_its_unit(each, from_fundamental(mechanism, each.expression)))
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
     moving = [s for each in mechanism.declared_coordinates for s in each.symbol.motion]
     return Equations(
@@ -268,7 +261,7 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
         constant = {each: steady(part) for each, part in results.items()}
         functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
         doc = f"What an acceleration of the drive adds to {name}."
-        added = {each: lagrange.accelerated(part) for each, part in results.items()}
+        added = {each: accelerated(part) for each, part in results.items()}
         functions.append(GeneratedFunction(f"{name}_accelerated", doc, ACCELERATED, added, names))
     if equations.projection is not None:
         doc = "M, C, K, d where the speed varies."
@@ -304,7 +297,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
         texts = along(deflection)
 
     def drawn(number: Any) -> Any:
-        return steady(lagrange.from_fundamental(mechanism, number.xreplace(still)))
+        return steady(from_fundamental(mechanism, number.xreplace(still)))
 
     lines = {each.name: each.at(drawn) for each in mechanism.declared_sketches}
     doc = (

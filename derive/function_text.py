@@ -9,15 +9,12 @@ from typing import Any
 
 import sympy
 
-from derive.breaks import Passage
 from derive.declarations import Option
-from derive.domains import signs_of
-from derive.kinematics import Loop, Order
-from derive.loop_text import loop_calls
+from derive.discontinuities import Passage
+from derive.domains import guarded, signs_of
+from derive.functions import Loop, Order
 from derive.mechanism import MechanismStatement
-from derive.pieces import guarded
-from derive.printer import CasadiPrinter
-from derive.recurrence import series_calls, series_operations
+from derive.printer import CasadiPrinter, loop_calls, series_calls, series_operations
 from derive.symbols import ACCELERATION
 from derive.units import size
 

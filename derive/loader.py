@@ -144,7 +144,7 @@ def load(source: Source) -> "MechanismStatement":
 def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
     """Put the mechanism's file, and the line where that is known, before the message of an error that arises
     within."""
-    from derive.stated import line_of
+    from derive.declarations import line_of
 
     try:
         yield

@@ -9,13 +9,21 @@ from typing import Any
 import sympy
 from sympy.core.relational import StrictGreaterThan, StrictLessThan
 
-from derive.declarations import Condition, Option, require_result, scalar
+from derive.declarations import (
+    AROUND,
+    METRE,
+    Condition,
+    Option,
+    Sketch,
+    note,
+    require_result,
+    scalar,
+    sketch_of,
+)
 from derive.errors import DeclarationError
 from derive.field import Field
-from derive.kinematics import Loop, four_bar, full_turn
+from derive.functions import Loop, four_bar, full_turn
 from derive.quantities import Quantities
-from derive.sketch import AROUND, METRE, Sketch, sketch_of
-from derive.stated import note
 from derive.symbols import PHASE, SPEED, Moving
 from derive.units import require_coherent, short
 

@@ -7,13 +7,20 @@ from typing import Any
 
 import sympy
 
-from derive.declarations import Coordinate, Option, Output, Parameter, bound_of, require_plain, require_result
+from derive.declarations import (
+    Coordinate,
+    Option,
+    Output,
+    Parameter,
+    bound_of,
+    note,
+    require_plain,
+    require_result,
+)
 from derive.errors import DeclarationError
 from derive.field import Field
-from derive.kinematics import Loop
-from derive.stated import note
+from derive.functions import Loop, PeriodicFunction, Series
 from derive.symbols import Moving
-from derive.transmission import PeriodicFunction, Series
 from derive.units import parse, require_coherent
 
 

@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+MECHANISM_SHA256 = "dfff1aae7a4a6fca19906b7d53d5f435ee78bbcaa603410bf06f89c2d53bcd59"
+DERIVE_SHA256 = "5bc81fb3c9b8d7de9822ecc99aba8d915df5154f84a82c4590cf31e3f099d860"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "844f52f4eaa344f0dd8ae965f723966ba9cb548a7ece26e3b76c98b029963f4a"
+FILE_SHA256 = "9663cf4bb3ad9244f2638021651f5c625062065571a18ad3177d514b0e6e49ed"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "5bc81fb3c9b8d7de9822ecc99aba8d915df5154f84a82c4590cf31e3f099d860"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a859f5a9b791179bf4eaad7b014c4d2c1319fd6de7072e994fa2512259d98b7b"
+FILE_SHA256 = "03582d145b6e99d320810807fcde927953a4be691486ce7a18655c8829fa586e"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

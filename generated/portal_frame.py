@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "5bc81fb3c9b8d7de9822ecc99aba8d915df5154f84a82c4590cf31e3f099d860"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4c3d4a3fb4a09fb66255b85697f52e571fd747633acb3b9f44a53a2a9a8670ba"
+FILE_SHA256 = "d2856babb5a3aef0366bdd83ea526d5266ee5fe1d3666289c6c7a719319a474b"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

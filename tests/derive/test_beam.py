@@ -8,8 +8,18 @@ import pytest
 import sympy
 from numpy.polynomial import Polynomial
 
-from derive.beam import AXIAL, BENDING, ELEMENTS, FAMILIES, HERMITE, LINEAR, QUADRATIC, Family, overlap
-from derive.beam_text import beam_elements_text
+from derive.beam import (
+    AXIAL,
+    BENDING,
+    ELEMENTS,
+    FAMILIES,
+    HERMITE,
+    LINEAR,
+    QUADRATIC,
+    Family,
+    beam_elements_text,
+    overlap,
+)
 from models.four_bar import published
 from models.four_bar.published import Misprint
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from derive import freshness, loader, stated
+from derive import declarations, freshness, loader
 
 ROOT = Path(__file__).resolve().parents[2]
 ROTOR = (Path(__file__).parent / "rotor.py").read_text(encoding="utf-8")
@@ -230,6 +230,6 @@ def test_a_folder_called_models_or_derive_where_the_user_stands(rotor, tmp_path)
 
 
 def test_a_users_folder_may_begin_with_the_name_of_the_package():
-    file, noted = f"{Path(stated.__file__).parent}d/mine.py", {}
-    exec(compile("\n\nnote(noted, 1)", file, "exec"), {"note": stated.note, "noted": noted})
+    file, noted = f"{Path(declarations.__file__).parent}d/mine.py", {}
+    exec(compile("\n\nnote(noted, 1)", file, "exec"), {"note": declarations.note, "noted": noted})
     assert noted == {1: 3}

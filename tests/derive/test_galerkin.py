@@ -20,8 +20,8 @@ from derive.errors import (
     UnknownSymbolError,
     UnsupportedExpressionError,
 )
+from derive.field import MODE_I, MODE_J, XI, modal_integral, modal_moment
 from derive.galerkin import project
-from derive.modal_integrals import MODE_I, MODE_J, XI, modal_integral, modal_moment
 from derive.show import equations
 
 MOST = 20

@@ -8,13 +8,12 @@ import sympy
 from modules import module_of
 
 from derive import Mechanism, Piecewise, cos, emit, loader, pi, rate, sin, sqrt, wrapped
-from derive.case_numbers import case_numbers
 from derive.emit import derive_equations
 from derive.errors import CaseError
+from derive.functions import PeriodicFunction
 from derive.reading import read
-from derive.show import equations, latex
+from derive.show import case_numbers, equations, latex
 from derive.switches import arbitrary_points, in_order
-from derive.transmission import PeriodicFunction
 from solve import load
 
 NAMES = [name for name in loader.names() if name != loader.BEAM_ELEMENTS]

@@ -1,10 +1,9 @@
-"""Domain conditions of a generated module: where the fundamental motion and the energies and forces
-along it are real and finite.
+"""Limits of the generated equations: domains of the motion, and terms that the linearisation ignores.
 
-Roots and arccosines may cancel in the equations; these are then real where the motion is not.
+Roots and arccosines may cancel in the equations, which are then real where the motion is not.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -13,11 +12,12 @@ from sympy.printing.str import StrPrinter
 
 from derive.declarations import Condition
 from derive.domains import POSITIVE, Need, is_met, need, needs, signs_of
+from derive.equations import from_fundamental
 from derive.errors import DeclarationError
-from derive.kinematics import LoopFunction, at_desired_motion
-from derive.lagrange import from_fundamental
+from derive.functions import LoopFunction, PeriodicFunction, at_desired_motion
 from derive.mechanism import MechanismStatement
-from derive.symbols import PHASE, SPEED, steady
+from derive.switches import outermost, switches
+from derive.symbols import PHASE, SPEED, counted, steady
 from derive.units import cut, short
 
 
@@ -107,3 +107,54 @@ def _sentence(node: Any) -> str:
     return f"{short(node)} is not real and finite" + (
         f"; it needs {_shown(needed.margin)} {needed.relation}" if needed else ""
     )
+
+
+def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
+    """A sentence for each parameter, series and function of coordinates whose part in the residual M, C, K, d
+    do not have."""
+    kept = _names(mechanism, linearised)
+    lost = [name for name in _names(mechanism, residual) if name not in kept]
+    return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
+
+
+def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
+    """A sentence for each parameter and series of the energies that is in none of the results."""
+    used = _names(mechanism, results)
+    return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
+
+
+def _energies(mechanism: MechanismStatement) -> list[Any]:
+    works = [part for work in mechanism.forces for part in work]
+    stated = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *works)
+    return [counted(sympy.sympify(each)) for each in stated]
+
+
+def _ignored(name: str) -> str:
+    return f"{name} is in the energies but not in the linearised equations; the linear answer ignores it"
+
+
+def _idle(name: str) -> str:
+    return f"{name} is in the energies but moves nothing: it is in no equation of motion and in no output"
+
+
+def _one_sided(function: Any) -> str:
+    return (
+        f"{short(function)} is in the energies; the linear answer uses its slope at the fundamental motion "
+        "and ignores steps and kinks that the vibration passes"
+    )
+
+
+def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[str]:
+    """Parameters and series that the expressions hold, in the order of their declaration."""
+    given = [sympy.sympify(each) for each in expressions]
+    symbols = set().union(*(each.free_symbols for each in given))
+    series = set().union(*({type(part) for part in each.atoms(PeriodicFunction)} for each in given))
+    names = [each.symbol.name for each in mechanism.declared_parameters if each.symbol in symbols]
+    return names + [each.__name__ for each in mechanism.declared_series if each in series]
+
+
+def _steps(mechanism: MechanismStatement, energies: Iterable[Any]) -> list[Any]:
+    """Steps and kinks that hold coordinates or their rates."""
+    moving = {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
+    nodes = dict.fromkeys(node for each in energies for node in outermost(each))
+    return sorted((node for node in nodes if switches(node, moving)), key=sympy.default_sort_key)
