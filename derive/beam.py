@@ -19,18 +19,18 @@ XI = sympy.Symbol("xi", real=True)
 HALF = sympy.Rational(1, 2)
 
 AXIAL, BENDING = 1, 2
-"""Order of the derivative that the strain energy holds: elongation u′, curvature v″."""
+"""Order of the derivative in the strain energy: elongation u′, curvature v″."""
 
 LOADS = (0, 1)
-"""Powers of ξ by which a distributed load may vary along the element."""
+"""Powers of ξ of a distributed load along the element."""
 
 
 @dataclass(frozen=True)
 class Family:
     """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
 
-    `strain` is AXIAL or BENDING. Derivatives by x = Lξ make row i of every table carry L to the power of
-    its freedom's order.
+    `strain` is AXIAL or BENDING. As x = Lξ, row i of every table has the factor L to the power of the order
+    of its freedom.
     """
 
     name: str
@@ -120,7 +120,7 @@ FACTORS = """\
 
 
 def beam_elements_text(source_sha256: str, command: str) -> str:
-    """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
+    """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
     families = "".join(f'    "{family.name}": {_dict(_family(family), 4)},\n' for family in FAMILIES)
     elements = "".join(f'    "{element.name}": {_dict(_element(element), 4)},\n' for element in ELEMENTS)
     body = f"{FACTORS}\n\nFAMILIES = {{\n{families}}}\n\nELEMENTS = {{\n{elements}}}\n"
@@ -147,7 +147,7 @@ def _element(element: Element) -> dict[str, str]:
 
 
 def _coefficients(functions: sympy.Matrix) -> sympy.Matrix:
-    """A row for each polynomial in ξ: its coefficients, lowest power first."""
+    """Coefficients of polynomials in ξ, one row each, lowest power first."""
     rows = [sympy.Poly(each, XI).all_coeffs()[::-1] for each in functions]
     width = max(map(len, rows))
     return sympy.Matrix([row + [sympy.S.Zero] * (width - len(row)) for row in rows])

@@ -28,7 +28,7 @@ class _Command(UniqueOptions, TyperCommand):
 
 
 def run(arguments: Sequence[str]) -> int | None:
-    """Carry out the command; 1 where a check fails."""
+    """Run the command and return its exit status: 1 if a check fails."""
     with progress.show_progress("derive"):
         return app(list(arguments), prog_name="derive", standalone_mode=False)
 
@@ -57,9 +57,9 @@ def derive(
 ) -> None:
     """Derive the equations of motion and generate CasADi code for them."""
     if (full and not check) or (show and check):
-        raise UsageError("--full goes with --check, and --show with neither")
+        raise UsageError("--full requires --check, and --show excludes both")
     if numbers is not None and not show:
-        raise UsageError("--numbers goes with --show")
+        raise UsageError("--numbers requires --show")
     sources = _sources(models or [], every or (check and not models), out)
     if show:
         _show(sources, numbers)
@@ -76,8 +76,10 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """The generated module as it should be; SymPy is loaded here and not before. report: is called with what
-    of the statement the equations ignore."""
+    """Derived text of the generated module; SymPy is imported here and not before.
+
+    report: callback for each sentence on terms of the statement that the equations ignore.
+    """
     if source.name == loader.BEAM_ELEMENTS:
         from derive.beam import beam_elements_text
 
@@ -93,7 +95,7 @@ def _write(sources: list[Source]) -> None:
     for source in sources:
         if source.installed:
             raise UsageError(
-                f"{source.name} came with the installed package, whose files stay as they are; give "
+                f"{source.name} belongs to the installed package, whose files are not changed; give "
                 "--out DIR, or work in a checkout"
             )
     for source in _reported(sources):
@@ -102,7 +104,7 @@ def _write(sources: list[Source]) -> None:
 
 
 def _reported(sources: list[Source]) -> Iterator[Source]:
-    """The mechanisms one after the other, reported."""
+    """The mechanisms in sequence, with progress."""
     with progress.task("mechanisms", len(sources)):
         for source in sources:
             with progress.subtask("mechanisms"), progress.task(source.name):
@@ -114,7 +116,7 @@ def _noted(source: Source, sentence: str) -> None:
 
 
 def _is_stale(source: Source, full: bool) -> bool:
-    """Say on standard output whether a generated module is current; `full` compares every byte."""
+    """Whether a generated module is out of date; the reason is printed. full: compare every byte."""
     present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
     why = freshness.staleness(present, source.sha256) if present else "it is missing"
     if full:

@@ -48,7 +48,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
     for switch in switches(residual, moving):
         at_rest = switch.xreplace(resting(moving))
         if vanishes(at_rest):
-            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 all along it"
+            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 throughout it"
         elif PHASE in at_rest.free_symbols:
             parts, where = [*residual], f"it passes {place_of(switch, [*residual])}"
         else:
@@ -61,8 +61,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
             if not switch.free_symbols & coordinates:
                 remedy = SMOOTHED
             raise ExpansionError(
-                f"there is no linearisation at the fundamental motion: {where}, where forces jump with the "
-                f"coordinates, or their slope does; {remedy}",
+                f"there is no linearisation at the fundamental motion: {where}, where forces or their "
+                f"slopes are discontinuous in the coordinates; {remedy}",
                 switch,
             )
 
@@ -70,8 +70,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters: no clearance is exactly zero in the fundamental motion if slopes differ
-    there."""
+    """Conditions on parameters: clearances with different slopes on both sides are not exactly zero."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [part.xreplace(rest) for part in parts]
@@ -90,8 +89,11 @@ def open_clearances(
 
 
 def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
-    """Matrix evaluated with all moving symbols zero. At switches that are zero there, either side gives the
-    same value. Singular pieces are assumed inactive, see `inactive`."""
+    """Matrix with all moving symbols zero.
+
+    At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
+    `inactive`.
+    """
     rest = resting(moving)
     at_switch = [
         node
@@ -104,8 +106,10 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
-    """Conditions that pieces which are singular in the fundamental motion, such as those of a contact, are
-    inactive there. Signs of parameters that guarantee this make a condition unnecessary."""
+    """Conditions under which pieces that are singular in the fundamental motion are inactive there.
+
+    No condition is needed where the signs of the parameters guarantee it.
+    """
     rest = resting(moving)
     for part in parts:
         if is_finite(part.xreplace(rest)):
@@ -133,8 +137,7 @@ def vanishes(expression: Any) -> bool:
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts differ between states on both sides of the fundamental motion, where the switch is
-    zero there."""
+    """Whether the parts differ on both sides of the fundamental motion, at zeros of the switch."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
@@ -196,7 +199,7 @@ def _angles(cosine, sine, rest):
 
 
 class MathPrinter(CasadiPrinter):
-    """The same expressions on numbers."""
+    """Printer for functions of Python's `math`."""
 
     def doprint(self, expr: Any, assign_to: Any = None) -> str:
         return super().doprint(expr, assign_to).replace("casadi.", "math.")
@@ -204,7 +207,10 @@ class MathPrinter(CasadiPrinter):
 
 @dataclass(frozen=True)
 class Passage:
-    """slope φ + offset is one of the targets, an expression each or a call of _angles, and whole turns."""
+    """Phases at which slope φ + offset equals a target modulo `turn`.
+
+    targets: text of expressions, or of a call of _angles.
+    """
 
     slope: Any
     offset: Any
@@ -219,9 +225,9 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Where the matrices switch with the phase, and outputs where that depends on nothing else that moves.
+    """Phases of the switches of the matrices, and of outputs whose switches depend on the phase alone.
 
-    Raises UnsupportedExpressionError where the phase of a switch is not known in closed form.
+    Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """
     rest = resting([*moving])
     found: dict[str, Passage] = {}
@@ -244,7 +250,7 @@ def _passages(switch: Any) -> Iterator[Passage]:
 
 
 def _passage(zero: Any, switch: Any) -> Passage:
-    """Of a function that does not itself switch."""
+    """Phases of the zeros of a function without switches."""
     zero = sympy.expand(zero)
     if SPEED not in zero.free_symbols:
         for wrapped in zero.atoms(Wrapped):

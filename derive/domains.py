@@ -1,4 +1,4 @@
-"""Domains of functions, and pieces of expressions to which they apply.
+"""Domains of functions, and the pieces of expressions to which they apply.
 
 A domain is a condition on the argument of a root, quotient or arccosine. Inactive pieces of piecewise
 expressions contribute nothing, even if they are singular: a contact
@@ -21,12 +21,14 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Symbols with a known sign, by the symbols in the mechanism, which are only declared real."""
+"""Symbols of known sign, by the real symbols of the mechanism."""
 
 
 class Need(NamedTuple):
-    """Domain of a function: it is real and finite where `margin` satisfies `relation`. safe: value of its
-    first argument at which the function and its derivatives are finite."""
+    """Domain of a function: it is real and finite where `margin` satisfies `relation`.
+
+    safe: value of the first argument at which the function and its derivatives are finite.
+    """
 
     margin: Any
     relation: str
@@ -97,8 +99,10 @@ def is_met(need: Need, signs: Signs) -> bool:
 
 
 def gate(factor: Any) -> Any:
-    """Condition under which a factor of a product is nonzero, for Heaviside(x), Max(0, x), Min(0, x) and
-    their powers; None for other factors."""
+    """Condition under which a factor Heaviside(x), Max(0, x), Min(0, x), or a power of these, is nonzero.
+
+    None for other factors.
+    """
     base = factor.base if isinstance(factor, sympy.Pow) and factor.exp.is_positive else factor
     arguments: Any = base.args
     if isinstance(base, sympy.Heaviside):
@@ -118,8 +122,7 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Functions of an expression that have a domain condition, inner ones first, each with its condition
-    where its piece is active."""
+    """Functions of an expression with their domain conditions where their pieces are active, inner first."""
     found: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         needed = need(node)
@@ -164,14 +167,12 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """Expression in which pieces that may be singular are replaced by selections that are finite on both
-    sides; the expression itself if there are none."""
+    """The expression with pieces that may be singular replaced by selections finite on both sides."""
     return _Selection(signs, True).of(sympy.sympify(expression))
 
 
 def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
-    """Expression evaluated at the values `rest` of all moving symbols, and the conditions under which it is
-    finite there: that singular pieces are inactive."""
+    """The expression at values `rest` of the moving symbols, and conditions for inactive singular pieces."""
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
@@ -248,8 +249,10 @@ class _Selection:
         return Selected(condition, self._finite(value, condition), sympy.S.Zero)
 
     def _split(self, part: Any) -> Any:
-        """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y;
-        None if there is none."""
+        """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y.
+
+        None if there is none.
+        """
         terms = [each for each in sympy.Add.make_args(part) if self._is_singular(each)]
         singular, others = (
             sympy.Add(*terms),
@@ -281,8 +284,7 @@ class _Selection:
         return value
 
     def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
-        """Selections for the values and conditions of a piecewise function, or of its product with a
-        factor."""
+        """Selections for the pieces of a piecewise function, or of its product with a factor."""
         if not any(self._is_singular(value) for value, _ in pieces):
             return stated
         values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]

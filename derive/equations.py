@@ -21,7 +21,7 @@ from derive.symbols import ACCELERATION, PHASE, SPEED, Moving, counted, rate, st
 
 
 def gathered(entry: sympy.Expr) -> sympy.Expr:
-    """Sum of terms that each vary differently with phase, speed and motion, times constant factors."""
+    """The sum with terms collected that vary alike with phase, speed and motion."""
     factors: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in sympy.Add.make_args(sympy.expand_mul(entry)):
         factor, varying = term.as_independent(PeriodicFunction, Moving, SPEED)
@@ -31,16 +31,18 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
 
 
 def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
-    """The matrices gathered, or as they are where that takes fewer operations.
+    """The matrices with collected terms, or unchanged if these have fewer operations.
 
-    Gathering is shorter for transmission functions, and longer where kinematics are written out.
+    Collecting shortens transmission functions and lengthens kinematics that are written out.
     """
     return min([matrix.applyfunc(gathered) for matrix in matrices], list(matrices), key=operations)
 
 
 def unshifted(expression: Any) -> Any:
-    """Sines and cosines of the phase with a fixed angle added by those of the phase alone, so that blades or
-    poles evenly around a turn cancel."""
+    """Expand sines and cosines of the phase plus a constant angle.
+
+    The terms of blades or poles at equal angles around a revolution then cancel.
+    """
     return expression.replace(_shifted, sympy.expand_trig)
 
 
@@ -53,14 +55,14 @@ def _shifted(part: Any) -> bool:
 
 
 def operations(matrices: Sequence[sympy.Matrix]) -> int:
-    """Operations of all entries together, common subexpressions counted once."""
+    """Number of operations of all entries, with common subexpressions counted once."""
     common, reduced = sympy.cse(matrices, optimizations="basic", order="canonical")
     entries = [entry for matrix in reduced for entry in matrix]
     return int(sympy.count_ops([expression for _, expression in common] + entries))
 
 
 class Energies(NamedTuple):
-    """T, V and Rayleigh's R, of a mechanism or of a unit of length."""
+    """T, V and Rayleigh's R of a mechanism, or per length."""
 
     kinetic: Any
     potential: Any
@@ -68,21 +70,21 @@ class Energies(NamedTuple):
 
 
 def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
-    """Left-hand sides r(φ, Ω, Ω̇, q, q̇, q̈) of the equations of motion r = 0, one row a coordinate.
+    """Left-hand sides r(φ, Ω, Ω̇, q, q̇, q̈) of the equations of motion r = 0, one row per coordinate.
 
-    Coordinates with a fundamental motion are counted from it: q → q̄(φ) + q before anything else.
+    Coordinates with a fundamental motion q̄(φ) are relative to it: q → q̄(φ) + q.
     """
     return _in_parts([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
 
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
-    """The rows, simplified: at constant speed, and what an acceleration of the drive adds."""
+    """The rows, with the terms at constant speed and those of an acceleration simplified separately."""
     given = sympy.Matrix(rows)
     return simplified([steady(given)])[0] + simplified([accelerated(given)])[0]
 
 
 def accelerated(expression: Any) -> Any:
-    """What the acceleration Ω̇ of the drive adds to an expression, or to each entry of a matrix."""
+    """Terms of an expression or matrix due to the acceleration Ω̇ of the drive."""
     if isinstance(expression, sympy.MatrixBase):
         return expression.applyfunc(accelerated)
     factor = sympy.diff(expression, ACCELERATION)
@@ -92,10 +94,9 @@ def accelerated(expression: Any) -> Any:
 def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> sympy.Expr:
     """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)) and those of the coordinates.
 
-    The row of a coordinate that merely adds to the phase, as the twist of a shaft does, is subtracted. It
-    vanishes on every motion, and what remains is the torque in that shaft. On a motion of the linear
-    equations the inertia terms would leave an error without that. residual: the rows of the coordinates, none
-    where they lack a part of what acts.
+    The row of a coordinate that adds to the phase, such as the twist of a shaft, is subtracted. It vanishes
+    on every motion, and the torque in that shaft remains. Without it, the inertia terms would have an error
+    on motions of the linear equations. residual: the rows of the coordinates; none if they are incomplete.
     """
     torque = _row(mechanism, PHASE)
     accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]
@@ -108,7 +109,7 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
 
 
 def from_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
-    """The expression with q, q̇, q̈ replaced by q̄ + q and their rates, and the phase counted at steps."""
+    """The expression with q, q̇, q̈ relative to the fundamental motion, and the phase modulo 2π at steps."""
     expression = counted(expression)
     shift: dict[sympy.Basic, sympy.Expr] = {}
     for symbol, motion in mechanism.fundamental_motion.items():
@@ -146,10 +147,9 @@ class Linearised(NamedTuple):
 
 
 def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
-    """Jacobians of the residual by q̈, q̇ and q where all three vanish; d is minus the residual there.
+    """Jacobians of the residual by q̈, q̇ and q at the fundamental motion; d is minus the residual there.
 
-    Raises ExpansionError where an entry is not finite, SingularMassError where M is singular whatever
-    the parameters.
+    Raises ExpansionError if an entry is not finite, SingularMassError if M is singular for all parameters.
     """
     if not mechanism.declared_coordinates:
         none = sympy.zeros(0, 0)
@@ -176,7 +176,7 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
 
 
 def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Condition]:
-    """Conditions under which the expansion exists."""
+    """Conditions on the parameters under which the expansion exists."""
     if not mechanism.declared_coordinates:
         return []
     jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
@@ -189,7 +189,7 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives beside switches by q̈, q̇ and q, and these."""
+    """Derivatives beside switches by q̈, q̇ and q, and these symbols."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving
@@ -208,7 +208,7 @@ def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> N
 
 
 def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
-    """Look for massless directions at an arbitrary rational point, where no rank is lost by chance."""
+    """Raise SingularMassError if M is singular at an arbitrary rational point, and so everywhere."""
     unknown = sorted(M.atoms(PeriodicFunction, LoopFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}
@@ -218,6 +218,6 @@ def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
         without = [name for name, share in zip(names, massless[0], strict=True) if abs(share) > 1e-20]
         raise SingularMassError(
             f"the kinetic energy gives no inertia to {' with '.join(without)}: M is singular; "
-            "add a mass there, or drop the coordinate",
+            "add a mass there, or remove the coordinate",
             mechanism.kinetic,
         )

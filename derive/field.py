@@ -149,7 +149,7 @@ def _unsupported(part: sympy.Basic) -> UnsupportedExpressionError:
 
 
 class FieldIntegral(sympy.Function):
-    """∫ density dx over the length of a field; a subclass is made for each field."""
+    """∫ density dx over the length of a field; each field has a subclass."""
 
     nargs = 2
     is_real = True
@@ -164,13 +164,13 @@ class FieldIntegral(sympy.Function):
         return super().free_symbols - self.field.local
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the integral where density and length have those of the parts."""
+        """Dimension of the integral for density and length of these dimensions."""
         return parts[0] * parts[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """w(x, t) = Σ q_k(t) ψ_k(x/length), k = 1 … as many as the option `modes` says.
+    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length), where the option `modes` is the number of modes.
 
     shape: ψ_k as a function of k and xi = x/length.
     """
@@ -182,7 +182,7 @@ class Field:
     shape: Shape = field(repr=False)
     modes: str
     points: dict[Any, tuple[Moving, sympy.Expr]] = field(default_factory=dict, init=False)
-    """What `at` gave: a symbol for w, w′, w″ or the tension at a position."""
+    """Symbols returned by `at`, for w, w′, w″ or the tension at a position."""
 
     @cached_property
     def position(self) -> sympy.Symbol:
@@ -211,32 +211,32 @@ class Field:
 
     @cached_property
     def shortening(self) -> Any:
-        """u = ½∫w′² from 0 to x: what an inextensible link at x moves towards its beginning."""
+        """u = ½∫w′² from 0 to x: displacement of an inextensible link at x towards its start."""
         return Moving(f"{self.name}_shortening")
 
     @cached_property
     def total_shortening(self) -> Any:
-        """u at the end: the chord is shorter by it than the link."""
+        """u at the end: length of the link minus that of its chord."""
         return Moving(f"{self.name}_total_shortening")
 
     @cached_property
     def tension(self) -> Any:
-        """Axial force N of the straight link; it follows from what the energies say of the shortening."""
+        """Axial force N of the straight link, derived from the energy terms with the shortening."""
         return Moving(f"{self.name}_tension")
 
     @cached_property
     def local(self) -> set[Any]:
-        """Symbols that mean something at one place only."""
+        """Symbols that are defined at one position."""
         moving = [*self.derivatives, self.shortening]
         return {self.position, self.tension, *moving, *(each.rate for each in moving)}
 
     @property
     def symbols(self) -> list[Moving]:
-        """Whatever moves, without its rates."""
+        """All moving symbols, without their rates."""
         return [*self.derivatives, self.shortening, self.total_shortening, self.tension, *self.points]
 
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:
-        """Dimensions of `symbols`, from those of length and energy."""
+        """Dimensions of `symbols` for these dimensions of length and energy."""
         unit = parse(self.unit)
         known = {each: unit / length**order for order, each in enumerate(self.derivatives)}
         known |= {self.shortening: length, self.total_shortening: length, self.tension: energy / length}
@@ -247,14 +247,21 @@ class Field:
         return self._integral(sympy.sympify(density), self.length)
 
     def line(self, start: tuple[Any, Any], direction: Any) -> list[tuple[Any, Any]]:
-        """For `sketch`, the point that runs along the bent link from its beginning (x, y), whose chord has
-        a direction (rad from x); w is positive at +90° from it."""
+        """Moving point of the bent link for `sketch`.
+
+        Parameters
+        ----------
+        start : tuple of two expressions
+            Position (x, y) of the start of the link, m.
+        direction : expression
+            Direction of the chord, rad from x; w is positive at +90° from it.
+        """
         (x, y), along, across = start, self.position - self.shortening, self.deflection
         c, s = sympy.cos(direction), sympy.sin(direction)
         return [(x + along * c - across * s, y + along * s + across * c)]
 
     def at(self, expression: Any, position: Any) -> Any:
-        """The value of an expression in x, w, w′, w″, their rates and the tension at a position."""
+        """Value at a position of an expression in x, w, w′, w″, their rates and the tension."""
         expression = sympy.sympify(expression)
         values: dict[sympy.Basic, Any] = {self.position: sympy.sympify(position)}
         for local in (*self.derivatives, self.tension):

@@ -19,13 +19,13 @@ from derive.symbols import PHASE, Moving, primed
 from derive.units import Dimension, parse
 
 Order = tuple[int, ...]
-"""How often a function is differentiated by each of its arguments."""
+"""Order of the derivative by each argument."""
 
 
 class LoopFunction(sympy.Function):
-    """An unknown of a loop; z(x, y, 1, 0) is ∂z/∂x, and z(x, y) the unknown itself.
+    """An unknown of a loop: z(x, y) is the unknown, z(x, y, 1, 0) its derivative ∂z/∂x.
 
-    A subclass is made for each unknown of each loop.
+    Each unknown of each loop has a subclass.
     """
 
     is_real = True
@@ -51,7 +51,7 @@ class LoopFunction(sympy.Function):
         return self.func(*self.arguments, *order)
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the function where its arguments have those of the parts."""
+        """Dimension of the derivative for arguments of these dimensions."""
         dimension = parse(self.unit)
         for part, times in zip(parts, self.order, strict=False):
             dimension /= part**times
@@ -59,7 +59,7 @@ class LoopFunction(sympy.Function):
 
     @property
     def derivatives(self) -> tuple[int, list[tuple[Any, int]]]:
-        """How often it is differentiated by the phase, and by each other argument by which it is."""
+        """Order of the derivative by the phase, and of those by other arguments."""
         orders = list(zip(self.arguments, self.order, strict=True))
         others = [(argument, times) for argument, times in orders if times and argument != PHASE]
         return sum(times for argument, times in orders if argument == PHASE), others
@@ -84,10 +84,9 @@ def _exponent(times: int) -> str:
 class Loop:
     """A closed loop of links.
 
-    unknowns: z, with their units. given: formal arguments, and `arguments` what stands for them.
-    closure: expressions of z, given and parameters that vanish, as many as unknowns. start: z as
-    expressions of given and parameters, exact if `iterations` is 0, else the first guess of as many
-    steps of Newton's method.
+    unknowns: z, with their units. given: formal arguments, with the actual ones in `arguments`. closure: one
+    expression of z, given and parameters per unknown, which vanishes. start: z as expressions of given and
+    parameters, exact if `iterations` is 0, otherwise the first guess of Newton's method.
     """
 
     unknowns: tuple[sympy.Symbol, ...]
@@ -100,7 +99,7 @@ class Loop:
 
     @cached_property
     def functions(self) -> tuple[Any, ...]:
-        """The class of each unknown."""
+        """Class of each unknown."""
         count = len(self.given)
         shared = {"loop": self, "nargs": (count, 2 * count)}
         return tuple(
@@ -118,12 +117,12 @@ class Loop:
 
     @property
     def parameters(self) -> list[sympy.Symbol]:
-        """What the loop depends on besides its arguments."""
+        """Parameters of the loop besides its arguments."""
         free: set[Any] = set().union(*(part.free_symbols for part in (*self.closure, *self.start)))
         return sorted(free - {*self.unknowns, *self.given}, key=lambda symbol: symbol.name)
 
     def at(self, arguments: Iterable[sympy.Expr], order: Order | None = None) -> tuple[Any, ...]:
-        """The unknowns, or their derivatives of an order, at the arguments."""
+        """The unknowns, or their derivatives of this order, at the arguments."""
         return tuple(function(*arguments, *(order or ())) for function in self.functions)
 
     @property
@@ -139,7 +138,7 @@ class Loop:
         )
 
     def derivative(self, order: Order) -> list[Any]:
-        """Derivatives of an order of the unknowns, from those of lower orders (applied to `given`)."""
+        """Derivatives of the unknowns of this order, from those of lower orders (applied to `given`)."""
         functions = dict(zip(self.unknowns, self.at(self.given), strict=True))
         closed: Any = sympy.Matrix(self.closure).xreplace(functions)
         for symbol, times in zip(self.given, order, strict=True):
@@ -150,7 +149,7 @@ class Loop:
 
     @property
     def margins(self) -> list[Any]:
-        """Expressions that are positive where the loop closes within 1e-9 of the size of the terms."""
+        """Expressions that are positive if the loop closes to 1e-9 of the magnitude of its terms."""
         arguments = self.arguments
         values = dict(zip((*self.unknowns, *self.given), (*self.at(arguments), *arguments), strict=True))
         closed = [equation.xreplace(values) for equation in self.closure]
@@ -159,18 +158,18 @@ class Loop:
 
 
 def _linear_solution(matrix: Any, right: Any) -> Any:
-    """z of matrix z = right by Cramer's rule, which unlike elimination needs no pivot other than 0."""
+    """Solution z of matrix z = right by Cramer's rule, which needs no test for zero pivots."""
     return matrix.adjugate() * right / matrix.det(method="berkowitz")
 
 
 def lower_orders(orders: Iterable[Order]) -> list[Order]:
-    """The orders and all lower ones that their derivatives are calculated from, lowest first."""
+    """The orders and all lower ones from which the derivatives follow, lowest first."""
     needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
     return sorted(needed, key=lambda order: (sum(order), order))
 
 
 def at_desired_motion(expression: Any) -> Any:
-    """Expression in the fundamental motion: all moving symbols are zero, except the phase."""
+    """The expression at the fundamental motion: all moving symbols except the phase are zero."""
     moving = expression.atoms(Moving) - {PHASE}
     return expression.xreplace(dict.fromkeys(moving, sympy.S.Zero))
 
@@ -179,8 +178,8 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
     """Directions of coupler and follower, from crank pin A and pivot C to joint B, in closed form.
 
     links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground
-    line. Those that move are arguments. side: +1 where B lies on the left of the line from A to C,
-    −1 on its right. B is the corner of the triangle A, B, C above the foot of its height.
+    line; those that move are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
+    right. B follows from the height of the triangle A, B, C and its foot.
     """
     moving = [name for name, value in links.items() if sympy.sympify(value).atoms(Moving)]
     given = {name: sympy.Dummy(name, real=True) for name in moving}
@@ -207,7 +206,7 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 
 
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
-    """What lets A, B, C form a triangle at every angle of the crank."""
+    """Conditions under which A, B, C form a triangle at every angle of the crank."""
     crank, coupler, follower, ground = (
         at_desired_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
     )
@@ -216,20 +215,20 @@ def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any
 
 
 class Series(Protocol):
-    """What a mechanism's author sees of a periodic function."""
+    """A declared periodic function, as the author of a mechanism uses it."""
 
     mean: Any
-    """Parameter that is the mean of the series, if it has one."""
+    """Parameter of the mean, if the series has one."""
 
     def __call__(self, angle: Any, /) -> Any:
-        """The function of an angle, as an expression."""
+        """The function of an angle as an expression."""
         ...
 
 
 class PeriodicFunction(sympy.Function):
-    """A Fourier series of its argument; U(φ, k) is the k-th derivative, U(φ) the function itself.
+    """A Fourier series: U(φ) is the function, U(φ, k) its k-th derivative.
 
-    A subclass is made for each declared series and carries the names of its coefficients.
+    Each declared series has a subclass with the names of its coefficients.
     """
 
     is_real = True
@@ -252,7 +251,7 @@ class PeriodicFunction(sympy.Function):
 
     @property
     def order(self) -> int:
-        """How often the function is differentiated."""
+        """Order of the derivative."""
         return int(str(self.args[1]))
 
     def fdiff(self, argindex: int = 1) -> sympy.Expr:

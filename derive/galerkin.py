@@ -25,7 +25,7 @@ from derive.printer import CasadiPrinter
 from derive.symbols import PHASE, Moving, counted, steady
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
-"""Stand for zeros of the size that the number of modes gives."""
+"""Zeros whose size is the number of modes."""
 
 ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
@@ -51,11 +51,10 @@ class Pair:
 
 @dataclass
 class Projection:
-    """Matrices and drive torque where the speed varies, as sums of coefficients times constants of the mode
-    functions.
+    """Matrices and drive torque at varying speed: sums of coefficients times integrals of mode functions.
 
-    pairs and moments: the symbols that stand for square matrices and for columns. weighted: those
-    that stand for a moment's column times the amplitudes; their rates for that times the rates.
+    pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of a column
+    with the amplitudes, whose rates are the products with the rates.
     """
 
     deflection: Field
@@ -64,7 +63,7 @@ class Projection:
     moments: dict[sympy.Symbol, Moment] = field(default_factory=dict)
     weighted: dict[Moving, sympy.Symbol] = field(default_factory=dict)
     varying: dict[str, Any] = field(default_factory=dict)
-    """M, C, K, d where the speed varies."""
+    """M, C, K, d at varying speed."""
     drive_torque: Any = sympy.S.Zero
     tension: Any = sympy.S.Zero
     """N, a polynomial of the field's position."""
@@ -77,7 +76,7 @@ class Projection:
 
     @property
     def tensions(self) -> dict[Any, Any]:
-        """The tension at each point where it is asked for."""
+        """Tension at each declared point."""
         x = self.deflection.position
         return {
             point: self.tension.xreplace({x: position})
@@ -89,9 +88,9 @@ class Projection:
 def project(mechanism: MechanismStatement, deflection: Field) -> Projection:
     """Linear equations of the amplitudes, drive torque to their first order, and the tension.
 
-    Raises DeclarationError where energies are no sums of integrals, UnsupportedExpressionError
-    where a density is no polynomial of x or a mode function cannot be integrated, and
-    SingularMassError where the deflection has no inertia.
+    Raises DeclarationError for energies that are not sums of integrals, UnsupportedExpressionError for a
+    density that is not a polynomial of x and for mode functions without a closed integral, and
+    SingularMassError for a deflection without inertia.
     """
     most = len(mechanism.declared_coordinates)
     projection = Projection(deflection, most)
@@ -119,20 +118,20 @@ def _require_free_names(mechanism: MechanismStatement, projection: Projection) -
 
 
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
-    """The part that is no integral, and the density of the rest."""
+    """The terms outside integrals, and the density of the integrals."""
     energy = counted(sympy.sympify(energy))
     marks = {each: sympy.Dummy() for each in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
     density = sympy.Add(*(marked.diff(mark) * each.density for each, mark in marks.items()))
     if density.has(*marks.values(), FieldIntegral):
         raise DeclarationError(
-            f"energies must be sums of integrals over {deflection.name}, none within another"
+            f"energies must be sums of integrals over {deflection.name} that are not nested"
         )
     return marked.xreplace(dict.fromkeys(marks.values(), sympy.S.Zero)), density
 
 
 def _tension(mechanism: MechanismStatement, deflection: Field, whole: Energies, density: Energies) -> Any:
-    """N(x): what the straight link transmits, from the rows of the shortening at x and at the end."""
+    """Axial force N(x) of the straight link, from the rows of the shortening at x and at the end."""
     x, length, chord = deflection.position, deflection.length, deflection.total_shortening
     straight = _zeroed(deflection.symbols)
     at_end = equation(whole, chord, mechanism.forces).xreplace(straight)
@@ -187,7 +186,7 @@ def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
 
 
 def _torque(projection: Projection, density: Energies) -> Any:
-    """Row of the phase, integrated over the link, to first order of the amplitudes."""
+    """Row of the phase, integrated over the link, to first order in the amplitudes."""
     deflection = projection.deflection
     first = Energies(*(_first_order(each, deflection.derivatives) for each in density))
     M, C, K, d = (
@@ -206,14 +205,14 @@ def _torque(projection: Projection, density: Energies) -> Any:
 
 
 def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
-    """The symbol of a moment's column times the amplitudes, differentiated by time."""
+    """Symbol of a column times the amplitudes, differentiated `times` times by time."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
     return symbol.motion[times]
 
 
 def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
-    """Taylor's expansion to first order of coordinates and rates."""
+    """Taylor expansion to first order in coordinates and rates."""
     symbols = [*moving, *(each.rate for each in moving)]
     rest = dict.fromkeys(symbols, sympy.S.Zero)
     return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
@@ -224,7 +223,7 @@ def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
-    """Coefficients of a polynomial of x by their powers."""
+    """Coefficients of a polynomial of x, by power."""
     factors: dict[int, list[Any]] = {}
     for term in sympy.Add.make_args(sympy.expand(expression)):
         factor, varying = term.as_independent(x, as_Add=False)
@@ -259,7 +258,7 @@ AMPLITUDES = ("coordinates", "rates", "accelerations")
 
 
 def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
-    """Text for each symbol of the projected equations, and for each point of the field."""
+    """Text of each symbol of the projected equations, and of each point of the field."""
     modes = projection.deflection.modes
     texts = {
         ZERO_MATRIX: f"casadi.DM.zeros({modes}, {modes})",
@@ -276,7 +275,7 @@ def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
 
 
 def along(deflection: Field) -> dict[sympy.Symbol, str]:
-    """Text for what `Field.line` holds, at the fraction `running` of the length."""
+    """Text of the symbols of `Field.line` at the fraction `running` of the length."""
     printer, modes = CasadiPrinter(), deflection.modes
     length = printer.doprint(deflection.length)
     texts = {deflection.position: f"({length})*{RUNNING}"}
@@ -287,7 +286,7 @@ def along(deflection: Field) -> dict[sympy.Symbol, str]:
 
 
 def field_tools(projection: Projection) -> list[str]:
-    """Module functions that the definitions call."""
+    """Texts of the functions that the definitions call."""
     return [
         _modes(projection.deflection),
         *([PAIRS] if projection.pairs else []),
@@ -299,7 +298,7 @@ def field_tools(projection: Projection) -> list[str]:
 
 
 def field_functions(deflection: Field, given: str, options: Sequence[str]) -> list[str]:
-    """The residuals, and the mode functions for those who want the deflection elsewhere.
+    """Texts of the residuals and of the mode functions.
 
     given: text of the functions' parameters. options: names of the module's options.
     """

@@ -47,7 +47,7 @@ NODES = (
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
-    """Prints with `casadi.` and `math.` before each function; rationals stay exact until Python divides.
+    """Printer with `casadi.` or `math.` before each function; Python divides the rationals.
 
     Raises UnsupportedExpressionError where an expression has no counterpart.
     """
@@ -108,7 +108,7 @@ class CasadiPrinter(AbstractPythonCodePrinter):
         return self._nested("casadi.logic_or", expr)
 
     def _nested(self, function: str, expr: sympy.Basic) -> str:
-        """A function of two arguments, applied over and over."""
+        """Nested calls of a function of two arguments."""
         text, *rest = (self._print(part) for part in expr.args)
         for part in rest:
             text = f"{function}({text}, {part})"
@@ -143,9 +143,9 @@ def _components(amplitudes, angles):
 def series_calls(
     matrices: Sequence[sympy.Matrix], taken: set[str]
 ) -> tuple[list[str], dict[PeriodicFunction, sympy.Symbol]]:
-    """Lines that evaluate every series in the matrices, and the symbol that holds each value.
+    """Lines that evaluate the series in the matrices, and the symbol of each value.
 
-    `taken` are names that the symbols must not have; the new ones are added to it.
+    taken: names in use, to which those of the symbols are added.
     """
     direct: set[Any] = set().union(*(matrix.atoms(PeriodicFunction) for matrix in matrices))
     inner = {inside for each in direct for inside in each.args[0].atoms(PeriodicFunction)}
@@ -163,7 +163,7 @@ def series_calls(
 
 
 def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
-    """Additions and multiplications of the recurrences behind the values, trigonometric calls included."""
+    """Operations of the recurrences of the values, including trigonometric calls."""
     arguments = {(type(each), each.args[0]) for each in values}
     harmonics = [len(series.first) for series, _ in arguments]
     return sum(2 + 6 * count for count in harmonics) + sum(5 * len(each.first) for each in values)
@@ -188,7 +188,7 @@ Assignment = tuple[sympy.Symbol, Any]
 
 
 def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
-    """The loops in the matrices and the orders of derivatives that they need, in a fixed order."""
+    """Loops in the matrices with the required orders of derivatives, in a fixed order."""
     orders: dict[Loop, set[Order]] = {}
     for each in set().union(*(matrix.atoms(LoopFunction) for matrix in matrices)):
         orders.setdefault(each.loop, set()).add(each.order)
@@ -197,7 +197,7 @@ def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
 
 
 def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
-    """A function that returns the unknowns' derivatives of the given orders, and its operations."""
+    """Text of the function of the unknowns' derivatives of these orders, and its number of operations."""
     taken = {symbol.name for symbol in (*loop.parameters, *loop.unknowns)}
     formal = {symbol: unused_symbol(symbol.name, taken) for symbol in loop.given}
     lower = lower_orders(orders)
@@ -228,10 +228,10 @@ def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
 def loop_calls(
     matrices: Sequence[Any], wanted: Mapping[Loop, list[Order]], taken: set[str]
 ) -> tuple[list[str], dict[Any, sympy.Symbol]]:
-    """Lines that solve every loop in the matrices, and the symbol that holds each value.
+    """Lines that solve the loops in the matrices, and the symbol of each value.
 
-    `taken` are names that the symbols must not have; the new ones are added to it. A loop that others or a
-    series drive comes after these.
+    taken: names in use, to which those of the symbols are added. A loop follows the loops and series that
+    drive it.
     """
     printer, lines = CasadiPrinter(), []
     values: dict[Any, Any] = {}
@@ -255,7 +255,7 @@ def _inner_first(call: tuple[tuple[str, tuple[Any, ...]], Loop]) -> tuple[int, A
 
 
 def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:
-    """A fixed number of steps, so that the function can be differentiated and mapped like any other."""
+    """Newton's method with a fixed number of steps, so that the function can be differentiated and mapped."""
     following = [sympy.Symbol(f"{symbol.name}_new", real=True) for symbol in loop.unknowns]
     step = [value.xreplace(formal) for value in loop.newton_step]
     lines, count = _lines(list(zip(following, step, strict=True)), taken)
@@ -265,8 +265,10 @@ def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str
 
 
 def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str], int]:
-    """Assignments with their common subexpressions taken out under names that the function has not taken,
-    each line after those that it needs."""
+    """Lines of the assignments and of their common subexpressions in order of dependence, and the operations.
+
+    taken: names in use in the function.
+    """
     fresh = sympy.numbered_symbols("x", exclude={sympy.Symbol(name) for name in taken})
     expressions = [value for _, value in assignments]
     common, reduced = sympy.cse(expressions, symbols=fresh, optimizations="basic", order="canonical")
@@ -281,7 +283,7 @@ def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str
 
 
 def _named(loop: Loop, arguments: Sequence[Any], order: Order, taken: set[str]) -> dict[Any, sympy.Symbol]:
-    """A symbol such as phi3_1_0 for each unknown's derivative of an order."""
+    """Symbols such as phi3_1_0 of the unknowns' derivatives of this order."""
     suffix = "".join(f"_{times}" for times in order)
     functions = loop.at(arguments, order)
     return {each: unused_symbol(type(each).__name__ + suffix, taken) for each in functions}

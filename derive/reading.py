@@ -1,4 +1,4 @@
-"""The linearised equations in the form of the literature, and their text as MathML.
+"""The linearised equations in the form of the literature, and their MathML.
 
 Entries of the matrices are listed one by one; repeated long subexpressions have names.
 """
@@ -25,23 +25,23 @@ from derive.symbols import PHASE, SPEED
 from derive.units import Dimension, dimension_of, parse
 
 _SHORT = 3
-"""Operations of a part that is worth a name."""
+"""Smallest number of operations of a named subexpression: a choice."""
 
 _LONG = 300
-"""Operations beyond which nothing is expanded."""
+"""Number of operations above which nothing is expanded: a choice, for speed."""
 
 _LETTERS = {
     "1": "eta", "m": "l", "m^2": "A", "kg": "mu", "kg m": "S", "kg m^2": "J", "N": "F", "N m": "T",
     "N/m": "k", "N s/m": "c", "N m s": "c", "m/s": "v", "1/s": "omega", "m/s^2": "a", "Pa": "p",
 }  # fmt: skip
-"""The letter of a part by its unit; of all else it is sigma."""
+"""Letter of a named subexpression by its unit; sigma for all other units."""
 
 
 @dataclass(frozen=True)
 class Equation:
-    """What equals an expression: a name, or entries of a matrix that are the same.
+    """An equation for a name, or for equal entries of a matrix.
 
-    unit: of a part that has been named here.
+    unit: of a named subexpression, otherwise "".
     """
 
     left: tuple[sympy.Symbol, ...]
@@ -50,7 +50,7 @@ class Equation:
 
 
 def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[Equation]:
-    """Named parts, then the entries of M, C, K, d that are not 0; of a deflection's projection its sums."""
+    """Named subexpressions, and the nonzero entries of M, C, K, d or the sums of a projection."""
     named, names = _named(mechanism, linearised.values())
     put = {
         name: _each(part, lambda entry: _shorter(entry.xreplace(names))) for name, part in linearised.items()
@@ -64,7 +64,7 @@ def _each(part: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def links(structure: StructureStatement) -> list[Equation]:
-    """Of each link of a structure its angle, length, stiffnesses, mass per length and height."""
+    """Angle, length, stiffnesses, mass per length and height of each link of a structure."""
     names = {"angle": "theta", "length": "L", "height": "h"}
     return [
         Equation((sympy.Symbol(f"{names.get(name, name)}_{link.name}"),), expression)
@@ -74,8 +74,7 @@ def links(structure: StructureStatement) -> list[Equation]:
 
 
 def with_numbers(expression: Any, numbers: Mapping[sympy.Symbol, Any]) -> Any:
-    """The expression with numbers in place of parameters, but for the arguments of a loop's unknowns, by
-    which these are differentiated."""
+    """The expression with numbers in place of parameters, except in the arguments of a loop's unknowns."""
     kept = {each: each for each in expression.atoms(LoopFunction)}
     return expression.xreplace({**{each: sympy.Float(x) for each, x in numbers.items()}, **kept})
 
@@ -99,7 +98,7 @@ def _entries(name: str, matrix: Any) -> Iterator[Equation]:
 
 
 def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Equation], dict[Any, Any]]:
-    """Sums and roots that occur more than once by names that tell their units, and what takes their place."""
+    """Repeated sums and roots with names that indicate their units, and the substitution by these names."""
     known, taken = dimensions(mechanism), mechanism.names()
     repeated = _repeated(parts)
     named: list[Equation] = []
@@ -119,7 +118,7 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """Expanded where that is shorter, as it is where what has been named cancels."""
+    """The shorter of the expression and its expansion, in which named subexpressions may cancel."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)
@@ -152,7 +151,7 @@ def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
 
 
 def _base(part: Any) -> tuple[Any, Any, Any]:
-    """What a part that may be named is a multiple or a power of, the factor and the power; else None."""
+    """Base of a subexpression that may be named, with its factor and power; None for others."""
     base, factor, power = sympy.S.Zero, sympy.S.One, sympy.S.One
     if isinstance(part, sympy.Pow) and isinstance(part.exp, sympy.Rational) and part.exp.q == 2:
         base, power = sympy.sqrt(part.base), sympy.Integer(part.exp.p)
@@ -182,7 +181,7 @@ def _sides(printer: "_Printer", equation: Equation) -> list[str]:
 
 
 class _Printer(MathMLPresentationPrinter):
-    """Knows the functions of derive, and symbols with texts of their own."""
+    """Printer of the functions of derive, and of symbols with given texts."""
 
     def __init__(self, names: Mapping[Any, str]):
         super().__init__({"mul_symbol": _TIMES})
@@ -197,7 +196,7 @@ class _Printer(MathMLPresentationPrinter):
         return super().mathml_tag(e).replace("<", "&lt;").replace(">", "&gt;")
 
     def doprint(self, expr: Any) -> str:
-        # XML knows no names of characters but these; names of several letters need room between them.
+        # XML predefines only these character names; names of several letters need space between them.
         text = re.sub(_NAMED, lambda name: f"&#{ord(unescape(name[0]))};", super().doprint(expr))
         return text.replace(f"<mo>{_TIMES}</mo>", f'<mo rspace="0.12em">{_TIMES}</mo>')
 
@@ -244,7 +243,7 @@ class _Printer(MathMLPresentationPrinter):
     def _element(self, tag: str, *parts: str | Element) -> Element:
         made = self.dom.createElement(tag)
         for part in parts:
-            # Texts are written as they are, see SymPy's printer.
+            # SymPy's printer writes text nodes unescaped.
             made.appendChild(self.dom.createTextNode(part) if isinstance(part, str) else part)
         return made
 

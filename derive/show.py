@@ -26,7 +26,7 @@ _INDENT = "    "
 _DEEPEST = 4
 _TALL = r"\\frac|\\begin|\\sum"
 _FRACTION = r"\\frac\{((?:[^{}]|\{[^{}]*\})*)\}\{([^{} ]*)\}"
-"""A fraction with one short factor below."""
+"""A fraction with a single short factor in the denominator."""
 
 _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
 """Braces around the whole argument of a function."""
@@ -35,10 +35,9 @@ _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
 def equations(
     mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})
 ) -> str:
-    """M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, series at the phase with primes only; of a structure
-    its links' properties.
+    """LaTeX of M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, or of the properties of a structure's links.
 
-    numbers: what to put in place of parameters; options then have their defaults.
+    numbers: values of parameters; options then have their defaults.
     """
     numbers = {**numbers, **_defaults(mechanism)} if numbers else {}
     names: dict[sympy.Symbol, str] = {PHASE: r"\varphi", SPEED: r"\Omega"}
@@ -56,7 +55,7 @@ def equations(
 
 
 def _numbered(found: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
-    """With numbers of six digits, if there are any; parts that are numbers then need no name."""
+    """The equations with numbers of six digits; named subexpressions with a numerical value are inserted."""
     known = dict(numbers)
     if not numbers:
         yield from found
@@ -84,7 +83,7 @@ def _defaults(mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
 
 
 def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
-    """What the symbols of the equations mean, beyond the mechanism's own."""
+    """Explanations of the symbols that the mechanism does not declare."""
     if mechanism.declared_field:
         vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
     else:
@@ -103,14 +102,14 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
 
 
 def _modal(mechanism: MechanismStatement) -> list[str]:
-    """What damping ratios add to C."""
+    """Explanation of the modal damping."""
     ratios = ", ".join(map(latex, mechanism.damping_ratios))
     added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "
     return [added + ratios] if ratios else []
 
 
 def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> str:
-    """LaTeX without braces and sizes of brackets where it means the same without them.
+    """LaTeX without superfluous braces and bracket sizes.
 
     >>> x, y = sympy.symbols("x_1 y")
     >>> latex(sympy.sin(x + y) ** 2 / 2)
@@ -129,7 +128,7 @@ def _in_line(fraction: re.Match[str]) -> str:
 
 
 def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
-    """With the unit of what has one as a comment."""
+    """Lines of an equation, with the unit of a named subexpression as a comment."""
     text = " = ".join([*map(latex, equation.left), latex(equation.right, names)])
     first, *others = _folded(text, WIDTH)
     lines = [first, *(_INDENT + each for each in others)]
@@ -142,7 +141,7 @@ def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
 
 
 def _folded(text: str, width: int, depth: int = 0) -> list[str]:
-    """Lines broken before + and −, outside brackets where that is enough."""
+    """Lines broken before + and −, outside brackets where possible."""
     if len(text) <= width:
         return [text]
     if depth > _DEEPEST:
@@ -157,7 +156,7 @@ def _folded(text: str, width: int, depth: int = 0) -> list[str]:
 
 
 def _terms(text: str, depth: int) -> list[str]:
-    """The text cut before each + and − between spaces that so many brackets at most enclose."""
+    """The text split before each + and − between spaces that at most `depth` brackets enclose."""
     inside, start, terms = 0, 0, []
     for at, letter in enumerate(text):
         inside += (letter in "({") - (letter in ")}")
@@ -168,7 +167,7 @@ def _terms(text: str, depth: int) -> list[str]:
 
 
 def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:
-    """What the symbols of modal integrals stand for."""
+    """LaTeX of the symbols of modal integrals."""
     pairs = {
         symbol: rf"\int {_weight(pair.power)}{_mode('i', pair.first)} {_mode('j', pair.second)} d\xi"
         for symbol, pair in projection.pairs.items()
@@ -189,7 +188,7 @@ def _mode(number: str, derivative: int) -> str:
 
 
 def elements() -> str:
-    """Mass and stiffness matrices of the beam elements' families, for unit length."""
+    """LaTeX of the mass and stiffness matrices of the beam elements' families, for unit length."""
     lines = []
     for family in FAMILIES:
         lines.append(f"% {family.name}: mass over rho A L, stiffness for unit length")
@@ -198,10 +197,10 @@ def elements() -> str:
 
 
 def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
-    """The parameters of a case in coherent SI, but for those that a table of measured values gives, or a
-    frequency where an angular velocity is declared.
+    """Parameters of a case in coherent SI.
 
-    Raises CaseError where the file cannot be read or has no such case, UnitError.
+    Parameters from a table of measured values, and frequencies for a declared angular velocity, are omitted.
+    Raises CaseError if the file cannot be read or has no such case, UnitError.
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
@@ -217,19 +216,19 @@ def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[s
         for member, value in _members(name, entry):
             if member not in declared or not isinstance(value, int | float):
                 raise CaseError(
-                    f"{path}: {member} = {value!r} is no number of a parameter of {mechanism.name}"
+                    f"{path}: {member} = {value!r} is not the number of a parameter of {mechanism.name}"
                 )
             unit = entry.get("unit", "")
             if parse(unit) != parse(declared[member].unit):
                 raise CaseError(f'{path}: {member} is in "{unit}"; it must be in "{declared[member].unit}"')
-            # Whether a hertz is 1 or 2π rad/s depends on what it is converted to.
+            # A hertz is 1 or 2π rad/s, depending on the declared unit.
             if ("Hz" in unit) == ("Hz" in declared[member].unit):
                 numbers[declared[member].symbol] = float(value) * size(unit)
     return numbers
 
 
 def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
-    """Each parameter of an entry, with its value."""
+    """Parameters of an entry with their values."""
     kinds = {"unit": str, "values": list, "count": int}
     if not isinstance(entry, dict) or not all(
         isinstance(entry[key], kind) for key, kind in kinds.items() if key in entry
@@ -244,7 +243,7 @@ def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _cause(error: Exception) -> str:
-    """Reason why a case file cannot be read."""
+    """Cause of an unreadable case file."""
     if isinstance(error, OSError):
         return (error.strerror or "no access").lower()
     if isinstance(error, KeyError):

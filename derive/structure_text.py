@@ -25,7 +25,7 @@ from derive.structure import ELEMENT_NAMES, Link, StructureStatement
 
 
 class Observed(NamedTuple):
-    """An output, its kind, and the place of a link to which it belongs, from 0 at its start to 1."""
+    """An output with its kind, link, and position on the link, from 0 at the start to 1."""
 
     output: Output
     kind: str
@@ -34,9 +34,12 @@ class Observed(NamedTuple):
 
 
 def observed(structure: StructureStatement) -> list[Observed]:
-    """Of each link the stresses at its middle, and its deflection there; of one that is clamped at one end
-    the tip's deflection instead, and the root's stresses too; what the joints bear; the strain energy of all
-    links. Nothing of a structure at rest."""
+    """Outputs of a moving structure; none for a structure at rest.
+
+    Each link has the stresses and the deflection at its midpoint; a link clamped at one end has the
+    deflection of its tip instead, and the stresses at its root too. Further outputs are the
+    joint forces and the strain energy of all links.
+    """
     if not structure.moves:
         return []
     energy = Output("strain_energy", None, "J", "strain energy of all links")
@@ -62,7 +65,7 @@ def _of_link(structure: StructureStatement, link: Link) -> Iterator[Observed]:
 
 
 def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
-    """The force on the last of the links that meet there, and the moment of a clamp."""
+    """Force on the last link of a joint, and the moment of a clamp."""
     links = [each for each in structure.declared_links if joint in (each.start, each.end)]
     link = links[-1]
     place = float(joint == link.end)
@@ -113,7 +116,7 @@ def generated_text(
 
 
 def structure_text(structure: StructureStatement, source_sha256: str, command: str) -> str:
-    """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
+    """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
     texts, counts = functions_text(
         structure,
         [
@@ -152,7 +155,7 @@ def _properties(structure: StructureStatement) -> GeneratedFunction:
 
 
 def _elastic(structure: StructureStatement) -> list[tuple[str, dict[str, sympy.Expr]]]:
-    """Springs and dashpots to the ground, if there are any."""
+    """Springs and dashpots to the ground, by degree of freedom."""
     declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
     found = {name: structure.to_ground(each) for name, each in declared.items()}
     return [(name, elastic) for name, elastic in found.items() if elastic]

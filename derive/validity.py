@@ -110,15 +110,14 @@ def _sentence(node: Any) -> str:
 
 
 def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
-    """A sentence for each parameter, series and function of coordinates whose part in the residual M, C, K, d
-    do not have."""
+    """A sentence for each parameter, series and function of coordinates that M, C, K, d omit."""
     kept = _names(mechanism, linearised)
     lost = [name for name in _names(mechanism, residual) if name not in kept]
     return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
 
 
 def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
-    """A sentence for each parameter and series of the energies that is in none of the results."""
+    """A sentence for each parameter and series of the energies that no result contains."""
     used = _names(mechanism, results)
     return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
 
@@ -145,7 +144,7 @@ def _one_sided(function: Any) -> str:
 
 
 def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[str]:
-    """Parameters and series that the expressions hold, in the order of their declaration."""
+    """Names of the parameters and series in the expressions, in the order of declaration."""
     given = [sympy.sympify(each) for each in expressions]
     symbols = set().union(*(each.free_symbols for each in given))
     series = set().union(*({type(part) for part in each.atoms(PeriodicFunction)} for each in given))
@@ -154,7 +153,7 @@ def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[st
 
 
 def _steps(mechanism: MechanismStatement, energies: Iterable[Any]) -> list[Any]:
-    """Steps and kinks that hold coordinates or their rates."""
+    """Steps and kinks that depend on coordinates or their rates."""
     moving = {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
     nodes = dict.fromkeys(node for each in energies for node in outermost(each))
     return sorted((node for node in nodes if switches(node, moving)), key=sympy.default_sort_key)

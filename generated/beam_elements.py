@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "dfff1aae7a4a6fca19906b7d53d5f435ee78bbcaa603410bf06f89c2d53bcd59"
-DERIVE_SHA256 = "5bc81fb3c9b8d7de9822ecc99aba8d915df5154f84a82c4590cf31e3f099d860"
+MECHANISM_SHA256 = "365bf0da4d2da694d5a7cbc7fa44da8f6b16dfe174d9290be63dd444d6bb9020"
+DERIVE_SHA256 = "8d13265ae0c7eebdc01e0adba013e49767327288f0397e6e06b6f91aaec25621"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9663cf4bb3ad9244f2638021651f5c625062065571a18ad3177d514b0e6e49ed"
+FILE_SHA256 = "f3bcc4a55c56f705fa056d51ca78f438a840a48b86b163a72b50057646c5d61a"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "5bc81fb3c9b8d7de9822ecc99aba8d915df5154f84a82c4590cf31e3f099d860"
+DERIVE_SHA256 = "8d13265ae0c7eebdc01e0adba013e49767327288f0397e6e06b6f91aaec25621"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d2856babb5a3aef0366bdd83ea526d5266ee5fe1d3666289c6c7a719319a474b"
+FILE_SHA256 = "c834f374f1d82114ffadc059adcd69e4ed61dae72aac42368d5c6e0ab65db7dc"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -21,7 +21,7 @@ from models.four_bar.linkage import Linkage
 
 @dataclass(frozen=True)
 class BarkerClass:
-    """One of the fourteen: number, symbol, name, category, and what marks it (thesis Table 3.1)."""
+    """One of the fourteen classes: number, symbol, name, category and distinctive link (thesis Table 3.1)."""
 
     number: int
     symbol: str
@@ -31,8 +31,8 @@ class BarkerClass:
 
 
 CLASSES = {
-    each.symbol: each
-    for each in (
+    kind.symbol: kind
+    for kind in (
         BarkerClass(1, "GCCC", "Grashof crank-crank-crank", "Grashof", "frame L4 shortest"),
         BarkerClass(2, "GCRR", "Grashof crank-rocker-rocker", "Grashof", "input L1 shortest"),
         BarkerClass(3, "GRCR", "Grashof rocker-crank-rocker", "Grashof", "coupler L2 shortest"),
@@ -49,9 +49,10 @@ CLASSES = {
         BarkerClass(14, "CP3X", "triple change point", "change point", "four equal links"),
     )
 }
-"""The fourteen classes by symbol, in Barker's order. The names say whether input, coupler and output
-turn fully (crank) or not (rocker) against the frame, as the symbols' letters do; thesis Table 3.1 prints
-crank-rocker-crank beside GCRR and CPCRR."""
+"""The fourteen classes by symbol, in Barker's order. The names, and the letters of the symbols, state
+whether input, coupler and output turn fully (crank) or not (rocker) against the frame. Thesis Table 3.1
+prints crank-rocker-crank for GCRR and CPCRR.
+"""
 
 REGIONS = {
     (-1, -1, -1): "GCRR",
@@ -67,9 +68,9 @@ REGIONS = {
 
 
 def classify(linkage: Linkage) -> BarkerClass:
-    """The class of a linkage; pairs of links count as equally long within rounding.
+    """Class of a linkage; sums of lengths are equal within round-off.
 
-    With one sign zero the class is that of the Grashof region which borders there.
+    With one sign zero the class is that of the adjacent Grashof region.
 
     >>> classify(Linkage(0.170, 0.328, 0.525, 0.547)).symbol
     'GCRR'
@@ -82,8 +83,7 @@ def classify(linkage: Linkage) -> BarkerClass:
         return CLASSES["CP2X" if zeros == 2 else "CP3X"]
     grashof = -math.prod(sign for sign in signs if sign)
     u2, u3, u4 = (sign or grashof for sign in signs)
-    beside = REGIONS[u2, u3, u4]
-    return CLASSES["CP" + beside.removeprefix("G")]
+    return CLASSES["CP" + REGIONS[u2, u3, u4].removeprefix("G")]
 
 
 def satisfies_grashof(linkage: Linkage) -> bool:
@@ -97,14 +97,14 @@ def solution_space(linkage: Linkage) -> tuple[float, float, float]:
 
 
 def base_plane(linkage: Linkage) -> float:
-    """Distance λ of the linkage's base plane λ2 + λ3 + λ4 = √3 λ from the origin."""
+    """Distance λ from the origin of the base plane λ2 + λ3 + λ4 = √3 λ of the linkage."""
     return sum(solution_space(linkage)) / math.sqrt(3)
 
 
 def mobility(links: int = 4, single: int = 4, double: int = 0) -> int:
     """Degrees of freedom 3(k - 1) - 2 j1 - j2 of a plane mechanism by Kutzbach (thesis 3.2).
 
-    links, the ground counted; joints with a single and with two degrees of freedom.
+    links: number including the ground; single, double: numbers of joints with one and two degrees of freedom.
 
     >>> mobility()
     1

@@ -1,6 +1,6 @@
 """The design method for high speed (thesis 7.5): critical speeds, quiet bands and plans for the run-up.
 
-Ratios are those of stress to allowable stress, the greatest of all links where no link is named.
+Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
 
 import math
@@ -16,23 +16,23 @@ from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
 
 RESERVE = 0.03
-"""Part of the allowable stress that the speed to run up to leaves, where none is asked for."""
+"""Reserve of the ratio at the default target speed: a choice."""
 
-_MARGIN_KEPT = 0.75
-"""Part of the greatest possible margin that a plan keeps, so that it need not bend for the rest."""
+_MARGIN_FRACTION = 0.75
+"""Fraction of the largest possible margin that a plan keeps: a choice; a full margin needs more bends."""
 
 _WORTHWHILE = 0.98
-"""Part of the stress needed with L4 fixed below which it is worth while to move it."""
+"""Ratio with L4 moving over that with L4 fixed, below which moving L4 is reported as useful: a choice."""
 
 _DAMPING_STEP = 0.1
-"""Relative change of ζ on either side from which the effect of damping is calculated."""
+"""Relative change of ζ to either side in the central difference of the effect of damping: a choice."""
 
 _ROUNDED = 0.01
-"""Part of the target speed over which corners of a plan are rounded."""
+"""Interval of speeds, over the target speed, in which corners of a plan are rounded: a choice."""
 
 
 class Band(NamedTuple):
-    """Speeds (rad/s) between which the ratio stays below 1 at the own L4, and the quietest of them."""
+    """Range of speeds (rad/s) with a ratio below 1 at the mechanism's own L4, and its quietest speed."""
 
     start: float
     end: float
@@ -41,7 +41,7 @@ class Band(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """A critical speed (rad/s) at the own L4: a maximum of the ratio over the speed, the link that has it."""
+    """A critical speed (rad/s) at the mechanism's own L4, the ratio there, and its link."""
 
     speed: float
     ratio: float
@@ -49,8 +49,10 @@ class Peak(NamedTuple):
 
 
 class QuietSpeed(NamedTuple):
-    """A quiet speed (rad/s) above a critical speed (`peak`, rad/s), and which part of the allowable
-    stresses is needed to reach it when L4 changes on the way and returns, and when it stays (`fixed`)."""
+    """A quiet speed (rad/s) above a critical speed (`peak`, rad/s).
+
+    needed, fixed: ratio on the way there when L4 changes and returns, and when L4 is fixed.
+    """
 
     peak: float
     speed: float
@@ -59,16 +61,18 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Percent by which each link's largest stress changes when ζ grows by one percent, at a speed."""
+    """Relative change of the largest stress of each link over that of ζ, at a speed (rad/s)."""
 
     speed: float
     sensitivity: Mapping[str, float]
 
 
 class NeededRatios(NamedTuple):
-    """The greatest ratio on the way from the lowest speed to each speed (P,) of the map, by the path on which
-    it is least. L4 keeps its own length throughout (`fixed`), ends anywhere (`moving`), or ends at its own
-    length (`returning`)."""
+    """Smallest possible value of the largest ratio on a path from the lowest speed to each speed (P,).
+
+    L4 keeps the mechanism's own length (`fixed`), ends at any length (`moving`), or ends at the mechanism's
+    own length (`returning`).
+    """
 
     fixed: Array
     moving: Array
@@ -77,12 +81,12 @@ class NeededRatios(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """What a four-bar can do under allowable stresses.
+    """Speeds that a four-bar can reach under allowable stresses.
 
-    peaks: critical speeds at the own L4. quiet: bands at the own L4; the first begins at rest, the others
-    lie above critical speeds that exceed the allowable stress. quiet_of: the same for one link alone.
-    quiet_above: for each critical speed, the speed between it and the next that is reached with the least
-    allowable stress when L4 returns, where moving the pivot helps.
+    peaks: critical speeds at the mechanism's own L4. quiet: bands there; the first begins at rest, the others
+    lie above critical speeds that exceed the allowable stress. quiet_of: bands of each link alone.
+    quiet_above: for each critical speed, the speed between it and the next with the smallest ratio when L4
+    returns, if moving the pivot is useful.
     """
 
     map: DesignMap
@@ -99,12 +103,12 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest change of L4 with speed (m a rad/s): the whole range within a tenth of the speeds."""
+        """Largest change of L4 with speed (m per rad/s): its range within a tenth of the speeds, a choice."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
 def designed(stresses: DesignMap) -> Design:
-    """What follows from a map of stresses."""
+    """Design that follows from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
     own = stresses.ratios[:, stresses.own]
     return Design(
@@ -135,8 +139,7 @@ def _peaks(stresses: DesignMap) -> list[Peak]:
 
 
 def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
-    """Speed and value of the maximum of the parabola through the logarithms of three points, the middle one
-    the highest."""
+    """Speed and value of the maximum of the parabola through the logarithms of three points."""
     x, y = (np.log(values / values[1]) for values in (speeds, ratio))
     square, slope, _ = np.polyfit(x, y, 2)
     shift = -slope / (2 * square)
@@ -144,11 +147,11 @@ def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
 
 
 def quiet_bands(speeds: Array, ratio: Array) -> list[Band]:
-    """Bands of rising speeds (P,) in which a ratio (P,) stays below 1; the first begins at rest."""
+    """Bands of rising speeds (P,) with a ratio (P,) below 1; the first begins at rest."""
     edges = [0.0]
     for at in np.flatnonzero((ratio[:-1] <= 1) != (ratio[1:] <= 1)):
-        part = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
-        edges.append(float(speeds[at] + part * (speeds[at + 1] - speeds[at])))
+        fraction = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
+        edges.append(float(speeds[at] + fraction * (speeds[at + 1] - speeds[at])))
     edges.append(float(speeds[-1]))
     loud_first = int(ratio[0] > 1)
     bands = []
@@ -172,7 +175,7 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
-    """Whether damping helps at speeds, at the own L4: d ln σ / d ln ζ."""
+    """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) at the mechanism's own L4."""
     zeta, own = stresses.model.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
@@ -190,9 +193,11 @@ def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
 
 
 def default_target(design: Design) -> float:
-    """The speed (rad/s) to run up to where none is asked for: the quietest of the highest quiet band
-    above a limiting critical speed that can be reached; else the greatest speed that can, if need be
-    with another L4. Both with a reserve."""
+    """Default target speed (rad/s).
+
+    It is the quietest speed of the highest reachable quiet band above a limiting critical speed, otherwise
+    the highest speed reachable with any L4. Both have a reserve.
+    """
     speeds = design.map.speeds
     for band in reversed(design.quiet):
         at = int(np.searchsorted(speeds, band.quietest))
@@ -203,29 +208,28 @@ def default_target(design: Design) -> float:
 
 
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
-    """The part of the allowable stresses that a plan to the last speed of a map needs at least, with L4
-    changing by up to `rate` (m a rad/s)."""
+    """Smallest ratio of a plan to the last speed of a map, with L4 changing by up to `rate` (m per rad/s)."""
     return least_cap(until.speeds, until.L4, until.ratio, until.own, rate, returns)
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """The same without return, where L4 may also change as far as it likes at one speed."""
+    """Smallest ratio without return, where L4 may change at constant speed."""
     return float(arrival(until.ratio)[-1].min())
 
 
 def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
-    """The plan from the lowest to the last speed of a map, or None where there is none."""
+    """Plan from the lowest to the last speed of a map; None if none exists."""
     best = least_ratio(until, rate, returns)
     if best > 1:
         return None
-    cap = best + (1 - _MARGIN_KEPT) * (1 - best)
+    cap = best + (1 - _MARGIN_FRACTION) * (1 - best)
     plan = plan_below(until.speeds, until.L4, until.ratio, cap, until.own, rate, returns)
     assert plan is not None
     return Plan(plan.speed, plan.L4, _ROUNDED * float(until.speeds[-1]))
 
 
 def ratios_along(until: DesignMap, plan: Plan) -> Array:
-    """Steady ratios (k, links) along a plan, at the speeds (k,) of a map that ends where the plan does."""
+    """Steady ratios (k, links) along a plan at the speeds (k,) of a map that ends at its target."""
     rows = zip(plan(until.speeds), until.stress, strict=True)
     stress = [[np.interp(L4, until.L4, of_link) for of_link in row.T] for L4, row in rows]
     return np.array(stress) / until.allowable

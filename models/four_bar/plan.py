@@ -1,9 +1,8 @@
-"""The run-up plan: L4 as a function of speed that keeps the stress low (thesis 7.5).
+"""The run-up plan: L4 as a function of speed with low stresses (thesis 7.5).
 
-A map has ratios (P, g) of stress to allowable stress over rising speeds (P,) and lengths L4 (g,). Whoever
-goes from the lowest speed to a point of the map meets some greatest ratio on the way; on the best path it
-is least. A plan is a path whose ratios stay below a cap, as near to the mechanism's own L4 and with as few
-bends as that allows."""
+A map has ratios (P, g) of stress to allowable stress over rising speeds (P,) and lengths L4 (g,). Among the
+paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A plan is a
+path whose ratios do not exceed a cap, close to the mechanism's own L4 and with few bends."""
 
 from dataclasses import dataclass
 
@@ -14,18 +13,21 @@ from scipy.optimize import linprog
 from solve.arrays import Array
 
 _BENDING = 0.005
-"""What a bend of the plan counts beside its distance from the mechanism's own L4."""
+"""Weight of the bends of a plan against its distance from the mechanism's own L4: a choice."""
 
 _STRAIGHT, _CLOSE = 1e-4, 1e-12
-"""Bend, relative to the rate, below which three points are on a line; lengths (m) that count as equal."""
+"""Bend over the rate below which points are collinear; difference (m) below which lengths are equal.
+
+Both are above the round-off of the linear program and below any change of practical interest.
+"""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Piecewise linear L4 (m) over speed (rad/s), rising speeds, constant before and after.
+    """Piecewise linear L4 (m) over rising speeds (rad/s), constant below and above.
 
-    lead (rad/s): corners are rounded by averaging L4 over the speeds from here to `lead` above, so that
-    the pivot starts and stops without a blow, and rests when the last speed is reached.
+    lead (rad/s): corners are rounded by the mean of L4 from each speed to `lead` above it. The velocity of
+    the pivot is then continuous, and it is at rest at the last speed.
     """
 
     speed: Array
@@ -33,11 +35,11 @@ class Plan:
     lead: float = 0.0
 
     def __call__(self, speed: Array) -> Array:
-        """L4 (m) with its corners, at speeds of any shape."""
+        """L4 (m) without rounded corners, at speeds of any shape."""
         return np.interp(speed, self.speed, self.L4)
 
     def rounded(self, speed: Array) -> tuple[Array, Array, Array]:
-        """L4 (m) and its first and second derivative by the speed, corners rounded."""
+        """L4 (m) and its first and second derivative by the speed, with rounded corners."""
         ahead = speed + self.lead
         return (
             (self._integral(ahead) - self._integral(speed)) / self.lead,
@@ -47,12 +49,12 @@ class Plan:
 
     def _integral(self, speed: Array) -> Array:
         pieces = np.diff(self.speed) * (self.L4[1:] + self.L4[:-1]) / 2
-        whole = np.concatenate(([0.0], np.cumsum(pieces)))
+        cumulative = np.concatenate(([0.0], np.cumsum(pieces)))
         inside = np.clip(speed, self.speed[0], self.speed[-1])
-        at = np.clip(np.searchsorted(self.speed, inside, side="right") - 1, 0, len(pieces) - 1)
-        part = (inside - self.speed[at]) * (self.L4[at] + self(inside)) / 2
-        outside = np.minimum(speed - self.speed[0], 0) * self.L4[0]
-        return whole[at] + part + outside + np.maximum(speed - self.speed[-1], 0) * self.L4[-1]
+        piece = np.clip(np.searchsorted(self.speed, inside, side="right") - 1, 0, len(pieces) - 1)
+        partial = (inside - self.speed[piece]) * (self.L4[piece] + self(inside)) / 2
+        below = np.minimum(speed - self.speed[0], 0) * self.L4[0]
+        return cumulative[piece] + partial + below + np.maximum(speed - self.speed[-1], 0) * self.L4[-1]
 
     def _slope(self, speed: Array) -> Array:
         slopes = np.concatenate(([0.0], np.diff(self.L4) / np.diff(self.speed), [0.0]))
@@ -60,8 +62,10 @@ class Plan:
 
 
 def arrival(ratio: Array) -> Array:
-    """For each point (P, g) of the map the greatest ratio on the way there from the lowest speed, by the path
-    on which it is least. On a path L4 may change at constant speed, and the speed does not fall."""
+    """Smallest possible maximum ratio on a path from the lowest speed to each point (P, g) of the map.
+
+    On a path L4 may change at constant speed, and the speed does not decrease.
+    """
     reached, before = np.empty_like(ratio), np.zeros(ratio.shape[1])
     for number, own in enumerate(ratio):
         row = np.maximum(own, before)
@@ -74,9 +78,11 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Lowest and highest L4 (P,) at every speed, between which the ratio stays below the cap. Each range
-    overlaps the next, and the last contains length number `final` if one is given. None where no such
-    ranges exist."""
+    """Lowest and highest L4 (P,) at every speed between which the ratio does not exceed the cap.
+
+    Each range overlaps the next, and the last contains the length with index `final`, if given. None if no
+    such ranges exist.
+    """
     reach = _reached_below(ratio, cap)
     if reach is None:
         return None
@@ -94,7 +100,7 @@ def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Ar
 
 
 def _reached_below(ratio: Array, cap: float) -> Array | None:
-    """Which lengths (P, g) can be reached at every speed below the cap; None where some speed cannot."""
+    """Mask (P, g) of the lengths reachable below the cap; None if a speed is not reachable."""
     reach = ratio <= cap
     for number in range(1, len(reach)):
         runs, _ = _runs(reach[number])
@@ -103,13 +109,13 @@ def _reached_below(ratio: Array, cap: float) -> Array | None:
 
 
 def _runs(chosen: Array) -> tuple[Array, int]:
-    """Numbers from 1 on of the runs of neighbours that are chosen, 0 for the others, and how many."""
+    """Labels from 1 of the runs of chosen neighbours, 0 for the others, and the number of runs."""
     starts = np.diff(chosen, prepend=False) & chosen
     return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
 
 
 def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
-    """Where the ratio passes the cap on either side of a run of lengths, or the range's end."""
+    """L4 at which the ratio crosses the cap on either side of a run, or the end of the range."""
     ends = np.flatnonzero(run)[[0, -1]]
     low, high = (
         _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)
@@ -127,9 +133,12 @@ def _edge(L4: Array, ratio: Array, cap: float, inner: int, outer: int) -> float:
 def least_change(
     speeds: Array, low: Array, high: Array, own: float, rate: float, ends: tuple[float | None, float | None]
 ) -> Plan | None:
-    """The plan within a corridor that departs least from the own L4 (m) and bends least, with at most
-    `rate` (m a rad/s); ends: L4 at the first and last speed, where they are given. None where there is
-    none."""
+    """Plan within a corridor with the least distance from the own L4 (m) and the least bends, by linear
+    programming.
+
+    rate: largest change of L4 (m per rad/s). ends: L4 at the first and last speed, or None. Returns None if
+    no plan exists.
+    """
     P, low, high = len(speeds), low.copy(), high.copy()
     for at, end in zip((0, -1), ends, strict=True):
         if end is not None:
@@ -138,7 +147,7 @@ def least_change(
             low[at] = high[at] = end
     slope = np.diff(np.eye(P), axis=0) / np.diff(speeds)[:, None]
     bend, one, other = np.diff(slope, axis=0), np.eye(P), np.eye(P - 2)
-    # Unknown are L4, its distances from the own L4 and its bends, the latter two from above.
+    # Unknowns: L4, and upper bounds of its distances from the own L4 and of its bends.
     rows = [
         np.hstack((sign * part, distance, bends))
         for part, distance, bends in (
@@ -158,19 +167,20 @@ def least_change(
 
 
 def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
-    """The plan with only those points at which it bends."""
+    """Plan through the points at which L4 bends."""
     slope = np.diff(L4) / np.diff(speeds)
     bends = np.abs(np.diff(slope)) > _STRAIGHT * rate
-    kept = np.concatenate(([True], bends, [True]))
-    return Plan(speeds[kept], L4[kept])
+    knots = np.concatenate(([True], bends, [True]))
+    return Plan(speeds[knots], L4[knots])
 
 
 def plan_below(
     speeds: Array, L4: Array, ratio: Array, cap: float, own: int, rate: float, returns: bool
 ) -> Plan | None:
-    """A plan from the lowest to the highest speed with ratios below the cap, which begins at L4 number `own`.
-    returns: whether it must be possible, below the cap, to go back there at the highest speed. None where
-    there is no such plan."""
+    """Plan from the lowest to the highest speed with ratios up to the cap, from the L4 of index `own`.
+
+    returns: whether L4 must be able to return there at the highest speed. None if no such plan exists.
+    """
     passage = corridor(L4, ratio, cap, own if returns else None)
     if passage is None:
         return None
@@ -178,7 +188,7 @@ def plan_below(
 
 
 def least_cap(speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool) -> float:
-    """The smallest cap (to 1e-3 of itself, from above) for which `plan_below` has a plan."""
+    """Smallest cap for which `plan_below` returns a plan, from above with a relative error of 1e-3."""
     reached = arrival(ratio)[-1]
     low = float(max(reached[own] if returns else reached.min(), ratio[0, own]))
     high, best = low, np.inf

@@ -1,9 +1,8 @@
-"""The run-up simulated: speed and ground pivot change while the links vibrate (thesis 7.5).
+"""Simulation of the run-up: speed and ground pivot change while the links vibrate (thesis 7.5).
 
-Over the crank angle φ, with Ω(φ) and Ω̇ = α, the equations of motion read
-Ω²M q″ + (ΩC + αM) q′ + K q = d. The load d is the inertia of the rigid motion with α and with the
-pivot's own motion; M, C, K are those of the position. Each step is one of Radau's method, each turn
-a batch of them."""
+Over the crank angle φ, with Ω(φ) and Ω̇ = α, the equations of motion are Ω²M q″ + (ΩC + αM) q′ + K q = d. The
+load d is the inertia of the rigid motion with α and with the motion of the pivot; M, C, K depend on the
+position. The steps of Radau's method are computed in batches of one revolution."""
 
 import math
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.four_bar.linkage import BRANCHES
+from models.four_bar.linkage import BRANCHES, TURN
 from models.four_bar.plan import Plan
 from models.four_bar.stress_map import StressMap, stress_rows
 from solve import Radau
@@ -25,14 +24,11 @@ from solve.terminal import progress
 
 _METHOD = Radau(order=7)
 _STEPS, _SAMPLES = 64, 8
-"""Steps a turn, and crank angles a step at which the stress is looked at."""
-
-TURN = 2 * math.pi
+"""Steps per revolution, and crank angles per step at which the stress is evaluated: choices."""
 
 
 class Drive(NamedTuple):
-    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, L4 (m) with its first and second derivative by time,
-    all (k,)."""
+    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with two derivatives by time, all (k,)."""
 
     time: Array
     speed: Array
@@ -44,9 +40,12 @@ class Drive(NamedTuple):
 
 @dataclass(frozen=True)
 class RunUp:
-    """A plan carried out: constant acceleration from `start` to the plan's last speed (rad/s) within
-    `duration` (s), L4 following the rounded plan; then, if `home` (m) is given, L4 goes there within
-    `returning` (s) at that speed; then two turns more."""
+    """Execution of a plan, followed by two revolutions at the last speed.
+
+    The speed rises with constant acceleration from `start` to the plan's last speed (rad/s) within `duration`
+    (s), and L4 follows the rounded plan. If `home` (m) is given, L4 then changes to it within `returning`
+    (s).
+    """
 
     plan: Plan
     start: float
@@ -64,7 +63,7 @@ class RunUp:
 
     @property
     def turns(self) -> int:
-        """Whole turns, the last ones at constant speed."""
+        """Number of revolutions, the last ones at constant speed."""
         stay = self.returning if self.home is not None else 0.0
         return math.ceil((self._arrival + self.target * stay) / TURN) + 2
 
@@ -74,7 +73,7 @@ class RunUp:
         return (self.target + self.start) / 2 * self.duration
 
     def __call__(self, phi: Array) -> Drive:
-        """At crank angles (k,) from the start, φ = 0."""
+        """Drive at crank angles (k,) from the start, φ = 0."""
         rising = phi < self._arrival
         alpha = np.where(rising, self.acceleration, 0.0)
         square = self.start**2 + 2 * self.acceleration * np.minimum(phi, self._arrival)
@@ -99,8 +98,10 @@ class RunUp:
 
 @dataclass(frozen=True)
 class Simulated:
-    """Largest |stress| (Pa) of each link within each turn, (turns, links), with the time (s), speed (rad/s)
-    and L4 (m) at the end of the turn, (turns,)."""
+    """Largest |stress| (Pa) of each link in each revolution, (turns, links).
+
+    time (s), speed (rad/s) and L4 (m) are those at the end of the revolution, (turns,).
+    """
 
     time: Array
     speed: Array
@@ -109,7 +110,7 @@ class Simulated:
 
 
 def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) -> Simulated:
-    """The stresses during a run-up that begins in quasi-static equilibrium."""
+    """Stresses during a run-up from quasi-static equilibrium."""
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
     last, largest = np.zeros(len(x) // 2), []
@@ -124,7 +125,7 @@ def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) 
 
 @dataclass(frozen=True)
 class _MotionWithDamping(Motion):
-    """Equations of motion over the crank angle whose damping is given, (k, n, n) at crank angles (k,)."""
+    """Equations of motion with a given damping matrix, (k, n, n) at crank angles (k,)."""
 
     given: Callable[[Array], Array]
 
@@ -134,7 +135,7 @@ class _MotionWithDamping(Motion):
 
 
 class _Moving:
-    """The moving four-bar over the crank angle φ, turn by turn."""
+    """Integration of the moving four-bar over the crank angle φ, one revolution at a time."""
 
     def __init__(self, stresses: StressMap, run_up: Callable[[Array], Drive]):
         self._map, self._drive = stresses, run_up
@@ -164,8 +165,10 @@ class _Moving:
         return np.concatenate((q, np.zeros_like(q)))
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
-        """State and acceleration by φ at the end of turn `number`, from those at its start, and the largest
-        |stress| (links,) during the turn."""
+        """State and acceleration by φ at the end of revolution `number`, and the largest |stress| (links,).
+
+        x, last: state and acceleration at its start.
+        """
         h, s = self._h, len(self._collocation.c)
         drive = self._drive(number * TURN + self._stages)
         M, C, K, d = self._motion(number * TURN + self._stages, 1.0)
@@ -189,7 +192,7 @@ class _Moving:
         return self._map.by_link(np.abs(stress).sum(axis=0).max(axis=1), np.max)
 
     def _kinematics(self, phi: Array) -> tuple[Array, Array, Array]:
-        """Angles (k, links) of the links and their first and second derivatives by time."""
+        """Angles (k, links) of the links with two derivatives by time."""
         return kinematics(self._model, phi, self._drive(phi))
 
     def _damping(self, phi: Array) -> Array:
@@ -198,14 +201,15 @@ class _Moving:
 
     @cached_property
     def _damping_at_nodes(self) -> Array:
-        """C (nodes, k, n, n) at the stages, of the mechanism at the map's lengths."""
+        """C (nodes, k, n, n) at the stages, for the lengths of the map."""
         return np.stack([length.model.at(self._stages, 0.0)[1] for length in self._map.lengths])
 
 
 def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, Array, Array]:
-    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with the first and second
-    derivatives by time, while the ground pivot C moves along the x axis (thesis (3.3) and (3.11) with the
-    rates of L4)."""
+    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with two derivatives by time.
+
+    The ground pivot C moves along the x axis: thesis (3.3) and (3.11) with the rates of L4.
+    """
     L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
     side = BRANCHES[str(model.options["branch"])]
     e1 = np.exp(1j * phi)

@@ -1,8 +1,9 @@
-"""The largest stress of each link over a turn, for many speeds and ground links at once (thesis 7.3, 7.4).
+"""Largest stress of each link over a revolution, for many speeds and ground links (thesis 7.3, 7.4).
 
-At one L4 the matrices over the phase serve all speeds. Between the lengths that are solved the stress at
-a place and a crank angle is the polynomial through Chebyshev points of L4: it depends on L4 smoothly,
-though its maximum over a turn does not."""
+At one L4 all speeds share the matrices over the phase. Between the solved lengths the stress at a position
+and a crank angle is interpolated by the polynomial through Chebyshev points of L4, on which it depends
+smoothly. Its maximum over a revolution does not.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,26 +20,28 @@ from solve.beams.structure import StructureModel
 from solve.terminal import progress
 
 METHOD = Radau(order=9)
-"""L-stable: the axial modes are far too fast to be followed."""
+"""An L-stable method, as the steps do not resolve the axial modes."""
 
 _STEPS, _SAMPLES = 96, 4
-"""Steps a turn, and crank angles a step at which the stress is looked at."""
+"""Steps per revolution, and crank angles per step at which the stress is evaluated.
+
+Choices; `Peaks.error` measures their effect.
+"""
 
 _TOGETHER = 8
-"""Speeds whose stresses are held in memory together."""
+"""Speeds whose stresses are in memory together: a choice."""
 
 _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
-"""Places of an element where the curvature of a cubic is most accurate; at its ends it is not."""
+"""Barlow points of a cubic element, at which its curvature is most accurate: the Gauss points of order 2."""
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest |stress| (Pa) over a turn, (P, lengths, links), and where: the place, a fraction of the
-    link's length, and the crank angle (rad).
+    """Largest |stress| (Pa) over a revolution at P speeds, (P, lengths, links).
 
-    error (P,): the greater of the relative differences that half the steps, and two Chebyshev points
-    fewer, make to the largest stress. radius_bound (P, lengths solved): upper bound of the
-    spectral radius.
+    place and phase: its position as a fraction of the link's length, and crank angle (rad). error (P,):
+    relative change of the largest stress with half the steps, or with two Chebyshev points fewer if that is
+    larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
     """
 
     stress: Array
@@ -49,8 +52,10 @@ class Peaks:
 
 
 def places(beams: Beams) -> list[Array]:
-    """For each link the fractions of its length where the stress is looked at: where the thesis does, at
-    the clamped root or the middle, and at two places within each element."""
+    """Positions on each link, as fractions of its length, at which the stress is evaluated.
+
+    They are the clamped root or the midpoint, as in the thesis, and two points within each element.
+    """
     by_link = []
     for member in beams.members:
         link = member.link
@@ -61,8 +66,10 @@ def places(beams: Beams) -> list[Array]:
 
 
 def stress_rows(beams: Beams, angle: Array) -> Array:
-    """Rows (k, 2, S, n) that give the axial stress and that of bending at the + surface, in Pa, at the
-    places of all links, one after the other, for links at angles (k, links)."""
+    """Rows (k, 2, S, n) of axial stress and of bending stress at the + surface, Pa, per coordinate.
+
+    S: positions on all links in sequence; angle (k, links): of the links.
+    """
     rows = []
     for member, fractions in zip(beams.members, places(beams), strict=True):
         turned = member.rotations(angle)
@@ -91,42 +98,42 @@ class StressMap:
         self.lengths = [OneLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
 
     def weights(self, L4: Array) -> Array:
-        """Values at lengths (g,) from those at the nodes: (g, nodes)."""
+        """Interpolation weights (g, nodes) of the nodes at lengths (g,)."""
         if len(self.nodes) == 1:
             return np.ones((len(L4), 1))
         return BarycentricInterpolator(self.nodes, np.eye(len(self.nodes)), rng=0)(L4)
 
     def by_link(self, values: Array, function: Callable[[Array], float]) -> Array:
-        """A function of the values (S,) at the places of each link: (links,)."""
-        return np.array([function(own) for own in np.split(values, self._ends[1:-1])])
+        """Function of the values (S,) at the positions of each link: (links,)."""
+        return np.array([function(of_link) for of_link in np.split(values, self._ends[1:-1])])
 
     def peaks(self, speeds: Array, L4: Array) -> Peaks:
-        """At speeds (P,) and lengths (g,) between the ends."""
-        parts = []
+        """Largest stresses at speeds (P,) and at lengths (g,) between the ends."""
+        batches = []
         with progress.task("speeds of the stress map", len(speeds)) as count:
             for start in range(0, len(speeds), _TOGETHER):
-                some = speeds[start : start + _TOGETHER]
-                parts.append(self._peaks(some, L4))
-                count.add(len(some))
-        return Peaks(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
+                batch = speeds[start : start + _TOGETHER]
+                batches.append(self._peaks(batch, L4))
+                count.add(len(batch))
+        return Peaks(*(np.concatenate([getattr(batch, name) for batch in batches]) for name in _FIELDS))
 
     def _peaks(self, speeds: Array, L4: Array) -> Peaks:
-        solved = [each.stresses(speeds) for each in self.lengths]
-        stresses = np.stack([each[0] for each in solved], axis=1)
+        solved = [length.stresses(speeds) for length in self.lengths]
+        stresses = np.stack([stress for stress, _, _ in solved], axis=1)
         weights, shape = self.weights(L4), (len(speeds), len(L4), len(self.links))
         stress, place, phase = np.empty(shape), np.empty(shape), np.empty(shape)
-        error = np.max([each[1] for each in solved], axis=0)
+        error = np.max([error for _, error, _ in solved], axis=0)
         for point, values in enumerate(stresses):
             histories = _surfaces(np.tensordot(weights, values, axes=1))
             for link, fractions in enumerate(self.places):
-                own = histories[:, self._ends[link] : self._ends[link + 1]]
-                stress[point, :, link], at, phase[point, :, link] = _highest(own)
-                place[point, :, link] = fractions[at]
+                of_link = histories[:, self._ends[link] : self._ends[link + 1]]
+                stress[point, :, link], row, phase[point, :, link] = _highest(of_link)
+                place[point, :, link] = fractions[row]
             error[point] = max(error[point], self._tail(values))
-        return Peaks(stress, place, phase, error, np.stack([each[2] for each in solved], axis=1))
+        return Peaks(stress, place, phase, error, np.stack([bound for _, _, bound in solved], axis=1))
 
     def _tail(self, values: Array) -> float:
-        """What the last two of the Chebyshev polynomials add at most, relative to the largest stress."""
+        """Largest contribution of the last two Chebyshev polynomials, relative to the largest stress."""
         count = len(values)
         if count < 3:
             return 0.0
@@ -139,15 +146,17 @@ _FIELDS = tuple(Peaks.__dataclass_fields__)
 
 
 class OneLength:
-    """Stresses at many speeds of the mechanism with one length L4."""
+    """Stresses of the mechanism with one length L4 at many speeds."""
 
     def __init__(self, model: StructureModel):
         self.model = model
         self._curves = PeriodicCurves(model, METHOD, _STEPS, _SAMPLES)
 
     def stresses(self, speeds: Array) -> tuple[Array, Array, Array]:
-        """Axial and bending stresses (P, 2, S, k) in Pa, the relative difference (P,) that half the steps
-        make, and a bound (P,) of the spectral radius. Infinite where there is no periodic solution."""
+        """Axial and bending stresses (P, 2, S, k) in Pa, error (P,) and bound (P,) of the spectral radius.
+
+        The error is the relative change with half the steps. Values are infinite without a periodic solution.
+        """
         curves = self._curves(speeds)
         with np.errstate(invalid="ignore"):
             coarse, fine = (
@@ -163,18 +172,16 @@ class OneLength:
 
 
 def _surfaces(stresses: Array) -> Array:
-    """The greater |stress| of both surfaces from axial and bending stress (g, 2, S, k)."""
+    """Larger |stress| of both surfaces from axial and bending stress (g, 2, S, k)."""
     return np.abs(stresses).sum(axis=1)
 
 
 def _highest(histories: Array) -> tuple[Array, Array, Array]:
-    """Largest value, row and phase of histories (g, S, k): the vertex of a parabola through three
-    neighbours."""
+    """Largest value, row and phase of histories (g, S, k), by a parabola through three neighbours."""
     g, S, k = histories.shape
     at = histories.reshape(g, S * k).argmax(axis=1)
     row, column = np.divmod(at, k)
-    every = np.arange(g)
-    before, top, after = (histories[every, row, (column + shift) % k] for shift in (-1, 0, 1))
+    before, top, after = (histories[np.arange(g), row, (column + shift) % k] for shift in (-1, 0, 1))
     bend = 2 * top - before - after
     with np.errstate(invalid="ignore", divide="ignore"):
         shift = np.where(bend > 0, (after - before) / (2 * bend), 0.0)
@@ -183,6 +190,6 @@ def _highest(histories: Array) -> tuple[Array, Array, Array]:
 
 
 def spaced(low: float, high: float, ratio: float) -> Sequence[float]:
-    """Speeds from low to high, each at most `ratio` times the one before."""
+    """Speeds from low to high in geometric progression, with a factor of at most `ratio`."""
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
     return [float(x) for x in np.geomspace(low, high, count)]

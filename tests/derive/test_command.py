@@ -130,7 +130,7 @@ def test_a_foreign_file_stays(derive, rotor):
     assert target.read_text(encoding="utf-8") == "precious = 1\n"
     status, out, _ = derive("--check", rotor)
     assert status == 1
-    assert "it is no generated module" in out
+    assert "it is not a generated module" in out
 
 
 @pytest.mark.parametrize("broken", ["write", "replace"])
@@ -202,7 +202,7 @@ def test_an_installed_package_is_not_written_over(derive, tmp_path, monkeypatch)
     for arguments in (["cam"], ["--all"]):
         status, out, err = derive(*arguments)
         assert (status, out) == (2, "")
-        assert "came with the installed package, whose files stay as they are; give --out DIR" in err
+        assert "belongs to the installed package, whose files are not changed; give --out DIR" in err
     assert (home / "generated" / "cam.py").read_bytes() == before
     assert derive("--check", "cam")[0] == 0
     assert derive("cam", "--out", tmp_path / "mine")[0] == 0

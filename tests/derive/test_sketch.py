@@ -89,7 +89,7 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one point of a curve"),
         (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number times metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
-        (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line holds qd"),
+        (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line contains qd"),
         (lambda m, q, r: [(0, 0), (sympy.Symbol("R"), 0)], UnknownSymbolError, "holds R, which is not"),
         (lambda m, q, r: [(0, 0), (r / 0, 0)], DeclarationError, "sketch line is not finite"),
     ],

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.linkage import Linkage
+from models.four_bar.linkage import TURN, Linkage
 from models.four_bar.plan import Plan
-from models.four_bar.run_up import TURN, Drive, RunUp, kinematics, simulate
+from models.four_bar.run_up import Drive, RunUp, kinematics, simulate
 from models.four_bar.stress_map import StressMap
 from tests.models.four_bar.moving import Moving
 
