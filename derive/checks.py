@@ -36,25 +36,25 @@ def check(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
     if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
-        statements = [_Statement(*each) for each in mechanism.numbers()]
-        for each in statements:
-            if switches(each.expression, (PHASE,)):
+        statements = [_Statement(*statement) for statement in mechanism.numbers()]
+        for statement in statements:
+            if switches(statement.expression, (PHASE,)):
                 raise DeclarationError(
-                    f"{each.what} has a step or kink in the phase: {short(each.expression)}; the links of a "
-                    "structure need smooth motions"
+                    f"{statement.what} has a step or kink in the phase: {short(statement.expression)}; the "
+                    "links of a structure need smooth motions"
                 )
     else:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))
     statements += [*_kinematic_statements(mechanism), *_sketches(mechanism)]
     known = dimensions(mechanism)
-    for each in statements:
+    for statement in statements:
         try:
-            _require(each, {**known, **each.own})
+            _require(statement, {**known, **statement.own})
         except DeriveError as error:
-            error.about = each.expression
+            error.about = statement.expression
             raise
-    _require_use(mechanism, [each.expression for each in statements])
+    _require_use(mechanism, [statement.expression for statement in statements])
 
 
 def _require(statement: _Statement, known: Dimensions) -> None:

@@ -77,15 +77,15 @@ def open_clearances(
     pairs = zip(parts, values, strict=True)
     linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
     for switch in switches(residual, moving):
-        still = switch.xreplace(rest)
-        held = in_order(still)
-        if held and PHASE not in held and any(jumps(linear, still, symbol) for symbol in held):
+        clearance = switch.xreplace(rest)
+        symbols = in_order(clearance)
+        if symbols and PHASE not in symbols and any(jumps(linear, clearance, symbol) for symbol in symbols):
             meaning = (
                 f"the equations have no linearisation where {short(switch)} = 0 in the fundamental motion"
             )
-            names = tuple(symbol.name for symbol in held)
-            shown = -still if still.could_extract_minus_sign() else still
-            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(still), names)
+            names = tuple(symbol.name for symbol in symbols)
+            shown = -clearance if clearance.could_extract_minus_sign() else clearance
+            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(clearance), names)
 
 
 def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
@@ -101,8 +101,8 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
         if _argument(node).free_symbols & {*moving} and vanishes(_argument(node).xreplace(rest))
     ]
     beside = matrix.xreplace({node: _chosen(node, moving) for node in at_switch})
-    made = beside.xreplace(rest)
-    return made if is_finite(made) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
+    value = beside.xreplace(rest)
+    return value if is_finite(value) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
@@ -132,8 +132,8 @@ def vanishes(expression: Any) -> bool:
     """Whether an expression is identically zero."""
     symbols = in_order(expression)
     numbers = Numbers([expression], symbols)
-    found = [numbers(point) for point in arbitrary_points(symbols)]
-    return all(each is not None and abs(each[0]) < 1e-40 for each in found)
+    values = [numbers(point) for point in arbitrary_points(symbols)]
+    return all(each is not None and abs(each[0]) < 1e-40 for each in values)
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
@@ -230,15 +230,15 @@ def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[A
     Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """
     rest = resting([*moving])
-    found: dict[str, Passage] = {}
+    by_text: dict[str, Passage] = {}
     for matrix in matrices:
         for switch in switches(matrix, (PHASE,)):
-            found |= {each.text: each for each in _passages(switch)}
+            by_text |= {passage.text: passage for passage in _passages(switch)}
     for output in outputs:
         for switch in switches(output, (PHASE,)):
             if not switch.free_symbols & {*rest, SPEED}:
-                found |= {each.text: each for each in _passages(switch)}
-    return [found[text] for text in sorted(found)]
+                by_text |= {passage.text: passage for passage in _passages(switch)}
+    return [by_text[text] for text in sorted(by_text)]
 
 
 def _passages(switch: Any) -> Iterator[Passage]:

@@ -77,17 +77,17 @@ class Bounded(Protocol):
 
 def signs_of(parameters: Iterable[Bounded]) -> dict[Any, Any]:
     """Signs of the speed and of the parameters, from their bounds."""
-    found: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
-    for each in parameters:
-        for clause in filter(None, each.bound.split(", ")):
+    signs: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
+    for parameter in parameters:
+        for clause in filter(None, parameter.bound.split(", ")):
             relation, _, limit = clause.partition(" ")
             if relation.startswith(">") and (float(limit) > 0 or clause == "> 0"):
-                found[each.symbol] = sympy.Dummy(positive=True)
+                signs[parameter.symbol] = sympy.Dummy(positive=True)
             elif relation == ">=" and float(limit) == 0:
-                found[each.symbol] = sympy.Dummy(nonnegative=True)
+                signs[parameter.symbol] = sympy.Dummy(nonnegative=True)
             elif relation.startswith("<") and (float(limit) < 0 or clause == "< 0"):
-                found[each.symbol] = sympy.Dummy(negative=True)
-    return found
+                signs[parameter.symbol] = sympy.Dummy(negative=True)
+    return signs
 
 
 def is_met(need: Need, signs: Signs) -> bool:
@@ -123,15 +123,15 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
     """Functions of an expression with their domain conditions where their pieces are active, inner first."""
-    found: dict[Any, tuple[Any, Need]] = {}
+    collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
-        needed = need(node)
-        if needed is not None:
-            margin = needed.margin
+        condition = need(node)
+        if condition is not None:
+            margin = condition.margin
             if guards:
                 margin = sympy.Piecewise((margin, sympy.And(*guards)), (sympy.S.One, True))
-            found.setdefault((margin, needed.relation), (node, needed._replace(margin=margin)))
-    return list(found.values())
+            collected.setdefault((margin, condition.relation), (node, condition._replace(margin=margin)))
+    return list(collected.values())
 
 
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:

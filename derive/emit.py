@@ -204,9 +204,9 @@ def _require_own_names(body: str) -> None:
             )
 
 
-def _domain(found: Sequence[Demand]) -> list[str]:
+def _domain(demanded: Sequence[Demand]) -> list[str]:
     """Lines of DOMAIN, none without domain conditions."""
-    return tuple_lines("DOMAIN", [literal(tuple(each[:4])) for each in found]) if found else []
+    return tuple_lines("DOMAIN", [literal(tuple(demand[:4])) for demand in demanded]) if demanded else []
 
 
 def _reasons(equations: Equations) -> list[str]:
@@ -229,9 +229,9 @@ def _for_reading(mechanism: MechanismStatement, equations: Equations, operations
     return equations_text(read(mechanism, equations.linearised), equations.projection)
 
 
-def equations_text(found: Sequence[Equation], projection: Projection | None = None) -> str:
+def equations_text(equations: Sequence[Equation], projection: Projection | None = None) -> str:
     """Text of EQUATIONS, one MathML element each."""
-    return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(found, projection))]))
+    return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(equations, projection))]))
 
 
 def functions_text(
@@ -277,12 +277,12 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
     return functions + condition_functions(equations.conditions)
 
 
-def domain_functions(found: Sequence[Demand]) -> list[GeneratedFunction]:
+def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
     """Function of the domain conditions, if there are any."""
-    if not found:
+    if not demanded:
         return []
     doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
-    margins = sympy.Matrix([each.margin for each in found])
+    margins = sympy.Matrix([demand.margin for demand in demanded])
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
 

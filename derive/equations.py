@@ -79,8 +79,8 @@ def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
     """The rows, with the terms at constant speed and those of an acceleration simplified separately."""
-    given = sympy.Matrix(rows)
-    return simplified([steady(given)])[0] + simplified([accelerated(given)])[0]
+    matrix = sympy.Matrix(rows)
+    return simplified([steady(matrix)])[0] + simplified([accelerated(matrix)])[0]
 
 
 def accelerated(expression: Any) -> Any:
@@ -181,11 +181,11 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
         return []
     jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
     signs = signs_of(mechanism.declared_parameters)
-    found = [
+    conditions = [
         *open_clearances(residual, jacobian, moving, signs),
         *inactive([*residual, *jacobian], moving, signs),
     ]
-    return list({each.text: each for each in found}.values())
+    return list({condition.text: condition for condition in conditions}.values())
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:

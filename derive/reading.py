@@ -145,9 +145,9 @@ def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
                 forms.setdefault(base, {})[part] = factor, power
             if times.get(base, 0) > 1 or isinstance(part, LoopFunction):
                 walk.skip()
-    found = [base for base, often in times.items() if often > 1]
-    found.sort(key=lambda base: (base.count_ops(), sympy.default_sort_key(base)))
-    return {base: forms[base] for base in found}
+    repeated = [base for base, count in times.items() if count > 1]
+    repeated.sort(key=lambda base: (base.count_ops(), sympy.default_sort_key(base)))
+    return {base: forms[base] for base in repeated}
 
 
 def _base(part: Any) -> tuple[Any, Any, Any]:
@@ -241,11 +241,11 @@ class _Printer(MathMLPresentationPrinter):
         return self._element("mrow", f"<mo>{_APPLY}</mo><mo>(</mo>", self._print(argument), "<mo>)</mo>")
 
     def _element(self, tag: str, *parts: str | Element) -> Element:
-        made = self.dom.createElement(tag)
+        element = self.dom.createElement(tag)
         for part in parts:
             # SymPy's printer writes text nodes unescaped.
-            made.appendChild(self.dom.createTextNode(part) if isinstance(part, str) else part)
-        return made
+            element.appendChild(self.dom.createTextNode(part) if isinstance(part, str) else part)
+        return element
 
 
 def _integrals(projection: Projection) -> dict[Any, str]:

@@ -54,19 +54,19 @@ def equations(
     return "\n".join([*lines, *(line for each in _numbered(found, numbers) for line in _lines(each, names))])
 
 
-def _numbered(found: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
+def _numbered(listed: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
     """The equations with numbers of six digits; named subexpressions with a numerical value are inserted."""
-    known = dict(numbers)
+    values = dict(numbers)
     if not numbers:
-        yield from found
+        yield from listed
         return
-    for each in found:
-        value = with_numbers(each.right, known)
-        if each.unit and value.is_number:
-            known[each.left[0]] = value
+    for equation in listed:
+        value = with_numbers(equation.right, values)
+        if equation.unit and value.is_number:
+            values[equation.left[0]] = value
         else:
             rounded = value.xreplace({number: _rounded(number) for number in value.atoms(sympy.Float)})
-            yield replace(each, right=rounded)
+            yield replace(equation, right=rounded)
 
 
 def _rounded(number: sympy.Float) -> Any:

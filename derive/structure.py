@@ -186,20 +186,20 @@ class StructureStatement(MechanismStatement):
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
         """Springs or dashpots by degree of freedom. Raises DeclarationError for one that is fixed rigidly."""
-        found: dict[str, Any] = {}
-        for each in declared:
-            links = {name: self.rotation(self.links[name], each.joint) for name in each.links}
-            turns = dict.fromkeys(links.values(), each.turn)
-            held = dict.fromkeys("xy", "" if each.joint in self.supported else each.joint)
-            acting = [(held[axis], axis, value) for axis, value in (("x", each.x), ("y", each.y))]
+        by_freedom: dict[str, Any] = {}
+        for elastic in declared:
+            links = {name: self.rotation(self.links[name], elastic.joint) for name in elastic.links}
+            turns = dict.fromkeys(links.values(), elastic.turn)
+            freedoms = dict.fromkeys("xy", "" if elastic.joint in self.supported else elastic.joint)
+            acting = [(freedoms[axis], axis, value) for axis, value in (("x", elastic.x), ("y", elastic.y))]
             acting += [(name, "turn", value) for name, value in turns.items()]
             for freedom, axis, value in (part for part in acting if part[2] != 0):
                 if not freedom:
                     raise DeclarationError(
-                        f"joint {each.joint} is supported rigidly and elastically ({axis}); remove one"
+                        f"joint {elastic.joint} is supported rigidly and elastically ({axis}); remove one"
                     )
-                found[f"{freedom}_{axis}"] = found.get(f"{freedom}_{axis}", 0) + value
-        return found
+                by_freedom[f"{freedom}_{axis}"] = by_freedom.get(f"{freedom}_{axis}", 0) + value
+        return by_freedom
 
     def mass(self, joint: str, mass: sympy.Expr) -> None:
         """Add a point mass (kg) to a joint."""

@@ -157,8 +157,8 @@ def _properties(structure: StructureStatement) -> GeneratedFunction:
 def _elastic(structure: StructureStatement) -> list[tuple[str, dict[str, sympy.Expr]]]:
     """Springs and dashpots to the ground, by degree of freedom."""
     declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
-    found = {name: structure.to_ground(each) for name, each in declared.items()}
-    return [(name, elastic) for name, elastic in found.items() if elastic]
+    by_kind = {name: structure.to_ground(each) for name, each in declared.items()}
+    return [(name, elastic) for name, elastic in by_kind.items() if elastic]
 
 
 def _data(structure: StructureStatement, of_interest: list[Observed]) -> str:

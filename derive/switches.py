@@ -89,10 +89,10 @@ STEPPING = (sympy.Piecewise, sympy.Heaviside, sympy.sign, sympy.Abs, sympy.Max, 
 
 def switches(expression: Any, by: Iterable[Any]) -> list[Any]:
     """Expressions of some of the symbols at whose zeros the given expression has a step or kink."""
-    moving, found = set(by), set()
+    moving, zeros = set(by), set()
     for node in sympy.preorder_traversal(expression):
-        found |= {g for g in _switching(node) if g.free_symbols & moving and -g not in found}
-    return sorted(found, key=sympy.default_sort_key)
+        zeros |= {g for g in _switching(node) if g.free_symbols & moving and -g not in zeros}
+    return sorted(zeros, key=sympy.default_sort_key)
 
 
 def _switching(node: Any) -> Iterator[Any]:
@@ -144,8 +144,8 @@ def known_real(expression: Any) -> Any:
         {part: part.args[0] for part in expression.atoms(kind) if part.args[0].is_extended_real is None}
         for kind in (sympy.Abs, sympy.sign)
     )
-    known = {part: sympy.Max(inner, -inner) for part, inner in moduli.items()}
-    return expression.xreplace(known | {part: 2 * sympy.Heaviside(x) - 1 for part, x in signs.items()})
+    replaced = {part: sympy.Max(inner, -inner) for part, inner in moduli.items()}
+    return expression.xreplace(replaced | {part: 2 * sympy.Heaviside(x) - 1 for part, x in signs.items()})
 
 
 def beside(derivative: Any) -> Any:
@@ -281,8 +281,8 @@ class _Sign:
 
 def is_own(part: Any) -> bool:
     """Whether an expression is a function defined by derive: a series, or the unknown of a loop."""
-    known = isinstance(part, Wrapped) or type(part).__module__.startswith("sympy.")
-    return isinstance(part, sympy.Function) and not known
+    foreign = isinstance(part, Wrapped) or type(part).__module__.startswith("sympy.")
+    return isinstance(part, sympy.Function) and not foreign
 
 
 def _stood_in(expression: Any) -> Any:

@@ -69,11 +69,11 @@ def rate(expression: Any) -> Any:
             f"rate({short(given)}): give one number, expression or Matrix; coordinates(...) gives a tuple, "
             "also of one: write coordinate(...), or (q,) = coordinates(...)"
         )
-    stated = counted(given)
-    moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
-    terms = [slope(stated, symbol) * symbol.rate for symbol in moving]
-    if stated.has(SPEED):
-        terms.append(slope(stated, SPEED) * ACCELERATION)
+    argument = counted(given)
+    moving = sorted(argument.atoms(Moving), key=lambda symbol: symbol.name)
+    terms = [slope(argument, symbol) * symbol.rate for symbol in moving]
+    if argument.has(SPEED):
+        terms.append(slope(argument, SPEED) * ACCELERATION)
     return sympy.Add(*terms)
 
 

@@ -33,29 +33,31 @@ class Demand(NamedTuple):
 
 
 def demands(mechanism: MechanismStatement) -> list[Demand]:
-    """Conditions that the signs of the parameters do not guarantee. Raises DeclarationError if one can never
-    hold."""
+    """Domain conditions that the signs of the parameters do not guarantee.
+
+    Raises DeclarationError if one can never hold.
+    """
     signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
-    found: dict[tuple[Any, str], Demand] = {}
+    collected: dict[tuple[Any, str], Demand] = {}
     for what, expression, motion in _stated(mechanism):
-        # A factor that is zero in the fundamental motion takes nothing from the domain of the others.
-        for node, stated in needs(_about_fundamental(mechanism, expression)):
-            needed = stated._replace(margin=at_desired_motion(stated.margin))
+        # A factor that vanishes in the fundamental motion does not restrict the domain.
+        for node, condition in needs(_about_fundamental(mechanism, expression)):
+            needed = condition._replace(margin=at_desired_motion(condition.margin))
             if is_met(needed, signs) or not needed.margin.free_symbols <= known:
                 continue
             if needed.margin.is_number and motion:
                 raise DeclarationError(f"{what} does not exist: {_sentence(node)}")
             varies = needed.margin.has(PHASE, SPEED, LoopFunction)
             if varies or (motion and not needed.margin.is_number):
-                own = need(node) or needed
-                demand = Demand(what, short(node), _shown(own.margin), needed.relation, needed.margin)
-                found.setdefault((needed.margin, needed.relation), demand)
-    stated = [each for each in _conditions(mechanism) if each.margin.has(SPEED)]
-    met = [
+                original = need(node) or needed
+                demand = Demand(what, short(node), _shown(original.margin), needed.relation, needed.margin)
+                collected.setdefault((needed.margin, needed.relation), demand)
+    declared = [
         Demand("a condition of the mechanism", each.meaning, each.text, POSITIVE, each.margin)
-        for each in stated
+        for each in _conditions(mechanism)
+        if each.margin.has(SPEED)
     ]
-    return [*found.values(), *met]
+    return [*collected.values(), *declared]
 
 
 def conditions(mechanism: MechanismStatement) -> list[Condition]:
@@ -74,8 +76,7 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Name and expression of everything evaluated along the fundamental motion, and whether it is the motion
-    itself."""
+    """Names and expressions evaluated along the fundamental motion, and whether each is a motion."""
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "365bf0da4d2da694d5a7cbc7fa44da8f6b16dfe174d9290be63dd444d6bb9020"
-DERIVE_SHA256 = "8d13265ae0c7eebdc01e0adba013e49767327288f0397e6e06b6f91aaec25621"
+DERIVE_SHA256 = "0bcf2e05ed993b3f6ffa1d5c81e7ee0669337d7f93d97ed5cc9e972588288ddd"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f3bcc4a55c56f705fa056d51ca78f438a840a48b86b163a72b50057646c5d61a"
+FILE_SHA256 = "221cf73f9467e03a09aa350a5c8d008e2676d6677591cfb756fd4296fa9829a7"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "8d13265ae0c7eebdc01e0adba013e49767327288f0397e6e06b6f91aaec25621"
+DERIVE_SHA256 = "0bcf2e05ed993b3f6ffa1d5c81e7ee0669337d7f93d97ed5cc9e972588288ddd"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "5e0fc9e91dd6efefc045f5f94d6753edb981a17c4c1b8581e7955f5e4cbc042d"
+FILE_SHA256 = "9d2c7010c4ce6da4b23dd62a65d92fdea34444c09759c03f1a836cab47b8383b"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "8d13265ae0c7eebdc01e0adba013e49767327288f0397e6e06b6f91aaec25621"
+DERIVE_SHA256 = "0bcf2e05ed993b3f6ffa1d5c81e7ee0669337d7f93d97ed5cc9e972588288ddd"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ef8b4823990cd1fc0a1e203fd677edfe216eadeb811adc7b49e2c5a3b311f472"
+FILE_SHA256 = "1bdae07441ce0e5b1d7fd903f43a3ec90dfcaf6698516295c37faf2c7405884c"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

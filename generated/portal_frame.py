@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "8d13265ae0c7eebdc01e0adba013e49767327288f0397e6e06b6f91aaec25621"
+DERIVE_SHA256 = "0bcf2e05ed993b3f6ffa1d5c81e7ee0669337d7f93d97ed5cc9e972588288ddd"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "c834f374f1d82114ffadc059adcd69e4ed61dae72aac42368d5c6e0ab65db7dc"
+FILE_SHA256 = "8ee2108578042cc258f5de3e5b37f7c5f53440caa69306c26a986e67b79a5361"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -147,7 +147,7 @@ def mechanism():
         ("rate(one.coordinates(y=('m', 'other')))", "write coordinate(...), or (q,) = coordinates(...)"),
     ],
 )
-def test_a_fault_that_shows_later_names_its_line_too(derive, rotor, fault, message):
+def test_late_errors_name_their_line(derive, rotor, fault, message):
     rotor.write_text(LATE.format(fault=fault), "utf-8")
     status, out, err = derive(rotor)
     assert (status, out) == (2, "")

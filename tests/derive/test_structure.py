@@ -57,7 +57,7 @@ def test_joints_are_pins_unless_welded_or_clamped():
     ]
 
 
-def test_some_links_of_a_joint_may_be_welded_and_a_clamp_holds_what_is_welded_to_it():
+def test_clamps_and_welds_of_selected_links():
     frame, of = stated()
     frame.link("brace", "foot", "knee", of["L"], pi / 2, of["section"])
     frame.weld("foot", "post", "brace")

@@ -310,7 +310,7 @@ def moved_lift(rise):
 
 
 @pytest.mark.slow
-def test_a_motion_that_a_coordinate_shifts_may_jump_in_its_third_derivative_alone():
+def test_shifted_motions_may_be_discontinuous_in_third_derivative_only():
     with pytest.raises(
         ExpansionError,
         match=r"it passes .* = 0, where forces or their slopes are discontinuous in the coordinates",

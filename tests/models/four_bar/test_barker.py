@@ -81,12 +81,12 @@ def test_example(symbol):
 @given(LENGTHS)
 @example((1, 4, 4, 7))
 @example((4, 1, 7, 4))
-def test_the_signs_of_three_sums_say_what_the_table_says(lengths):
+def test_signs_of_three_sums_agree_with_the_table(lengths):
     assert classify(movable(lengths)).symbol == table_symbol(lengths)
 
 
 @given(LENGTHS)
-def test_the_letters_tell_which_links_turn_fully(lengths):
+def test_letters_of_the_class_identify_fully_turning_links(lengths):
     """For all classes but those of equal links, whose letters are missing."""
     symbol = classify(movable(lengths)).symbol
     assume(not symbol.endswith("X"))
@@ -106,7 +106,7 @@ def test_the_class_does_not_depend_on_the_size(lengths, size):
 
 
 @given(LENGTHS)
-def test_a_crank_turns_fully_where_its_letter_says_so_and_no_change_point_is_passed(lengths):
+def test_cranks_of_the_class_turn_fully_without_change_points(lengths):
     linkage = movable(lengths)
     assert linkage.turns_fully == (classify(linkage).symbol in {"GCCC", "GCRR"})
 

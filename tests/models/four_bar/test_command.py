@@ -134,7 +134,7 @@ def test_report(answer):
     assert err == ""
 
 
-def test_report_without_a_speed_says_how_to_get_forces(answer):
+def test_report_without_a_speed_explains_how_to_get_forces(answer):
     out, _ = answer()
     assert '--speed "300 rpm"' in out
     assert "Joint forces" not in out
@@ -181,7 +181,7 @@ def test_pictures_are_written(answer, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (("--set", "L1=0"), "L1 (length of the crank) is 0 m; allowed: > 0"),
         (("--set", "L9=2"), "unknown parameter of four_bar 'L9'; did you mean"),
@@ -208,9 +208,9 @@ def test_pictures_are_written(answer, tmp_path):
         (("more",), "unexpected extra argument"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, says, refusal, tmp_path, monkeypatch):
+def test_bad_input_is_one_line_and_status_2(arguments, message, refusal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert says in refusal("linkage", *arguments)
+    assert message in refusal("linkage", *arguments)
     assert list(tmp_path.iterdir()) == []
 
 

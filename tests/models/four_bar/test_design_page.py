@@ -75,7 +75,7 @@ def test_the_page_shows_what_its_commands_give(line, capsys, tmp_path, monkeypat
 
 
 @pytest.mark.slow
-def test_the_page_says_what_more_elements_change():
+def test_page_states_the_effect_of_more_elements():
     said = re.findall(r"(\d+\.\d) MPa where seven give (\d+\.\d) \((\d+\.\d) rad/s, L4 = (0\.\d+) m", PAGE)
     assert len(said) == 2
     for *stresses, speed, L4 in (map(float, each) for each in said):

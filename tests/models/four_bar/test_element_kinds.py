@@ -21,7 +21,7 @@ def test_every_kind_is_the_model_with_that_option(made):
     assert made.freedoms == (9, 27, 9)
 
 
-def test_finite_elements_lie_above_the_exact_ones_and_more_of_them_nearer(made):
+def test_finite_element_frequencies_converge_from_above(made):
     errors = made.mean_errors
     assert (errors[0] > errors[1]).all()
     assert (errors[1] > 0).all()

@@ -67,7 +67,7 @@ def test_a_crank_that_cannot_turn_fully_is_not_drawn():
 
 
 @pytest.mark.parametrize("lengths", [THESIS, (0.5, 0.6, 0.55, 0.2), (1.0, 0.9, 0.3, 0.25)])
-def test_each_region_of_a_base_plane_is_the_class_written_in_it(lengths):
+def test_regions_of_base_planes_have_the_labelled_class(lengths):
     """Linkages at random places of each plane, against the region that covers them."""
     figure = base_planes_figure(Linkage(*lengths))
     planes = (1.05, math.sqrt(3), 3.2, base_plane(Linkage(*lengths)))

@@ -1,4 +1,4 @@
-"""Joint forces and drive torque: against a multibody witness, Newton's laws, work and energy."""
+"""Joint forces and drive torque: against three free bodies, Newton's laws, work and energy."""
 
 import math
 
@@ -11,13 +11,13 @@ from models.four_bar.forces import Body, bodies, inertial_power, joint_forces, k
 from models.four_bar.linkage import BRANCHES, Linkage
 from solve import case_numbers
 from tests.models.four_bar.cranks import cranks
-from tests.models.four_bar.multibody import witness
+from tests.models.four_bar.multibody import free_bodies
 
 PARAMETERS = case_numbers("four_bar").parameters
 SPEEDS = (30.0, 62.0, 300 * math.pi / 30)
 POINTS = 720
 OFF = np.array([0.0, 0.003, -0.003])
-"""What the witness's iteration is started off by."""
+"""Offset of the initial guess of the reference."""
 
 TURN = np.arange(POINTS) * (2 * math.pi / POINTS)
 
@@ -49,7 +49,7 @@ def test_forces_and_torque_equal_the_multipliers_of_three_free_bodies(
     motion = linkage.motion(t1, omega1, alpha1)
     ours = joint_forces(motion, links, load)
     data = [(link.mass, link.centre.real, link.centre.imag, link.J) for link in links]
-    found = witness(linkage.lengths, data, (t1, omega1, alpha1), load, motion.t + OFF)
+    found = free_bodies(linkage.lengths, data, (t1, omega1, alpha1), load, motion.t + OFF)
     scale = max(np.abs(found.forces).max(), abs(found.torque), 1.0)
     for force, expected in zip((ours.F01, ours.F12, ours.F23, ours.F03), found.forces, strict=True):
         np.testing.assert_allclose(force, complex(*expected), atol=1e-10 * scale)

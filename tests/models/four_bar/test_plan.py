@@ -20,7 +20,7 @@ def valley(width=0.006):
     return 0.5 + 0.01 * (speed - 10) + ridge
 
 
-def test_arrival_is_the_least_greatest_ratio_of_all_paths():
+def test_arrival_is_the_minimax_ratio_of_all_paths():
     """Against breadth-first search for every cap on small random maps."""
     for seed in range(5):
         ratio = np.random.default_rng(seed).random((5, 4))
@@ -67,7 +67,7 @@ def test_too_slow_a_pivot_needs_a_higher_cap():
     assert plan_below(SPEEDS, LENGTHS, ratio, 0.99 * slow, OWN, 0.002, False) is None
 
 
-def test_a_wall_lets_nothing_pass():
+def test_closed_barrier_has_no_plan():
     ratio = valley()
     ratio[48] = 2.0
     assert plan_below(SPEEDS, LENGTHS, ratio, 1.0, OWN, 0.02, False) is None

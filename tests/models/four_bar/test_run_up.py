@@ -36,7 +36,7 @@ def test_rates_of_the_drive_are_those_of_its_curves():
     assert (drive.L4_velocity[-1], drive.speed[-1]) == pytest.approx((0.0, 30.0))
 
 
-def test_kinematics_at_rest_of_the_pivot_are_those_of_the_linkage():
+def test_kinematics_with_fixed_pivot_equal_the_linkage():
     model, phi = solve.load("four_bar"), np.linspace(0, TURN, 50)
     none = np.zeros(50)
     drive = Drive(none, none + 20.0, none + 3.0, none + 0.6, none, none)

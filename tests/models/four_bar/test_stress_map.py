@@ -53,7 +53,7 @@ def test_it_is_the_same_to_the_last_bit_in_every_run():
     assert all(np.array_equal(first, each) for each in others)
 
 
-def test_error_tells_what_a_finer_map_changes():
+def test_map_error_bounds_the_change_by_refinement():
     model = solve.load("four_bar")
     coarse, fine = (StressMap(model, 0.52, 0.63, count).peaks(SPEEDS, LENGTHS) for count in (5, 9))
     change = np.abs(coarse.stress / fine.stress - 1).max(axis=(1, 2))

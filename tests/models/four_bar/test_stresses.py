@@ -35,7 +35,7 @@ def rigid_stress(link: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("link", [2, 3])
-def test_elastic_links_bear_these_stresses_where_they_follow_at_once(link):
+def test_quasi_static_elastic_stresses_equal_the_rigid_ones(link):
     """Curvatures of cubic elements under a load along them converge with order 2."""
     expected = rigid_stress(link)
     errors = [
@@ -46,14 +46,14 @@ def test_elastic_links_bear_these_stresses_where_they_follow_at_once(link):
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
-def test_the_crank_bears_it_with_one_element():
+def test_crank_stress_with_one_element():
     """The crank turns at constant speed: no load along it bends it."""
     expected = rigid_stress(1)
     assert np.abs(quasi_static_stress(1, "crank") - expected).max() < 1e-3 * expected.max()
 
 
 @given(cranks(), st.floats(0, 6.3), st.floats(1, 50))
-def test_nothing_bends_a_link_at_its_pins_and_its_end_bears_the_joint(linkage, t1, speed):
+def test_bending_moments_vanish_at_pins(linkage, t1, speed):
     links = bodies({**PARAMETERS, "L1": linkage.L1, "L2": linkage.L2, "L3": linkage.L3})
     motion = linkage.motion(t1, speed)
     forces = joint_forces(motion, links)
