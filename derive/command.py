@@ -24,7 +24,7 @@ app = typer.Typer(
 
 
 class _Command(UniqueOptions, TyperCommand):
-    """Command that refuses a second value for a single-value option."""
+    """Command that rejects a second value of a single-value option."""
 
 
 def run(arguments: Sequence[str]) -> int | None:
@@ -38,20 +38,18 @@ def derive(
     models: Annotated[
         list[str] | None, Argument(metavar="MODEL...", help="Names, or paths that end in .py.")
     ] = None,
-    every: Annotated[bool, Option("--all", help="All mechanisms that come with the package.")] = False,
-    out: Annotated[
-        Path | None, Option(metavar="DIR", help="Where the modules are written or checked.")
-    ] = None,
+    every: Annotated[bool, Option("--all", help="All mechanisms of the package.")] = False,
+    out: Annotated[Path | None, Option(metavar="DIR", help="Folder of the generated modules.")] = None,
     check: Annotated[
         bool,
-        Option("--check", help="Compare hashes only, of all modules by default; exit 1 where one is stale."),
+        Option("--check", help="Compare hashes only, by default of all modules; exit 1 if one is stale."),
     ] = False,
     full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
     show: Annotated[
         bool, Option("--show", help="Print the linearised equations as LaTeX; write nothing.")
     ] = False,
     numbers: Annotated[
-        str | None, Option(metavar="CASE", help="With --show: put in the numbers of a case.")
+        str | None, Option(metavar="CASE", help="With --show: insert the parameters of a case.")
     ] = None,
     debug: Annotated[bool, Option("--debug", help="Show the traceback of an internal error.")] = False,
 ) -> None:

@@ -9,7 +9,7 @@ inactive. Values and automatic derivatives of any order are then finite.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import sympy
 
@@ -65,18 +65,8 @@ def _power(base: Any, exponent: Any) -> Need | None:
     return Need(base, NOT_NEGATIVE if exponent.is_positive else POSITIVE, 1)
 
 
-class Bounded(Protocol):
-    """Parameter with a bound."""
-
-    @property
-    def symbol(self) -> Any: ...
-
-    @property
-    def bound(self) -> str: ...
-
-
-def signs_of(parameters: Iterable[Bounded]) -> dict[Any, Any]:
-    """Signs of the speed and of the parameters, from their bounds."""
+def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
+    """Signs of the speed and of the declared parameters, from their bounds."""
     signs: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
     for parameter in parameters:
         for clause in filter(None, parameter.bound.split(", ")):

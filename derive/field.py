@@ -243,7 +243,18 @@ class Field:
         return known | {point: known[local] for point, (local, _) in self.points.items()}
 
     def integral(self, density: Any) -> Any:
-        """∫ density dx from 0 to the length."""
+        """Integral of a density over the link.
+
+        Parameters
+        ----------
+        density : expression
+            Quantity per length in x, w, w′, w″ and their rates.
+
+        Returns
+        -------
+        expression
+            ∫ density dx from 0 to the length.
+        """
         return self._integral(sympy.sympify(density), self.length)
 
     def line(self, start: tuple[Any, Any], direction: Any) -> list[tuple[Any, Any]]:
@@ -261,7 +272,19 @@ class Field:
         return [(x + along * c - across * s, y + along * s + across * c)]
 
     def at(self, expression: Any, position: Any) -> Any:
-        """Value at a position of an expression in x, w, w′, w″, their rates and the tension."""
+        """Value of an expression at a position.
+
+        Parameters
+        ----------
+        expression : expression
+            In x, w, w′, w″, their rates and the tension.
+        position : expression
+            Position, m.
+
+        Returns
+        -------
+        expression
+        """
         expression = sympy.sympify(expression)
         values: dict[sympy.Basic, Any] = {self.position: sympy.sympify(position)}
         for local in (*self.derivatives, self.tension):

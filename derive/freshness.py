@@ -89,11 +89,8 @@ def _loose_strings(source: str, lines: list[str]) -> Iterator[tuple[_Place, _Pla
         return line - 1, len(lines[line - 1].encode()[:byte].decode())
 
     for node in ast.walk(ast.parse(source)):
-        if (
-            isinstance(node, ast.Expr)
-            and isinstance(node.value, ast.Constant)
-            and type(node.value.value) is str
-        ):
+        value = node.value if isinstance(node, ast.Expr) else None
+        if isinstance(value, ast.Constant) and isinstance(value.value, str):
             end = place(node.end_lineno or node.lineno, node.end_col_offset or 0)
             yield place(node.lineno, node.col_offset), end
 
@@ -114,13 +111,8 @@ def staleness(text: str, source_sha256: str) -> str:
 
 def difference(path: Path, present: str, wanted: str) -> str:
     """Unified diff from the file's text to the derived text."""
-    lines = difflib.unified_diff(
-        present.splitlines(keepends=True),
-        wanted.splitlines(keepends=True),
-        f"{path} (present)",
-        f"{path} (derived)",
-    )
-    return "".join(lines)
+    old, new = (text.splitlines(keepends=True) for text in (present, wanted))
+    return "".join(difflib.unified_diff(old, new, f"{path} (present)", f"{path} (derived)"))
 
 
 def write(path: Path, text: str) -> None:

@@ -132,7 +132,7 @@ def _symbols(dimension: Dimension) -> Iterator[sympy.Symbol]:
 
 
 def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
-    """Sums and square roots of some length that occur twice or more, those within others first, and the forms
+    """Sums and square roots that occur at least twice and are not short, inner ones first, and the forms
     in which they occur: with a factor and to a power."""
     times: dict[Any, int] = {}
     forms: dict[Any, dict[Any, tuple[Any, Any]]] = {}

@@ -65,17 +65,54 @@ class Wrapped(sympy.Function):
 
 
 def wrapped(angle: Any, turn: Any = 2 * sympy.pi) -> Any:
-    """The angle modulo `turn` (rad), from 0 to `turn`."""
+    """The angle modulo `turn`.
+
+    Parameters
+    ----------
+    angle : expression
+        Angle, rad.
+    turn : expression, default 2π
+        Period, rad.
+
+    Returns
+    -------
+    expression
+        From 0 to `turn`, rad.
+    """
     return Wrapped(sympy.sympify(angle), sympy.sympify(turn))
 
 
 def rectangle(angle: Any, start: Any, end: Any) -> Any:
-    """1 for an angle between start and end (rad) modulo 2π, otherwise 0."""
+    """Rectangular pulse of an angle modulo 2π.
+
+    Parameters
+    ----------
+    angle, start, end : expression
+        Angle, and the limits of the pulse, rad.
+
+    Returns
+    -------
+    expression
+        1 between `start` and `end`, otherwise 0.
+    """
     return sympy.Heaviside(end - start - wrapped(angle - start))
 
 
 def trapezoid(angle: Any, start: Any, full: Any, falling: Any, end: Any) -> Any:
-    """Trapezoid between start and end (rad) modulo 2π: it rises to 1 at `full` and falls from `falling`."""
+    """Trapezoidal pulse of an angle modulo 2π.
+
+    Parameters
+    ----------
+    angle : expression
+        Angle, rad.
+    start, full, falling, end : expression
+        Corners of the pulse, rad: it rises from `start` to `full` and falls from `falling` to `end`.
+
+    Returns
+    -------
+    expression
+        1 between `full` and `falling`, 0 outside `start` and `end`.
+    """
     inside, Max = wrapped(angle - start), sympy.Max
 
     def ramp(low: Any, high: Any) -> Any:

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "0bcf2e05ed993b3f6ffa1d5c81e7ee0669337d7f93d97ed5cc9e972588288ddd"
+DERIVE_SHA256 = "3eb60f2e005564c09a2a96f14b3b945ad1ad3590cfe08e850d1f2afd66665bcb"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9d2c7010c4ce6da4b23dd62a65d92fdea34444c09759c03f1a836cab47b8383b"
+FILE_SHA256 = "d62f36bdfac60609a80bac7a087c8bdfbf827a52fc108cedf2c5abefe4f81c45"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "0bcf2e05ed993b3f6ffa1d5c81e7ee0669337d7f93d97ed5cc9e972588288ddd"
+DERIVE_SHA256 = "3eb60f2e005564c09a2a96f14b3b945ad1ad3590cfe08e850d1f2afd66665bcb"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8ee2108578042cc258f5de3e5b37f7c5f53440caa69306c26a986e67b79a5361"
+FILE_SHA256 = "db840b2a089e75f5cd6bef424d82f5f9f12697b2b9a2f63711826a9c8f36031f"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -296,6 +296,6 @@ def transmission_warnings(linkage: Linkage) -> list[str]:
         return []
     return [
         f"the transmission angle goes from {math.degrees(gamma.min):.4g}° to {math.degrees(gamma.max):.4g}°, "
-        f"{OUTSIDE_ADVISED}: forces pass badly from coupler to follower, and small errors of the "
-        "lengths move the follower much"
+        f"{OUTSIDE_ADVISED}: force transmission to the follower is poor, and its position is "
+        "sensitive to errors of the lengths"
     ]

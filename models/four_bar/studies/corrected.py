@@ -177,15 +177,15 @@ def corrected(
     of: Annotated[
         str, Flag("Coordinate or output to compare, or PLACE_stress on either surface.", "NAME")
     ] = "follower_midpoint_stress",
-    elements: Annotated[str, Flag("Numbers of cubic elements a link to set beside it.", "A,B,C")] = "1,2,3,4",
+    elements: Annotated[str, Flag("Numbers of cubic elements per link to compare.", "A,B,C")] = "1,2,3,4",
     rtol: EachTolerance = 1e-6,
 ) -> None:
-    """One element a link corrected by dynamic stiffness, beside more elements, over one turn."""
+    """One element per link with corrected dynamic stiffness, compared with more elements."""
     model = four_bar.loaded()
     counts = [text.strip() for text in elements.split(",")]
     if not all(count.isdigit() for count in counts):
         raise ValueOutOfBoundsError(
-            f"--elements is '{elements}'; write numbers of elements a link, such as --elements 1,2,3"
+            f"--elements is '{elements}'; write numbers of elements per link, such as --elements 1,2,3"
         )
     result = corrections(model, speed_in_si(speed), of, counts, rtol)
     deliver_result(results, result, four_bar.choices)

@@ -186,11 +186,11 @@ def curve(
     four_bar: FourBar,
     results: Results,
     speed: SpeedText = "30 rad/s",
-    along: Annotated[float, Flag("Place on the coupler, 0 at A to 1 at B.", "S")] = 0.5,
-    across: Annotated[float, Flag("Distance beside its axis, in m.", "M")] = 0.0,
-    quasi_static: Annotated[bool, Flag("The kinetostatic curve instead of the full one.")] = False,
+    along: Annotated[float, Flag("Position on the coupler, from 0 at A to 1 at B.", "S")] = 0.5,
+    across: Annotated[float, Flag("Distance from its axis, in m.", "M")] = 0.0,
+    quasi_static: Annotated[bool, Flag("The quasi-static path instead of the dynamic one.")] = False,
     rtol: Tolerance = 1e-6,
 ) -> None:
-    """The curve of a point of the coupler beside that of the rigid linkage."""
+    """Path of a coupler point, compared with that of the rigid linkage."""
     result = curve_of_point(four_bar.loaded(), speed, along, across, quasi_static, rtol)
     deliver_result(results, result, four_bar.choices)

@@ -9,6 +9,8 @@ import typer
 
 from models.four_bar.design import (
     Design,
+    Outcome,
+    Trial,
     damping_effects,
     default_target,
     designed,
@@ -24,7 +26,6 @@ from models.four_bar.design_map import (
     design_map,
 )
 from models.four_bar.linkage import Linkage
-from models.four_bar.outcome import Outcome, Trial
 from models.four_bar.plan import Plan
 from models.four_bar.run_up import RunUp, simulate
 from models.four_bar.stress_map import spaced
@@ -210,7 +211,7 @@ def design(
         str | None, Flag("Speed to run up to; by default the method chooses.", '"30 rad/s"')
     ] = None,
     speeds: Annotated[
-        str | None, Flag("Speeds of the map at first; narrow peaks are refined.", '"A:B:N unit"')
+        str | None, Flag("Initial speeds of the map; narrow peaks are refined.", '"A:B:N unit"')
     ] = None,
     L4: Annotated[
         str | None,
@@ -271,7 +272,7 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
     speeds = sorted(set(speeds_in_si(text)))
     if len(speeds) < _FEWEST_SPEEDS:
         raise ValueOutOfBoundsError(
-            f"--speeds is '{text}'; a map needs {_FEWEST_SPEEDS} different speeds at least, "
+            f"--speeds is '{text}'; a map needs at least {_FEWEST_SPEEDS} different speeds, "
             'such as --speeds "5:45:60 rad/s"'
         )
     return speeds

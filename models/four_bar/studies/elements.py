@@ -79,7 +79,7 @@ class ElementKinds(Result):
 def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
     """Means over the revolution, and their relative errors."""
     columns = [f"f{k}" for k in range(1, result.values.shape[2] + 1)]
-    means = table("Means over the turn (rad/s), and above the exact ones", "kind", "freedoms", *columns)
+    means = table("Means over the revolution (rad/s), and errors", "kind", "freedoms", *columns)
     rows = zip(result.kinds, result.freedoms, result.means, result.mean_errors, strict=True)
     for kind, freedoms, mean, error in rows:
         means.add_row(kind, str(freedoms), *(f"{value:.3f}" for value in mean))
@@ -140,10 +140,10 @@ def _figure(result: ElementKinds) -> Figure:
 def elements(
     four_bar: FourBar,
     results: Results,
-    kinds: Annotated[str, Flag("Kinds of elements and how many a link.", "KIND:N,…")] = _KINDS,
-    count: Annotated[int, Flag("Frequencies, from the lowest: up to 9.", "N")] = 4,
-    turn: Annotated[int, Flag("Crank positions, evenly over the turn.", "N")] = 36,
+    kinds: Annotated[str, Flag("Element types and their number per link.", "KIND:N,…")] = _KINDS,
+    count: Annotated[int, Flag("Number of frequencies, from the lowest: up to 9.", "N")] = 4,
+    turn: Annotated[int, Flag("Number of equidistant crank positions.", "N")] = 36,
 ) -> None:
-    """Natural frequencies over a turn by several kinds of elements, beside the exact ones."""
+    """Natural frequencies over a revolution by element type, compared with the exact ones."""
     result = element_kinds(four_bar.loaded(), kinds.split(","), count, turn)
     deliver_result(results, result, four_bar.choices)

@@ -298,13 +298,13 @@ def linkage(
     branch: Annotated[str, Flag("Branch of assembly.", "open|crossed")] = "open",
     position: Annotated[
         str | None,
-        Flag("Crank angle t1 to look at, with unit; also where the crank cannot turn fully.", '"70 deg"'),
+        Flag("Crank angle t1 to report, with unit; also for a crank that cannot turn fully.", '"70 deg"'),
     ] = None,
     coupler_point: Annotated[
         list[str] | None,
         Flag(
-            "Coupler point whose path to trace: metres from A, along AB and at +90°; repeatable; the "
-            "coupler's middle by default.",
+            "Coupler point to trace: metres from A, along AB and at +90°; repeatable; by default the "
+            "middle of the coupler.",
             "X,Y",
         ),
     ] = None,

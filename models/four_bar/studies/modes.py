@@ -54,7 +54,7 @@ class Modes(AtOneSpeed):
         curves = {"all": (shares.total, "all modes")}
         curves |= {f"mode_{k}": (values, f"mode {k}") for k, values in enumerate(shares.values, 1)}
         if self.uncoupled is not None:
-            curves["uncoupled"] = self.uncoupled, "modes that do not couple"
+            curves["uncoupled"] = self.uncoupled, "uncoupled modes"
         columns = {"phase": Column(shares.phase, "rad", "phase of the drive", axes=("phase",))}
         for name, (values, meaning) in curves.items():
             unit = self.system.units[shares.output]
@@ -84,7 +84,7 @@ def modes_tables(result: Modes) -> Sequence[RenderableType]:
     curves = {**{str(k): values for k, values in enumerate(shares.values, 1)}, "all": shares.total}
     if result.uncoupled is not None:
         curves["uncoupled"] = result.uncoupled
-        caption = f"uncoupled modes miss by up to {100 * result.error:.1f} % of the maximum"
+        caption = f"error of uncoupled modes: up to {100 * result.error:.1f} % of the maximum"
     maxima = [float(np.abs(values).max()) for values in curves.values()]
     largest = float(np.abs(shares.total).max())
     means = [f"{frequencies[:-1].mean():.3f}" for frequencies in shares.frequencies]
@@ -123,9 +123,9 @@ def modes(
         str, Flag("A deflection or stress among the outputs.", "NAME")
     ] = "follower_midpoint_deflection",
     count: Annotated[int, typer.Option(metavar="N", min=1, help="Number of modes.")] = 4,
-    uncoupled: Annotated[bool, Flag("Add the solution of modes that do not couple, and its error.")] = False,
+    uncoupled: Annotated[bool, Flag("Add the solution with uncoupled modes, and its error.")] = False,
     rtol: Tolerance = 1e-6,
 ) -> None:
-    """What the modes of each position give to a deflection or stress over one turn."""
+    """Contribution of each mode to a deflection or stress over one revolution."""
     result = mode_contributions(four_bar.loaded(), speed, of, count, uncoupled, rtol)
     deliver_result(results, result, four_bar.choices)

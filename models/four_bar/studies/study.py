@@ -38,11 +38,11 @@ def study(
             "NAME",
         ),
     ] = None,
-    figure: Annotated[str, Flag("What of its modulus over a turn to keep.", "max|rms")] = "max",
+    figure: Annotated[str, Flag("Statistic of the modulus over a revolution.", "max|rms")] = "max",
     corrected: Annotated[bool, Flag("Add one element a link corrected by dynamic stiffness.")] = False,
     rtol: EachTolerance = 1e-6,
 ) -> None:
-    """Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …"""
+    """Stress, deflection or energy over speed for several values of a parameter or option."""
     omegas, kept, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
     title, systems = _systems(model, over, corrected)
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))

@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS
-from models.four_bar.outcome import Outcome
 from solve.results.contents import Column, Columns, digits, speeds_of
 from solve.results.quantities import fixed, prefixed
 from solve.units import unit_given
@@ -43,7 +43,7 @@ def _linkage_heading(record: Mapping[str, Any]) -> Table:
     least, greatest = map(_degrees, record["crank_range"])
     turns = "turns fully" if record["turns_fully"] else f"cannot turn fully: {least} <= |t1| <= {greatest}"
     lambdas = ", ".join(f"{space[name]:.5g}" for name in ("lambda2", "lambda3", "lambda4"))
-    no_speed = 'none given, so no forces; with --speed "300 rpm" they follow'
+    no_speed = 'none, so no forces; add --speed "300 rpm"'
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
@@ -106,9 +106,10 @@ def _forces(record: Mapping[str, Any]) -> list[RenderableType]:
         value = f"{peak['peak'] * factor:.5g}"
         forces.add_row(joint, f"|{JOINTS[joint]}|", unit, value, _degrees(peak["position"]))
     factor, unit = prefixed("J", record["energy_swing"])
+    swing = f"{record['energy_swing'] * factor:.5g} {unit}"
     balance = (
         f"\nenergy balance: torque × ω1 = dT/dt within {record['energy_residual']:.1e} of its peak"
-        f"\na flywheel takes and gives back {record['energy_swing'] * factor:.5g} {unit} in a turn"
+        f"\nenergy stored and released by a flywheel per revolution: {swing}"
     )
     stresses = table("Stresses of rigid links", "link", "unit", "peak", "at t1", "at x/L", left=2)
     for link, peak in record["preliminary_stress"].items():
@@ -212,7 +213,7 @@ def _critical(result: Outcome) -> list[RenderableType]:
         "limit": Column(["limiting" if peak.ratio > 1 else "" for peak in peaks], heading=" "),
         **_damping(result, speeds),
     }
-    remark = "links: % of stress that one % more ζ brings; damping helps where negative"
+    remark = "links: % of stress per % of ζ; damping helps where negative"
     return [table_of(f"Critical speeds at L4 = {result.map.own_L4:.4f} m", columns, left=1), Text(remark)]
 
 
@@ -234,7 +235,7 @@ def _quiet(result: Outcome) -> RenderableType:
         "damping": Column([effect(speed) for speed in quietest], heading="damping"),
         **_damping(result, quietest),
     }
-    return table_of(f"Quiet bands there ({stresses.model.speed_unit.name})", columns, left=1)
+    return table_of(f"Quiet bands at this L4 ({stresses.model.speed_unit.name})", columns, left=1)
 
 
 def _quiet_above(result: Outcome) -> list[RenderableType]:
@@ -246,7 +247,7 @@ def _quiet_above(result: Outcome) -> list[RenderableType]:
         "fixed": _numbers([each.fixed for each in quiet], "with L4 fixed"),
     }
     title = f"Quiet speeds above critical ones ({result.map.model.speed_unit.name})"
-    remark = "as a multiple of the allowable stress; L4 changes on the way and returns"
+    remark = "in multiples of the allowable stress; L4 changes during the run-up and returns"
     return [table_of(title, columns), Text(remark)]
 
 

@@ -112,7 +112,7 @@ def test_report(answer):
     gamma, advantage = record["transmission_angle"], record["mechanical_advantage"]
     stretched, folded = record["follower"]["dead_points"]
     assert max(len(line) for line in out.splitlines()) <= 80
-    assert "a flywheel takes and gives back 11.013 J in a turn" in out
+    assert "energy stored and released by a flywheel per revolution: 11.013 J" in out
     for text in (
         "GCRR (2 of 14)",
         "s + l < p + q; mobility 1",
