@@ -1,4 +1,4 @@
-"""Beam elements: what their definition demands, quadrature, scikit-fem, and the thesis's Appendix A."""
+"""Beam elements against their definition, quadrature, scikit-fem, and Appendix A of the thesis."""
 
 from functools import cache
 from types import ModuleType

@@ -1,4 +1,4 @@
-"""The command: what it writes, checks and shows."""
+"""The command `derive`: writing, checking and printing."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Units: their texts, the dimension of expressions, and homogeneity of what is generated."""
+"""Units, dimensions of expressions, and homogeneity of generated equations."""
 
 import importlib
 import math

@@ -1,4 +1,4 @@
-"""Generated modules: their contract, the same bytes in every run, operation counts that do not grow."""
+"""Generated modules: contract, reproducible text, and operation counts."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""The page on a mechanism of one's own: its files are derived as printed."""
+"""The page on a user's own mechanism: its files are derived as printed."""
 
 import re
 import shlex

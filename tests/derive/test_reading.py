@@ -1,4 +1,4 @@
-"""Equations for reading: the same as those that are solved, and legible."""
+"""Printed equations: equality with the solved ones, and layout."""
 
 from xml.etree import ElementTree
 

@@ -1,4 +1,4 @@
-"""What the command refuses, each in one line: arguments, mechanism files, case files."""
+"""Errors of the command, one line each: arguments, mechanism files, case files."""
 
 from pathlib import Path
 

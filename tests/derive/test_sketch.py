@@ -1,4 +1,4 @@
-"""Lines that a mechanism states of its picture: what may stand in them, and what is generated."""
+"""Sketches of a mechanism: allowed expressions and generated code."""
 
 import numpy as np
 import pytest

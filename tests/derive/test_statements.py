@@ -1,4 +1,4 @@
-"""What a mechanism's author can get wrong: each has its error and its message."""
+"""Errors in the statement of a mechanism and their messages."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Statements of structures: what they refuse, how joints are shared, and the generated module."""
+"""Statements of structures: errors, shared joints, and the generated module."""
 
 from types import ModuleType
 

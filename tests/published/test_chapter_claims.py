@@ -1,4 +1,4 @@
-"""What chapter and paper see in their pictures: orders of spectra, sidebands, profiles, both procedures."""
+"""Claims of chapter and paper about their figures: harmonics, sidebands, profiles, both procedures."""
 
 import functools
 

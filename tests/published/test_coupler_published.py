@@ -1,4 +1,4 @@
-"""Paper Tables 1 and 2 from the hand-written equations, by a harmonic collocation of its own."""
+"""Paper Tables 1 and 2 from the hand-coded equations by an independent harmonic collocation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What thesis Chapters 3 to 5 and 8.5 say of links and elements in words."""
+"""Claims of thesis Chapters 3 to 5 and 8.5 about links and elements."""
 
 import numpy as np
 import pytest

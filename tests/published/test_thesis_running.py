@@ -1,4 +1,4 @@
-"""What thesis Chapters 5, 7 and 9 say in words of the running four-bar and of Mathieu's equation."""
+"""Claims of thesis Chapters 5, 7 and 9 about the running four-bar and Mathieu's equation."""
 
 import numpy as np
 import pytest

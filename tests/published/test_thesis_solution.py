@@ -1,4 +1,4 @@
-"""What thesis 2.2.2 and Chapter 6 say of their methods in words and in formulas without a number."""
+"""Claims of thesis 2.2.2 and Chapter 6 about their methods."""
 
 from itertools import accumulate
 

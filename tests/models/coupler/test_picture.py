@@ -1,4 +1,4 @@
-"""The picture of the bent coupler: read back from the drawn figure, and what its command refuses."""
+"""Figure of the deformed coupler: its data, and errors of its command."""
 
 import re
 import shlex

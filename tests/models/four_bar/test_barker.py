@@ -1,4 +1,4 @@
-"""Barker's fourteen classes, against Table 3.1's own words and against what the links really do."""
+"""Barker's fourteen classes against Table 3.1 and against the motion of the links."""
 
 import doctest
 import math

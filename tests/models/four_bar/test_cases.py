@@ -1,4 +1,4 @@
-"""The case file and the parameters' checks."""
+"""The case file and the checks of the parameters."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Contributions of the modes (thesis Fig. 6.4): their sum, the modes' continuity, what the thesis sees."""
+"""Contributions of the modes (thesis Fig. 6.4): sum, continuity, and claims of the thesis."""
 
 import numpy as np
 import pytest

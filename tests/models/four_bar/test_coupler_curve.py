@@ -1,4 +1,4 @@
-"""Coupler curves of the flexible linkage beside the rigid ones, and the commands `curve` and `modes`."""
+"""Coupler curves of the flexible and the rigid linkage, and the commands `curve` and `modes`."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The design method: what it finds, the command, its refusals."""
+"""The design method: results, command, and errors."""
 
 import dataclasses
 import json

@@ -1,4 +1,4 @@
-"""One element a link corrected by dynamic stiffness (thesis 7.4.1): its figures, its parts otherwise."""
+"""One element per link with corrected dynamic stiffness (thesis 7.4.1): numbers and independent checks."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from solve.errors import UnknownNameError
 
 PHASE = np.array([0.3, 1.7, 4.0])
 CONVERGED = 123.0
-"""MPa at the follower's midpoint at 30 rad/s, + surface, with ever more elements; ± 0.5."""
+"""Stress at the follower's midpoint at 30 rad/s, + surface, for more and more elements; MPa, ± 0.5."""
 
 LINKS = {"crank": ("", "A", "", "crank_A"), "coupler": ("A", "B", "coupler_A", "coupler_B")}
 LINKS["follower"] = ("", "B", "follower_C", "follower_B")

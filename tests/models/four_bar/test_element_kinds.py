@@ -1,4 +1,4 @@
-"""Frequencies by several kinds of elements side by side (thesis Figs. 4.6 and 5.3)."""
+"""Natural frequencies by element type (thesis Figs. 4.6 and 5.3)."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What the pictures show: read back from the drawn figures."""
+"""Data of the figures of the rigid linkage."""
 
 import math
 

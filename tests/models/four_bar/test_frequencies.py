@@ -1,4 +1,4 @@
-"""The flexible four-bar as a model: its links, its parameters, and the rigid linkage that it rests on."""
+"""The flexible four-bar as a model: links, parameters, and agreement with the rigid linkage."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Paths through a map of stresses: the least cap, the corridor, the plan."""
+"""Paths through a map of stresses: smallest cap, corridor, and plan."""
 
 import numpy as np
 import pytest

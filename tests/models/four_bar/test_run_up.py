@@ -1,4 +1,4 @@
-"""The simulated run-up: against a hand-made structure under SciPy, and its slow limit."""
+"""The simulated run-up against a hand-coded structure integrated by SciPy, and its slow limit."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Stresses of rigid links, against the elastic linkage that follows its loads at once, and at free ends."""
+"""Stresses of rigid links against the quasi-static elastic linkage, and at free ends."""
 
 import math
 
