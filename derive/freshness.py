@@ -89,8 +89,9 @@ def _loose_strings(source: str, lines: list[str]) -> Iterator[tuple[_Place, _Pla
         return line - 1, len(lines[line - 1].encode()[:byte].decode())
 
     for node in ast.walk(ast.parse(source)):
-        value = node.value if isinstance(node, ast.Expr) else None
-        if isinstance(value, ast.Constant) and isinstance(value.value, str):
+        if not isinstance(node, ast.Expr):
+            continue
+        if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             end = place(node.end_lineno or node.lineno, node.end_col_offset or 0)
             yield place(node.lineno, node.col_offset), end
 

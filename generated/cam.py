@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "3eb60f2e005564c09a2a96f14b3b945ad1ad3590cfe08e850d1f2afd66665bcb"
+DERIVE_SHA256 = "795d6b5fa69fb9e642e10ce5a3035b9aab7c8be6f5d52f8689b6b68cc10eceea"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d62f36bdfac60609a80bac7a087c8bdfbf827a52fc108cedf2c5abefe4f81c45"
+FILE_SHA256 = "4cbe236b1d4d8f6c58625894016521870e23141c57ef209996a237cfa4e961c8"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

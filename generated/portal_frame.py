@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3eb60f2e005564c09a2a96f14b3b945ad1ad3590cfe08e850d1f2afd66665bcb"
+DERIVE_SHA256 = "795d6b5fa69fb9e642e10ce5a3035b9aab7c8be6f5d52f8689b6b68cc10eceea"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "db840b2a089e75f5cd6bef424d82f5f9f12697b2b9a2f63711826a9c8f36031f"
+FILE_SHA256 = "0b5ed879401e26eec3b0da888f2c4de763cc982ce997dea885d3f19c14e6108e"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
