@@ -270,11 +270,11 @@ def declared(shape=sine, values=range(1, 4)):
 
 def test_a_field_stands_alone():
     beam, line, _ = declared()
-    with pytest.raises(DeclarationError, match="with a field has no second field or coordinates"):
+    with pytest.raises(DeclarationError, match="no other coordinates and no second field"):
         beam.field("v", "m", "deflection", length=line.length, shape=sine, modes=beam.declared_options[0])
     beam, length, _ = statement()
     beam.coordinates(q1=("m", "displacement"))
-    with pytest.raises(DeclarationError, match="with a field has no second field or coordinates"):
+    with pytest.raises(DeclarationError, match="no other coordinates and no second field"):
         beam.field("w", "m", "deflection", length=length, shape=sine, modes=beam.option("modes", range(1, 4)))
 
 

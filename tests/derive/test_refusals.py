@@ -48,7 +48,7 @@ def test_case_files_without_numbers_for_the_equations(derive, rotor, content, me
         (["nowhere/cam.py"], "there is no file nowhere/cam.py"),
         (["x" * 300 + ".py"], "there is no file xxx"),
         (["cam", "--full"], "--full requires --check"),
-        (["cam", "--check", "--show"], "--show with neither"),
+        (["cam", "--check", "--show"], "--show excludes both"),
         (["cam", "--numbers", "1"], "--numbers requires --show"),
         (["cam", "--frobnicate"], "No such option: --frobnicate"),
         (["cam", "--out"], "--out"),

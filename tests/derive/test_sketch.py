@@ -90,7 +90,7 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number times metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
         (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line contains qd"),
-        (lambda m, q, r: [(0, 0), (sympy.Symbol("R"), 0)], UnknownSymbolError, "holds R, which is not"),
+        (lambda m, q, r: [(0, 0), (sympy.Symbol("R"), 0)], UnknownSymbolError, "contains R, which is not"),
         (lambda m, q, r: [(0, 0), (r / 0, 0)], DeclarationError, "sketch line is not finite"),
     ],
 )
@@ -127,5 +127,5 @@ def test_symbols_of_lines_stay_out_of_energies(symbol):
     made, q, *_ = slider()
     made.sketch("line", [(0, 0), (made.metre * cos(made.around * 0), made.metre)])
     made.potential = made.potential + getattr(made, symbol) * q**2
-    with pytest.raises(UnknownSymbolError, match="potential energy holds"):
+    with pytest.raises(UnknownSymbolError, match="potential energy contains"):
         check(made)

@@ -331,7 +331,7 @@ REFUSED = {
     ),
     "shifted": (DeclarationError, r"holds the phase with a coordinate; .*wrapped\(phase \+ q\)"),
     "square": (UnsupportedExpressionError, "are not known; let steps and kinks depend on the phase by"),
-    "open": (DeclarationError, r"has no value where no condition of .* holds; end it with a piece for all"),
+    "open": (DeclarationError, r"has no value where no condition of .* holds; end it with a default piece"),
     "pieces": (UnitError, "cannot be added or compared"),
     "compared": (UnitError, "cannot be added or compared"),
 }
