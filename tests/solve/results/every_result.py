@@ -103,7 +103,7 @@ MADE = {
         lambda: rigid_motion("table41", four_bar().parameters, speed=30.0, position=1.0),
         '--speed "5 Hz" --position "1 rad"',
     ),
-    "modes": (
+    "mode_contributions": (
         lambda: mode_contributions(four_bar(), 35.0, "follower_midpoint_deflection", 4, False, 1e-6),
         '--speed "35 rad/s"',
     ),
