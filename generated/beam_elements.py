@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+MECHANISM_SHA256 = "365bf0da4d2da694d5a7cbc7fa44da8f6b16dfe174d9290be63dd444d6bb9020"
+DERIVE_SHA256 = "795d6b5fa69fb9e642e10ce5a3035b9aab7c8be6f5d52f8689b6b68cc10eceea"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "844f52f4eaa344f0dd8ae965f723966ba9cb548a7ece26e3b76c98b029963f4a"
+FILE_SHA256 = "3f8820f46b692e7a369a47e8ede212b07c08343ac657ed8f9efe6148a3d1e876"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

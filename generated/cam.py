@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "795d6b5fa69fb9e642e10ce5a3035b9aab7c8be6f5d52f8689b6b68cc10eceea"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a859f5a9b791179bf4eaad7b014c4d2c1319fd6de7072e994fa2512259d98b7b"
+FILE_SHA256 = "4cbe236b1d4d8f6c58625894016521870e23141c57ef209996a237cfa4e961c8"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "795d6b5fa69fb9e642e10ce5a3035b9aab7c8be6f5d52f8689b6b68cc10eceea"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4c3d4a3fb4a09fb66255b85697f52e571fd747633acb3b9f44a53a2a9a8670ba"
+FILE_SHA256 = "0b5ed879401e26eec3b0da888f2c4de763cc982ce997dea885d3f19c14e6108e"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -1,4 +1,4 @@
-"""Contributions of the modes (thesis Fig. 6.4): their sum, the modes' continuity, what the thesis sees."""
+"""Contributions of the modes (thesis Fig. 6.4): sum, continuity, and claims of the thesis."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,7 @@ def test_all_modes_together_give_the_output(orbit, output):
     np.testing.assert_allclose(found.total, truth, atol=1e-12 * np.abs(truth).max())
 
 
-def test_the_first_mode_rules_the_follower_and_the_next_two_the_coupler(orbit):
+def test_dominant_modes_of_follower_and_coupler(orbit):
     size = {
         link: np.abs(found.values).max(axis=1) / np.abs(found.total).max()
         for link in ("follower", "coupler")
