@@ -25,11 +25,11 @@ from solve.results.stability import Stability
 from solve.single import floquet
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.statistics import Statistics
-from solve.studies.boundaries import Lines, Search
-from solve.studies.constant import constant
+from solve.studies.boundaries import BoundarySearch, Lines
+from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.contours import contours
-from solve.studies.judged import Judged, judge
-from solve.studies.tongues import hidden
+from solve.studies.stability_samples import StabilitySamples, evaluator
+from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
@@ -93,9 +93,9 @@ def chart(
         results = _stability(found, batch, points) if of_orbit else found
         results.require_any()
         found.require_any()
-        steady = constant(batch)
-        judging = steady.judge if steady else judge(batch)
-        search = Search(judging, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
+        constant = constant_coefficients(batch)
+        evaluate = constant.evaluate if constant else evaluator(batch)
+        search = BoundarySearch(evaluate, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
         system = family.example.shown_in(across[0]).shown_in(upwards[0])
         at = partial(_at, batch, system.speed_unit)
@@ -106,7 +106,7 @@ def chart(
             solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
         if not boundaries:
             return solved
-        known = steady.judge(points) if steady else Judged.of(points, results)
+        known = constant.evaluate(points) if constant else StabilitySamples.from_results(points, results)
         return replace(solved, boundaries=_boundaries(search, solved, known, step))
 
 
@@ -176,7 +176,9 @@ def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
     return floquet(system, GivenSpeed(speed, unit), batch.method, rtol=batch.request.rtol)
 
 
-def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
+def _cut(
+    search: BoundarySearch, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float
+) -> Cut:
     """Cut along one axis at a fixed value of the quantity at position `held`. Raises ValueOutOfBoundsError,
     and NoResultError if no point has a result."""
     if not np.isfinite(value):
@@ -184,19 +186,19 @@ def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held
     along, values = 1 - held, axes[1 - held]
     points = np.empty((len(values), 2))
     points[:, held], points[:, along] = value, values
-    known, inner = search.judge(points), np.arange(1, len(points) - 1)
+    known, inner = search.evaluate(points), np.arange(1, len(points) - 1)
     if known.failed.all():
         raise NoResultError(
             f"no point of the cut at {names[held]} = {value:g} has a result; give another value"
         )
-    every = known + hidden(search.judge, known, inner)
+    every = known + find_narrow_tongues(search.evaluate, known, inner)
     (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
     radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     return Cut(names[along], names[held], value, values, radius, _truth(known), found)
 
 
-def _truth(known: Judged) -> Array:
+def _truth(known: StabilitySamples) -> Array:
     """Stability (k,) as 1 or 0, NaN where a point failed."""
     return np.where(known.failed, np.nan, known.stable)
 
@@ -278,18 +280,18 @@ def _beside(found: Array, axes: tuple[Array, Array], along: int, looked: Array) 
 
 
 def _boundaries(
-    search: Search, chart: Chart, known: Judged, step: Callable[[str], None]
+    search: BoundarySearch, chart: Chart, known: StabilitySamples, step: Callable[[str], None]
 ) -> list[BoundaryCurve]:
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
     def lines(index: Array, along: int) -> Lines:
         """Those whose points the rows of the index name, and unstable points found between these."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
-        found = hidden(search.judge, known, middle.ravel(), stride, _PREDICTED)
+        found = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
         every, looked = known + found, np.zeros(middle.shape, dtype=bool)
         while len(found.points):
             near = _beside(found.points, axes, along, looked)
-            found = hidden(search.judge, known, middle.ravel()[near], stride)
+            found = find_narrow_tongues(search.evaluate, known, middle.ravel()[near], stride)
             every = every + found
         return Lines(every, np.searchsorted(axes[1 - along], every.points[:, 1 - along]), along)
 
@@ -298,4 +300,4 @@ def _boundaries(
     step("boundaries")
     rows, columns = search.crossings(across, upwards)
     stable = _truth(known).reshape(chart.shape)
-    return contours(axes, stable, rows, columns, lambda points: ~search.judge(points).unstable)
+    return contours(axes, stable, rows, columns, lambda points: ~search.evaluate(points).unstable)
