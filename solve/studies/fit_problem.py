@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solve.arrays import Array
-from solve.derivatives.point import OnGrid, dependence_of
+from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
 from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
@@ -137,7 +137,7 @@ class Problem:
         rule = orbit.certified.method
         if not isinstance(rule, Collocated):
             raise ValueOutOfBoundsError(f"method is {rule.name}; a fit takes radau, gauss, or auto")
-        grid = OnGrid(orbit, rule, orbit.steps, dependence_of(orbit, self.names), self.names)
+        grid = GridDerivatives(orbit, rule, orbit.steps, dependence_of(orbit, self.names), self.names)
         if data.orders:
             return [
                 (name, *_amplitudes(grid, name, data.at, np.iscomplexobj(values)))
@@ -149,7 +149,7 @@ class Problem:
         ]
 
 
-def _amplitudes(grid: OnGrid, name: str, orders: Array, with_angles: bool) -> tuple[Array, Array]:
+def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bool) -> tuple[Array, Array]:
     """Complex amplitudes (k,) of orders and their derivatives (r, k); without angles their moduli, but the
     mean with its sign."""
     pairs = [grid.figures.harmonic(name, round(order)) for order in orders.tolist()]
