@@ -78,23 +78,23 @@ class Figures:
     def _sampled(self) -> Callable[[str], Array]:
         return cache(partial(self._of_even, self._even))
 
-    def sums(self, asked: Named) -> WeightedSums:
+    def sums(self, quantity: Named) -> WeightedSums:
         """Weighted sums of a figure. Raises NoDerivativeError."""
-        name, figure = asked.subject, asked.figure
-        self.find_extrema([asked])
+        name, figure = quantity.subject, quantity.figure
+        self.find_extrema([quantity])
         if not ((name, figure) in self._extrema if figure in _SIGNS else self._finite(name)):
             raise NoDerivativeError(f"{name} is no finite number at some phases: it has no derivatives")
         if figure in _SIGNS:
-            return self._of_extremum(asked)
+            return self._of_extremum(quantity)
         if figure.endswith("_phase"):
-            raise NoDerivativeError(f"{asked.text}: derivatives of phases of extrema are not calculated")
+            raise NoDerivativeError(f"{quantity.text}: derivatives of phases of extrema are not calculated")
         if figure in (HARMONIC, PHASE):
-            value, sums = self.harmonic(name, asked.number)
-            return sums._replace(weights=_of_harmonic(asked, value, sums.weights)[:, None], combine=_first)
+            value, sums = self.harmonic(name, quantity.number)
+            return sums._replace(weights=_of_harmonic(quantity, value, sums.weights)[:, None], combine=_first)
         phases, weights, fractions = self._even
         if figure == "rms":
             values = self._sampled(name)
-            weights = _over(values * weights, float(np.sqrt(values**2 @ weights)), asked)
+            weights = _over(values * weights, float(np.sqrt(values**2 @ weights)), quantity)
         return WeightedSums(name, phases, weights[:, None], _first, fractions)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, WeightedSums]:
@@ -134,9 +134,9 @@ class Figures:
     def _finite(self, name: str) -> bool:
         return bool(np.isfinite(self._sampled(name)).all())
 
-    def find_extrema(self, asked: Sequence[Named]) -> None:
+    def find_extrema(self, quantities: Sequence[Named]) -> None:
         """Find all extrema among the requested figures together."""
-        wanted = dict.fromkeys((each.subject, each.figure) for each in asked if each.figure in _SIGNS)
+        wanted = dict.fromkeys((each.subject, each.figure) for each in quantities if each.figure in _SIGNS)
         new = [pair for pair in wanted if pair not in self._extrema]
         pairs = [pair for pair in new if pair in self._starts or self._finite(pair[0])]
         if not pairs:
@@ -231,11 +231,11 @@ class Figures:
         counts = [len(positions) for positions in maxima]
         return self._even.phases[np.concatenate(maxima)], np.repeat(signs, counts)
 
-    def _of_extremum(self, asked: Named) -> WeightedSums:
+    def _of_extremum(self, quantity: Named) -> WeightedSums:
         """Weighted sums of an extremum, whose derivatives are NaN if equally large extrema change
         differently. The phase is a zero of the derivative: the largest of nearly equal values would give half
         the digits."""
-        name, figure = asked.subject, asked.figure
+        name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
         largest = values >= values.max() - _EQUAL * np.abs(values).max()
         phases, signs = phases[largest], signs[largest]
@@ -268,18 +268,18 @@ def _first(slopes: Array) -> Array:
     return slopes[:, 0]
 
 
-def _of_harmonic(asked: Named, value: complex, weights: Array) -> Array:
+def _of_harmonic(quantity: Named, value: complex, weights: Array) -> Array:
     """Weights (k,) in the derivative of amplitude or phase angle of an order, of those (k, 2) of real and
     imaginary part of its complex amplitude `value`. Raises NoDerivativeError."""
-    if asked.number == 0:
-        return weights[:, 0] * (asked.figure == HARMONIC)
-    along = _over(np.array([value.real, value.imag]), abs(value), asked)
-    if asked.figure == HARMONIC:
+    if quantity.number == 0:
+        return weights[:, 0] * (quantity.figure == HARMONIC)
+    along = _over(np.array([value.real, value.imag]), abs(value), quantity)
+    if quantity.figure == HARMONIC:
         return weights @ along
     return weights @ np.array([-along[1], along[0]]) / abs(value)
 
 
-def _over(slopes: Array, size: float, asked: Named) -> Array:
+def _over(slopes: Array, size: float, quantity: Named) -> Array:
     if size == 0:
-        raise NoDerivativeError(f"{asked.text} is 0, where a modulus has a kink; ask for other quantities")
+        raise NoDerivativeError(f"{quantity.text} is 0, where a modulus has a kink; ask for other quantities")
     return slopes / size

@@ -168,14 +168,14 @@ class GridDerivatives:
         jumps = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 
-    def slopes(self, asked: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
+    def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
         """Derivatives (r,) of each quantity, or the reason why it has none; if `sizes`, the sums of the
         moduli of their terms instead."""
         derivatives: list[Any] = []
-        of_orbit = [each for each in asked if each.of_orbit]
+        of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
             self.figures.find_extrema(of_orbit)
-        for each in asked:
+        for each in quantities:
             try:
                 derivatives.append(
                     self.figures.sums(each) if each.of_orbit else self._of_multiplier(each, sizes)
@@ -187,33 +187,33 @@ class GridDerivatives:
             adjoint = self.adjoint and not self.nodes.any()
             solver = Adjoint(self.orbit, self.dependence) if adjoint else self.forward
             for place, slopes in zip(at, solver.of([derivatives[k] for k in at], sizes), strict=True):
-                derivatives[place] = np.where(self.jumps(asked[place].subject), np.nan, slopes)
+                derivatives[place] = np.where(self.jumps(quantities[place].subject), np.nan, slopes)
         return derivatives
 
-    def _of_multiplier(self, asked: Named, sizes: bool) -> Array:
+    def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
         """Derivatives (r,) of a quantity of a multiplier, or the sums of the moduli of their terms. Raises
         NoDerivativeError."""
-        at = multiplier_position(self.solved, asked)
-        _require_simple(self.solved, at, asked)
-        modulus = asked.subject == RADIUS or asked.figure == "abs"
+        at = multiplier_position(self.solved, quantity)
+        _require_simple(self.solved, at, quantity)
+        modulus = quantity.subject == RADIUS or quantity.figure == "abs"
         slopes, rho = self.log_multiplier_derivatives(at, modulus, sizes), self.solved.spectrum.multiplier(at)
         if sizes:
-            return np.real(slopes) * (1 / self.solved.period if asked.subject == EXPONENT else abs(rho))
-        if asked.subject == EXPONENT:
+            return np.real(slopes) * (1 / self.solved.period if quantity.subject == EXPONENT else abs(rho))
+        if quantity.subject == EXPONENT:
             # λ = log ρ Ω / P, P the period in phase.
             logarithm = self.solved.spectrum.logarithm(at) / self.solved.speed
             along = np.array([name == SPEED for name in self.names])
-            return asked.part((slopes + logarithm * along) / self.solved.period)
+            return quantity.part((slopes + logarithm * along) / self.solved.period)
         if modulus:
             return abs(rho) * np.real(slopes)
-        return asked.part(rho * slopes)
+        return quantity.part(rho * slopes)
 
 
-def multiplier_position(solved: Stability, asked: Named) -> int:
+def multiplier_position(solved: Stability, quantity: Named) -> int:
     """Index of the multiplier of a quantity; for the spectral radius the largest one without rigid-body
     modes."""
-    if asked.number:
-        return asked.number - 1
+    if quantity.number:
+        return quantity.number - 1
     others = np.flatnonzero(~solved.spectrum.rigid)
     return int(others[0]) if len(others) else 0
 
@@ -224,26 +224,26 @@ def _multipliers(solved: Stability, at: int) -> Array:
     return leading if at < len(leading) else solved.multipliers
 
 
-def _require_simple(solved: Stability, at: int, asked: Named) -> None:
+def _require_simple(solved: Stability, at: int, quantity: Named) -> None:
     """Raise NoDerivativeError for a multiplier that is unresolved, of a rigid-body mode, or multiple."""
     if solved.spectrum.rigid[at]:
         raise NoDerivativeError(
-            f"{asked.text} is of a rigid-body mode: its multiplier is +1 whatever the parameters"
+            f"{quantity.text} is of a rigid-body mode: its multiplier is +1 whatever the parameters"
         )
     multipliers = _multipliers(solved, at)
     rho = complex(multipliers[at])
     if at >= len(solved.spectrum.leading) and not solved.multiplier_errors[at] < 1:
-        raise NoDerivativeError(f"{asked.text} has no digit on {solved.steps} steps, and so no derivative")
+        raise NoDerivativeError(f"{quantity.text} has no digit on {solved.steps} steps, and so no derivative")
     distance = np.delete(np.abs(multipliers - rho), at)
     if distance.min(initial=np.inf) <= COALESCENCE * abs(rho):
         raise NoDerivativeError(
-            f"{asked.text} has no derivative: the multiplier meets another, apart by "
+            f"{quantity.text} has no derivative: the multiplier meets another, apart by "
             f"{distance.min() / abs(rho):.1e} of itself"
         )
     rivals = np.abs(np.abs(multipliers) - abs(rho)) <= COALESCENCE * abs(rho)
     rivals &= ~solved.spectrum.rigid[: len(multipliers)]
-    if asked.subject == RADIUS and (rivals & (multipliers != rho) & (multipliers != np.conj(rho))).any():
+    if quantity.subject == RADIUS and (rivals & (multipliers != rho) & (multipliers != np.conj(rho))).any():
         raise NoDerivativeError(
-            f"{asked.text} has no derivative: two multipliers have the same modulus; ask for rho1.abs and "
+            f"{quantity.text} has no derivative: two multipliers have the same modulus; ask for rho1.abs and "
             "rho2.abs"
         )

@@ -97,16 +97,16 @@ def sensitivities(
     >>> round(found.elasticities("q3.max_abs")["k1"], 4)
     -2.6535
     """
-    asked, names = quantities_by(system, of, by)
+    quantities, names = quantities_by(system, of, by)
     given = system, speed
     settings: dict[str, Any] = {"method": method, "steps": steps, "rtol": rtol, "engine": engine}
     count = periods_of(nonlinear, periods)
     if nonlinear:
         solved = nonlinear_orbit(*given, periods=count, **settings)
     else:
-        orbit = any(each.of_orbit for each in asked)
+        orbit = any(each.of_orbit for each in quantities)
         solved = (periodic if orbit else floquet)(*given, **settings)
-    return of_solution(solved, asked, names)
+    return of_solution(solved, quantities, names)
 
 
 def periods_of(nonlinear: bool, periods: int | None) -> int:
@@ -125,19 +125,19 @@ def quantities_by(
     """Requested quantities and the names to differentiate by, without duplicates. Raises UnknownNameError,
     ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
-    asked = [Named.of(system, text) for text in texts]
+    quantities = [Named.of(system, text) for text in texts]
     system.dependence(names)
-    return asked, names
+    return quantities, names
 
 
-def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str]) -> Sensitivities:
+def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[str]) -> Sensitivities:
     """Sensitivities of a known solution, an orbit if quantities need one. Raises ValueOutOfBoundsError for
     methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
     free = solved.certified.solutions.free
-    of_orbits = sum(each.of_orbit for each in asked)
+    of_orbits = sum(each.of_orbit for each in quantities)
     if free is not None and of_orbits and free.modes.conserving.any():
         raise NoDerivativeError(
             "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "
@@ -150,8 +150,8 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
     )
     coarse = GridDerivatives(solved, rule, max(1, solved.steps // _COARSENING), *shared)
     with one_thread(system.n):
-        slopes = list(zip(by_method.slopes(asked), better.slopes(asked), strict=True))
-        found = _with_errors(asked, slopes, by_method, coarse)
+        slopes = list(zip(by_method.slopes(quantities), better.slopes(quantities), strict=True))
+        found = _with_errors(quantities, slopes, by_method, coarse)
     values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
@@ -174,12 +174,12 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
     return names
 
 
-def _multiplier_error(solved: Stability, asked: Named) -> float:
+def _multiplier_error(solved: Stability, quantity: Named) -> float:
     """Relative error of the multiplier by which the derivative of its logarithm is multiplied; 0 for other
     quantities. It is the same for every number of stages."""
-    if asked.of_orbit or asked.subject == EXPONENT:
+    if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
-    at = multiplier_position(solved, asked)
+    at = multiplier_position(solved, quantity)
     leading = solved.spectrum.leading
     if at < len(leading):
         return float(solved.certified.absolute[0] / np.abs(leading[at]))
@@ -187,50 +187,44 @@ def _multiplier_error(solved: Stability, asked: Named) -> float:
 
 
 def _with_errors(
-    asked: Sequence[Named],
+    quantities: Sequence[Named],
     slopes: Sequence[Sequence[Array | NoDerivativeError]],
     grid: GridDerivatives,
     coarse: GridDerivatives,
 ) -> dict[str, Sensitivity]:
     """Sensitivity of each quantity, with errors from the derivatives by the method and with one stage more.
     Round-off is estimated on a coarse grid."""
-    sizes = coarse.slopes(asked, sizes=True)
-    reasons = [next((str(why) for why in each if isinstance(why, NoDerivativeError)), "") for each in slopes]
-    reasons = [
-        why or (str(size) if isinstance(size, NoDerivativeError) else "")
-        for why, size in zip(reasons, sizes, strict=True)
-    ]
-    errors = {}
-    for at, why in enumerate(reasons):
-        if not why:
-            found, better = map(np.asarray, slopes[at])
-            error = _SAFETY * np.abs(found - better)
-            error += _multiplier_error(grid.solved, asked[at]) * np.abs(found)
-            errors[at] = np.maximum(error, _ROUNDOFF * np.asarray(sizes[at]))
-    return {
-        each.text: _sensitivity(each, np.asarray(slopes[at][0]), errors[at], grid)
-        if at in errors
-        else _without(each, reasons[at], grid)
-        for at, each in enumerate(asked)
-    }
+    found = {}
+    sizes = coarse.slopes(quantities, sizes=True)
+    for quantity, results, size in zip(quantities, slopes, sizes, strict=True):
+        failures = [str(each) for each in (*results, size) if isinstance(each, NoDerivativeError)]
+        if failures:
+            found[quantity.text] = _without(quantity, failures[0], grid)
+            continue
+        by_method, better = map(np.asarray, results)
+        error = _SAFETY * np.abs(by_method - better)
+        error += _multiplier_error(grid.solved, quantity) * np.abs(by_method)
+        error = np.maximum(error, _ROUNDOFF * np.asarray(size))
+        found[quantity.text] = _sensitivity(quantity, by_method, error, grid)
+    return found
 
 
-def _without(asked: Named, reason: str, grid: GridDerivatives) -> Sensitivity:
+def _without(quantity: Named, reason: str, grid: GridDerivatives) -> Sensitivity:
     """Sensitivity of a quantity without derivatives."""
     nothing = np.full(len(grid.names), np.nan)
-    return Sensitivity(asked.value(cast(Solved, grid.solved)), asked.unit, nothing, nothing, reason)
+    return Sensitivity(quantity.value(cast(Solved, grid.solved)), quantity.unit, nothing, nothing, reason)
 
 
-def _sensitivity(asked: Named, fine: Array, errors: Array, grid: GridDerivatives) -> Sensitivity:
+def _sensitivity(quantity: Named, fine: Array, errors: Array, grid: GridDerivatives) -> Sensitivity:
     """Sensitivity of a quantity, with the reason if it has no derivative by some parameters."""
-    moved = grid.jumps(asked.subject)
+    moved = grid.jumps(quantity.subject)
     reasons = {
         "several extrema are equally large, and change differently": np.isnan(fine) & ~moved,
-        f"{asked.subject} jumps where they move, which the sums over its samples do not see": moved,
+        f"{quantity.subject} jumps where they move, which sums over its samples do not resolve": moved,
     }
     reason = "; ".join(
-        f"{asked.text} has no derivative by {', '.join(np.array(grid.names)[at])}: {why}"
+        f"{quantity.text} has no derivative by {', '.join(np.array(grid.names)[at])}: {why}"
         for why, at in reasons.items()
         if at.any()
     )
-    return Sensitivity(asked.value(cast(Solved, grid.solved)), asked.unit, fine, errors, reason)
+    return Sensitivity(quantity.value(cast(Solved, grid.solved)), quantity.unit, fine, errors, reason)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -29,10 +28,11 @@ from solve.studies.boundaries import BoundarySearch, Lines
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.contours import contours
 from solve.studies.stability_samples import StabilitySamples, evaluator
+from solve.studies.sweep import parameter_values
 from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem
 from solve.terminal import progress
-from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
+from solve.units import GivenSpeed, ShownUnit, checked_tolerance, speed_in_si, speeds_given
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 """Arrays of results that describe stability."""
@@ -252,15 +252,9 @@ def _axis(
             f"{which} is {given!r}; give one quantity, such as {{'speed': speeds}} or 'delta=0:10:60'"
         )
     ((name, values),) = given.items()
-    numbers: Sequence[float] = []
-    if name == SPEED:
-        numbers = speeds_given(values)
-    else:
-        each = evenly(values, name) if isinstance(values, str) else values
-        with suppress(TypeError, ValueError):
-            numbers = [float(value) if system is None else system.in_own_unit(name, value) for value in each]
-    found = np.array(numbers)
-    if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
+    numbers = speeds_given(values) if name == SPEED else parameter_values(name, values, system)
+    array = np.array(numbers)
+    if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise ValueOutOfBoundsError(
             f"values of {name} must be at least two finite numbers, in increasing order; a unit requires "
             "a model that declares one"

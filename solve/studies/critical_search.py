@@ -177,7 +177,9 @@ class CriticalSearch:
         """
         if not len(brackets):
             return []
-        kept = Kept(self.kept.names, self.kept.names, self._most_harmonics, warnings=False)
+        kept = Kept(
+            self.kept.names, self.kept.names, math.ceil(self.orders * self._revolutions), warnings=False
+        )
         speeds = brackets.x[:, 1]
         aside = _ASIDE / np.maximum(MeanFrequencies(self.system, speeds).lowest / speeds, _ASIDE / CLOSE)
         near = np.full(len(speeds), _BESIDE * self.tolerance)
@@ -226,10 +228,6 @@ class CriticalSearch:
     def _revolutions(self) -> float:
         """Revolutions of the mechanism per period."""
         return self.system.period / (2 * np.pi)
-
-    @property
-    def _most_harmonics(self) -> int:
-        return math.ceil(self.orders * self._revolutions)
 
     def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
         """Every mode with the orders per revolution whose power rises, from the rise (k,) per harmonic."""

@@ -98,16 +98,16 @@ def sensitivities_over(
     periods_of(nonlinear, periods)
     settings = method, steps, rtol, engine, nonlinear, periods
     given, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
-    asked = [each.text for each in quantities]
+    texts = [quantity.text for quantity in quantities]
     system, omegas = system.shown_in(given[0]), np.array(given)
-    shape = len(omegas), len(asked), len(names)
+    shape = len(omegas), len(texts), len(names)
     values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
     errors, reasons = np.full(shape, np.nan), {}
     with progress.task("speeds", len(omegas)):
         for at, omega in enumerate(omegas.tolist()):
             with progress.subtask("speeds"):
                 try:
-                    found = sensitivities(system, omega, asked, names, *settings)
+                    found = sensitivities(system, omega, texts, names, *settings)
                 except SolveError as reason:
                     reasons[at] = [f"no result: {reason}"]
                     continue
@@ -122,7 +122,7 @@ def sensitivities_over(
         values, derivatives = np.real(values), np.real(derivatives)
     constant = [system.parameters.get(name, np.nan) for name in names]
     by_speed = np.where(np.array(names) == SPEED, omegas[:, None], constant)
-    return SensitivitiesOver(system, omegas, asked, names, by_speed, values, derivatives, errors, reasons)
+    return SensitivitiesOver(system, omegas, texts, names, by_speed, values, derivatives, errors, reasons)
 
 
 @first_is(CriticalSpeeds, Bands, such_as="solve.critical_speeds(model, speeds)")

@@ -128,15 +128,23 @@ def _over(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:
     for name, values in pairs:
         if name in numbers:
             raise ValueOutOfBoundsError(f"over gives {name} twice; give it once")
-        numbers[name] = np.array([])
-        with suppress(TypeError, ValueError):
-            texts = evenly(values, name) if isinstance(values, str) else values
-            numbers[name] = np.array([system.in_own_unit(name, value) for value in texts])
+        numbers[name] = np.array(parameter_values(name, values, system))
         if not len(numbers[name]) or not np.isfinite(numbers[name]).all():
             raise ValueOutOfBoundsError(
                 f"over gives {name} = {values!r}; give finite numbers in the model's own units, or a text "
                 "such as '1:9:5'"
             )
+    return numbers
+
+
+def parameter_values(
+    name: str, values: str | Sequence[float | str] | Array, system: PeriodicSystem | None
+) -> list[float]:
+    """Values of a parameter in its own unit, plain numbers without a system; empty if they are invalid."""
+    numbers: list[float] = []
+    with suppress(TypeError, ValueError):
+        texts = evenly(values, name) if isinstance(values, str) else values
+        numbers = [float(value) if system is None else system.in_own_unit(name, value) for value in texts]
     return numbers
 
 
