@@ -100,9 +100,9 @@ class Figures:
     def harmonic(self, name: str, number: int) -> tuple[complex, WeightedSums]:
         """Complex amplitude A exp(iψ) of a harmonic of a coordinate or output, the mean for number 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
-        known = count == self.orbit.samples
-        even = self._even if known else self._quadrature(count)
-        values = self._sampled(name) if known else self._of_even(even, name)
+        is_sampled = count == self.orbit.samples
+        even = self._even if is_sampled else self._quadrature(count)
+        values = self._sampled(name) if is_sampled else self._of_even(even, name)
         phases, weights, fractions = even
         wave = np.exp(-2j * np.pi / period * number * phases) * ((2 if number else 1) * weights)
         both = np.stack((np.real(wave), np.imag(wave)), axis=1)
@@ -169,12 +169,12 @@ class Figures:
     def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
         """Phases (k,) of extrema. Extrema of outputs with a corner, or a one-sided limit, at a jump of the
         matrices are moved to the jump."""
-        at, apart = self._nearest_break(phases)
+        breaks, distance = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
-        near = np.flatnonzero((np.abs(apart) < width) & ~np.isin(names, self.orbit.system.coordinates))
+        near = np.flatnonzero((np.abs(distance) < width) & ~np.isin(names, self.orbit.system.coordinates))
         if not len(near):
             return phases
-        corner = self.orbit.problem.grid.nodes[at[near]]
+        corner = self.orbit.problem.grid.nodes[breaks[near]]
         (before, rise), (after, fall) = (
             signs[near] * self._beside(names[near], corner, side) for side in (-1, 1)
         )
@@ -193,9 +193,9 @@ class Figures:
         steps = np.flatnonzero(grid.at_break)
         if not len(steps):
             return np.zeros(len(phases), dtype=int), np.full(len(phases), np.inf)
-        apart = (phases[:, None] - grid.nodes[steps] + period / 2) % period - period / 2
-        nearest = np.abs(apart).argmin(axis=1)
-        return steps[nearest], apart[np.arange(len(phases)), nearest]
+        distance = (phases[:, None] - grid.nodes[steps] + period / 2) % period - period / 2
+        nearest = np.abs(distance).argmin(axis=1)
+        return steps[nearest], distance[np.arange(len(phases)), nearest]
 
     def _beside(self, names: Array, phases: Array, side: int) -> Array:
         """Values and derivatives by the phase (2, k) of quantities (k,) before (-1) or behind (1) phases."""
@@ -205,23 +205,23 @@ class Figures:
 
     def _carried(self, name: str, phases: Array) -> Array:
         """Changes (r, k) of an output at phases (k,) that move with the jumps just before them."""
-        at, apart = self._nearest_break(phases)
-        moved = (apart > 0) & (apart < 2 * _SIDE * self.orbit.system.period)
-        if name in self.orbit.system.coordinates or not self._nodes[at][moved].any():
+        breaks, distance = self._nearest_break(phases)
+        moved = (distance > 0) & (distance < 2 * _SIDE * self.orbit.system.period)
+        if name in self.orbit.system.coordinates or not self._nodes[breaks][moved].any():
             return np.zeros((self._nodes.shape[1], len(phases)))
-        slope = self._beside(np.full(len(phases), name), self.orbit.problem.grid.nodes[at], 1)[1]
-        return self._nodes[at].T * (moved * slope)
+        slope = self._beside(np.full(len(phases), name), self.orbit.problem.grid.nodes[breaks], 1)[1]
+        return self._nodes[breaks].T * (moved * slope)
 
     def _values_at(self, names: Array, phases: Array) -> Array:
         """Values (k, j) of quantities (k,) at phases (k, j) of each."""
         values, coordinates = np.empty(phases.shape), self.orbit.system.coordinates
-        every = self.orbit.problem.curve(phases.ravel()).reshape(-1, *phases.shape)
+        coordinate_values = self.orbit.problem.curve(phases.ravel()).reshape(-1, *phases.shape)
         for name in dict.fromkeys(names.tolist()):
-            at = names == name
+            rows = names == name
             if name in coordinates:
-                values[at] = every[coordinates.index(name), at]
+                values[rows] = coordinate_values[coordinates.index(name), rows]
             else:
-                values[at] = self.orbit.signal(name)(phases[at].ravel()).reshape(-1, phases.shape[1])
+                values[rows] = self.orbit.signal(name)(phases[rows].ravel()).reshape(-1, phases.shape[1])
         return values
 
     def _candidates(self, name: str, figure: str) -> tuple[Array, Array]:

@@ -52,16 +52,16 @@ class GridMultipliers:
     def vectors(self, at: int) -> Vectors:
         """Vectors of a known multiplier. Raises NoDerivativeError if it is too close to another."""
         rho = self._spectrum.multiplier(at)
-        found = self._leading(rho, _PERIODIC)
-        if found is not None:
-            return found
+        vectors_of_multiplier = self._leading(rho, _PERIODIC)
+        if vectors_of_multiplier is not None:
+            return vectors_of_multiplier
         try:
             return self._of_product(at)
         except np.linalg.LinAlgError:
-            found = self._leading(rho, _NEARLY_PERIODIC)
-        if found is None:
+            vectors_of_multiplier = self._leading(rho, _NEARLY_PERIODIC)
+        if vectors_of_multiplier is None:
             raise NoDerivativeError(f"multiplier {at + 1} has no derivative: it is too close to another")
-        return found
+        return vectors_of_multiplier
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or

@@ -107,8 +107,8 @@ def at_rest(n: int, grid: Grid) -> Curve:
 
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
     """Rigid-body modes of a system linearised about the fundamental motion, None if it has none."""
-    found = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
-    return None if found is None else found.modes
+    free_machine = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
+    return None if free_machine is None else free_machine.modes
 
 
 def without_zeros(sizes: Array) -> Array:
@@ -162,36 +162,36 @@ class _CorrectionNorm:
         self._floor, self._roundoff = np.zeros((2, task.system.n))
         self._curve: Curve | None = None
 
-    def __call__(self, curve: Curve, found: Solutions) -> float:
+    def __call__(self, curve: Curve, solutions: Solutions) -> float:
         """Norm of the correction to a curve: the largest over the coordinates."""
-        change, largest = correction(curve, found)
+        change, largest = correction(curve, solutions)
         return self._relative(np.where(change > self._roundoff, change, 0.0), largest)
 
     def _relative(self, change: Array, largest: Array) -> float:
         scale = np.maximum(largest, self._floor)
         return float((change / np.where(scale > 0, scale, 1.0)).max())
 
-    def refined(self, curve: Curve, found: Solutions) -> bool:
+    def refined(self, curve: Curve, solutions: Solutions) -> bool:
         """Compute the scales along a curve; False if they are already known."""
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
         along = task.system.along(curve, columns_by(task.engine))
         scale = CoordinateScale(along, curve, task.speed, self._grid.steps)
-        change, largest = correction(curve, found)
+        change, largest = correction(curve, solutions)
         self._floor, self._roundoff = scale.of(largest), np.zeros_like(largest)
         if self._relative(change, largest) > _STALLED:
             self._floor, self._roundoff = scale.of(largest, roundoff=True), scale.roundoff
         return True
 
-    def converged(self, curve: Curve, found: Solutions, count: int) -> Converged:
+    def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
         """Converged result; coordinates that are zero within round-off are set to zero."""
-        size, reached = self._relative(*correction(curve, found)), Converged(found, count, 0.0).curve
+        size, reached = self._relative(*correction(curve, solutions)), Converged(solutions, count, 0.0).curve
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
             moving = np.where(zero[:, None, None], 0.0, reached.coefficients)[None]
-            found = replace(found, curve=Curve(reached.nodes, moving))
-        return Converged(found, count, size)
+            solutions = replace(solutions, curve=Curve(reached.nodes, moving))
+        return Converged(solutions, count, size)
 
 
 def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:

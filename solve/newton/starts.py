@@ -56,13 +56,13 @@ def _opened(path: str | Path, task: Task) -> Orbit | Transient:
     if Path(path).suffix.lower() not in FILES:
         raise _refused(path, _allowed(task))
     try:
-        found = opened(path)
-        kind = type(found).__name__
+        result = opened(path)
+        kind = type(result).__name__
     except ResultKindError as error:
-        found, kind = None, error.kind
-    if not isinstance(found, Orbit | Transient):
+        result, kind = None, error.kind
+    if not isinstance(result, Orbit | Transient):
         raise FileError(f"start '{path}' is a {kind}; give a file of an orbit or of a transient")
-    return found
+    return result
 
 
 def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
