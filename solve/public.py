@@ -44,8 +44,7 @@ from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
-from solve.studies.sweep import sweep, sweeps, variants
-from solve.studies.validity import validity
+from solve.studies.sweep import sweep, sweeps, validity, variants
 from solve.system import PeriodicSystem
 from solve.views.animation import Animation, animate
 from solve.views.page import Report

@@ -5,7 +5,7 @@ from typing import Annotated
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Problem, Results, Speeds
 from solve.commands.parse import part
-from solve.studies.validity import validity as found
+from solve.studies.sweep import validity as found
 
 
 def validity(

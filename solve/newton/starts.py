@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.contracts import Motion
 from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.newton.iteration import Task, joined
-from solve.newton.settling import sizes_of
+from solve.newton.strategies import linear_sizes
 from solve.period.curve import Curve
 from solve.results.orbit import Orbit
 from solve.results.save import opened
@@ -56,13 +56,13 @@ def _opened(path: str | Path, task: Task) -> Orbit | Transient:
     if Path(path).suffix.lower() not in FILES:
         raise _refused(path, _allowed(task))
     try:
-        found = opened(path)
-        kind = type(found).__name__
+        result = opened(path)
+        kind = type(result).__name__
     except ResultKindError as error:
-        found, kind = None, error.kind
-    if not isinstance(found, Orbit | Transient):
+        result, kind = None, error.kind
+    if not isinstance(result, Orbit | Transient):
         raise FileError(f"start '{path}' is a {kind}; give a file of an orbit or of a transient")
-    return found
+    return result
 
 
 def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
@@ -114,8 +114,8 @@ def _real(values: Any) -> Array:
 
 
 def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
-    """q and q̇ (n,) given as a start. Raises ValueOutOfBoundsError, which says what is `allowed`, for anything
-    but two arrays of real numbers, and for other shapes and values that are not finite."""
+    """q and q̇ (n,) given as a start. Raises ValueOutOfBoundsError, which states what is `allowed`, for
+    anything but two arrays of real numbers, and for other shapes and values that are not finite."""
     try:
         q, qd = map(_real, given)
     except (TypeError, ValueError):
@@ -133,7 +133,7 @@ def _from_state(given: Any, task: Task) -> Curve:
     q, qd = state_of(given, n, _allowed(task))
     state = np.concatenate((q, qd / task.speed))
     sizes = np.maximum(
-        sizes_of(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
+        linear_sizes(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
     )
     march, turns = task.system.marcher(sizes, _STATES, _RTOL), []
     for turn in range(task.periods):

@@ -21,8 +21,7 @@ from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of
 from solve.studies.frequencies import frequencies, turn
-from solve.studies.sweep import sweep
-from solve.studies.validity import validity
+from solve.studies.sweep import sweep, validity
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given

@@ -1,5 +1,5 @@
-"""The steps of a turn by collocation, their stage systems solved once for any loads, and the chain that they
-make, in compiled code or in NumPy."""
+"""Stage systems of the collocation steps of a period, factorised once for any loads, and the recursion over
+the steps, in compiled code or in NumPy."""
 
 from dataclasses import replace
 from typing import Protocol
@@ -18,8 +18,8 @@ from solve.period.period_map import SINGULAR, Steps, periodic_states, states_fro
 from solve.period.points import Tables, parted
 
 
-class Stages(Protocol):
-    """See `solve.kernel.stages.FactorisedStages`."""
+class StageSystems(Protocol):
+    """Solver of the stage systems, see `solve.kernel.stages.FactorisedStages`."""
 
     by_state: Array
     maps: Array
@@ -29,8 +29,8 @@ class Stages(Protocol):
     def pulled(self, weights: Array) -> Array: ...
 
 
-class InvertedStages:
-    """The same from the inverse stage systems, (m, s n, s n)."""
+class InvertedStageSystems:
+    """Stage systems by their inverses, (m, s n, s n)."""
 
     def __init__(self, rule: Collocation, h: Array, entries: Array, n: int):
         m, s, _ = entries.shape
@@ -47,10 +47,10 @@ class InvertedStages:
         return self._inverse.swapaxes(1, 2) @ weights
 
 
-class MultipliedStages:
-    """The same of stage systems in which the equations are multiplied by factors (n,)."""
+class ScaledStageSystems:
+    """Stage systems whose equations are multiplied by factors (n,)."""
 
-    def __init__(self, systems: Stages, factors: Array):
+    def __init__(self, systems: StageSystems, factors: Array):
         self.by_state, self.maps, self._systems = systems.by_state, systems.maps, systems
         self._factors = np.tile(factors, self.by_state.shape[1] // len(factors))[:, None]
 
@@ -61,39 +61,39 @@ class MultipliedStages:
         return self._factors * self._systems.pulled(weights)
 
 
-def stages(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> Stages:
-    """Of steps of lengths h (m,), from tables at as many phases in each, of which those `at` are the stages.
-    Raises MemoryError."""
+def stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
+    """Stage systems of steps of lengths h (m,), from tables at the same number of phases in each, of which
+    the positions `at` are the stages. Raises MemoryError."""
     some = tables.table[..., some_phases(tables.table.shape[-2]), :]
     factors = Frozen(replace(tables, table=some), float(h.sum())).equation_factors()
     if factors is None:
-        return _stages(rule, h, tables, at, engine)
-    return MultipliedStages(_stages(rule, h, tables.multiplied(factors), at, engine), factors[0])
+        return _stage_systems(rule, h, tables, at, engine)
+    return ScaledStageSystems(_stage_systems(rule, h, tables.multiplied(factors), at, engine), factors[0])
 
 
-def _stages(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> Stages:
+def _stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
     if engine == COMPILED:
         samples = Samples(tables.table, tables.coefficients, tables.entry)
-        made = factorised(rule.weights, h, samples, at, tables.n)
-        if made is not None:
-            return made
+        factors = factorised(rule.weights, h, samples, at, tables.n)
+        if factors is not None:
+            return factors
     entries = tables.entries().reshape(len(h), -1, 3 * tables.n**2 + tables.n)
-    return InvertedStages(rule, h, entries[:, at], tables.n)
+    return InvertedStageSystems(rule, h, entries[:, at], tables.n)
 
 
-def closed(A: Array, b: Array, engine: str) -> Array:
-    """States x (m+1, N, r) of x_{k+1} = A_k x_k + b_k that close. Raises ResonanceError."""
-    made = chain.closed(A, b) if engine == COMPILED else None
-    x, condition = periodic_states(Steps(A, b)) if made is None else made
+def close_periodically(A: Array, b: Array, engine: str) -> Array:
+    """Periodic states x (m+1, N, r) of x_{k+1} = A_k x_k + b_k. Raises ResonanceError."""
+    compiled = chain.closed(A, b) if engine == COMPILED else None
+    x, condition = periodic_states(Steps(A, b)) if compiled is None else compiled
     if not condition < 1 / SINGULAR:
         raise no_orbit()
     return x
 
 
-def followed(A: Array, start: Array, engine: str) -> Array:
+def propagate(A: Array, start: Array, engine: str) -> Array:
     """States x (m+1, N, r) of x_{k+1} = A_k x_k from the first (N, r)."""
-    made = chain.followed(A, start) if engine == COMPILED else None
-    if made is not None:
-        return made
+    states = chain.followed(A, start) if engine == COMPILED else None
+    if states is not None:
+        return states
     A = np.broadcast_to(A, (start.shape[-1], *A.shape))
     return np.moveaxis(states_from(Steps(A, np.zeros(A.shape[:-1], dtype=start.dtype)), start.T), 0, -1)

@@ -18,12 +18,12 @@ from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CI
 from solve.period.points import parted
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
-from solve.studies.judged import Judged, judge
+from solve.studies.stability_samples import StabilitySamples, evaluator
 
 _PHASES = 128
 """Phases at which some points are tested for constant matrices; same as in `solve.period.frozen`."""
 
-_LOOKS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
+_TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
 """Fractions of the period at which all other points are tested."""
 
 _CONSTANT = 1e-13
@@ -47,17 +47,17 @@ _TINY = float(np.finfo(float).tiny)
 
 
 class Exponents(NamedTuple):
-    """Characteristic exponents µ. growth (P, N): real parts, in descending order; turns (P, N): imaginary
-    parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose matrices are not
-    known to be constant."""
+    """Characteristic exponents µ. growth (P, N): real parts, in descending order; angular_rates (P, N):
+    imaginary parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose matrices
+    vary."""
 
     growth: Array
-    turns: Array
+    angular_rates: Array
     errors: Array
 
 
 @dataclass(frozen=True)
-class Constant:
+class ConstantCoefficients:
     """Points with constant matrices. The batch solves points whose matrices vary after all, or whose
     eigenvalues are too uncertain. multiplicity: number of multipliers +1 of rigid-body modes; unit: time in
     seconds that maps exponents to angles below π."""
@@ -71,68 +71,69 @@ class Constant:
         """Parameter family of the points."""
         return self.batch.family
 
-    def judge(self, points: Array) -> Judged:
+    def evaluate(self, points: Array) -> StabilitySamples:
         """Stability at points (k, v).
 
         The multipliers have the true moduli, but angles Im µ Ω times a fixed time. Two multipliers then
         coincide only if their exponents do.
         """
-        found, period = self.exponents(points), self.family.example.period
-        growth, errors = found.growth * period, found.errors * period
+        exponents, period = self.exponents(points), self.family.example.period
+        growth, errors = exponents.growth * period, exponents.errors * period
         with np.errstate(invalid="ignore"):
             unstable = np.asarray((growth - errors > UNIT_CIRCLE).any(axis=1))
             stable = np.asarray(~unstable & (growth + errors <= _CLOSE).all(axis=1))
-        angles = found.turns * (self.family.speeds(points) * self.unit)[:, None]
+        angles = exponents.angular_rates * (self.family.speeds(points) * self.unit)[:, None]
         multipliers = np.exp(np.minimum(growth, _LARGEST) + 1j * angles)
-        known = Judged(points, stable, unstable, np.nan_to_num(multipliers))
-        open_ = np.flatnonzero(known.failed)
-        if len(open_):
-            others = judge(self.batch)(points[open_])
-            kept = others.multipliers[:, : multipliers.shape[1]]
-            known = known.replaced(open_, Judged(others.points, others.stable, others.unstable, kept))
-        return known
+        samples = StabilitySamples.from_multipliers(points, stable, unstable, np.nan_to_num(multipliers))
+        undecided = np.flatnonzero(samples.failed)
+        if len(undecided):
+            solved = evaluator(self.batch)(points[undecided])
+            rho = solved.multipliers[:, : multipliers.shape[1]]
+            solved = StabilitySamples.from_multipliers(solved.points, solved.stable, solved.unstable, rho)
+            samples = samples.replaced(undecided, solved)
+        return samples
 
     def results(self, points: Array) -> PointResults:
         """Multipliers and verdicts of points (k, v), without rigid-body modes."""
-        found, n, period = self.exponents(points), self.family.example.n, self.family.example.period
-        growth, errors = found.growth * period, found.errors.max(axis=1) * period
-        made = PointResults.blank(len(points), n, Kept(warnings=False))
+        rates, n, period = self.exponents(points), self.family.example.n, self.family.example.period
+        growth, errors = rates.growth * period, rates.errors.max(axis=1) * period
+        results = PointResults.blank(len(points), n, Kept(warnings=False))
         known = np.flatnonzero(errors <= _CLOSE)
-        exponents = np.minimum(growth, _LARGEST) + 1j * found.turns * period
-        made.multipliers[known] = 0.0
-        made.multipliers[known, : growth.shape[1]] = np.exp(exponents[known])
-        made.errors[known, 1] = errors[known]
-        made.verdicts[known] = np.select(
+        exponents = np.minimum(growth, _LARGEST) + 1j * rates.angular_rates * period
+        results.multipliers[known] = 0.0
+        results.multipliers[known, : growth.shape[1]] = np.exp(exponents[known])
+        results.errors[known, 1] = errors[known]
+        results.verdicts[known] = np.select(
             [growth[known, 0] - errors[known] > UNIT_CIRCLE, growth[known, 0] + errors[known] < -UNIT_CIRCLE],
             [UNSTABLE, ASYMPTOTICALLY_STABLE],
             STABLE,
         )
-        made.methods[known] = "eigenvalues"
-        failed = np.flatnonzero(made.failed)
+        results.methods[known] = "eigenvalues"
+        failed = np.flatnonzero(results.failed)
         if len(failed):
-            made.insert(failed, gathered(self.batch, points[failed], made.kept))
-        return made
+            results.insert(failed, gathered(self.batch, points[failed], results.kept))
+        return results
 
     def exponents(self, points: Array) -> Exponents:
         """Exponents of points (P, v), without rigid-body modes."""
         n = self.family.example.n
-        entries = self.family.entries(_LOOKS * self.family.example.period, points)
-        steady = _steady(entries, n)
-        found = np.full((3, len(points), 2 * n - self.multiplicity), np.nan)
-        M, C, K = parted(entries[steady, 0], n)[:3]
+        entries = self.family.entries(_TEST_FRACTIONS * self.family.example.period, points)
+        is_constant = _are_constant(entries, n)
+        exponents = np.full((3, len(points), 2 * n - self.multiplicity), np.nan)
+        M, C, K = parted(entries[is_constant, 0], n)[:3]
         modes = _rigid_body_modes(M, C, K)
-        alike: dict[tuple[int, ...], list[int]] = {}
+        same_references: dict[tuple[int, ...], list[int]] = {}
         for at in np.flatnonzero(modes.multiplicity == self.multiplicity).tolist():
-            alike.setdefault(tuple(modes.references[at][modes.present[at]].tolist()), []).append(at)
-        where = np.flatnonzero(steady)
-        for places, at in alike.items():
-            found[:, where[at]] = _exponents(
+            same_references.setdefault(tuple(modes.references[at][modes.present[at]].tolist()), []).append(at)
+        where = np.flatnonzero(is_constant)
+        for places, at in same_references.items():
+            exponents[:, where[at]] = _exponents(
                 M[at], C[at], K[at], modes[np.array(at)], list(places), self.multiplicity
             )
-        return Exponents(*found)
+        return Exponents(*exponents)
 
 
-def constant(batch: Batch) -> Constant | None:
+def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
     vary, or if the method is an approximation with stability properties of its own."""
     family = batch.family
@@ -142,23 +143,19 @@ def constant(batch: Batch) -> Constant | None:
     phases = (np.arange(_PHASES) + 0.5) * (period / _PHASES)
     entries = family.entries(phases, batch.region)
     entries = entries[np.isfinite(entries).all(axis=(1, 2))]
-    if not len(entries) or not _steady(entries, n).all():
+    if not len(entries) or not _are_constant(entries, n).all():
         return None
     modes = _rigid_body_modes(*parted(entries[:, 0], n)[:3])
     multiplicity = int(np.bincount(modes.multiplicity).argmax())
     if multiplicity == 2 * n:
         return None
-    found = Constant(batch, multiplicity, 0.0)
-    turns = np.abs(found.exponents(batch.region).turns * family.speeds(batch.region)[:, None])
-    return replace(found, unit=1 / max(float(np.nanmax(turns, initial=0.0)), _TINY))
+    evaluation = ConstantCoefficients(batch, multiplicity, 0.0)
+    exponents = evaluation.exponents(batch.region)
+    frequencies = np.abs(exponents.angular_rates * family.speeds(batch.region)[:, None])
+    return replace(evaluation, unit=1 / max(float(np.nanmax(frequencies, initial=0.0)), _TINY))
 
 
-def still(speeds: Array) -> Array:
-    """Rotation of the multipliers with respect to 1/Ω at speeds (k,), see `solve.studies.tongues`."""
-    return np.zeros(len(speeds))
-
-
-def _steady(entries: Array, n: int) -> Array:
+def _are_constant(entries: Array, n: int) -> Array:
     """Whether M, C and K are constant (P,), from entries (P, k, 3n² + n)."""
     some = entries[..., : 3 * n**2]
     largest, change = np.abs(some).max(axis=1), np.ptp(some, axis=1)
@@ -181,19 +178,19 @@ def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
     def acts(part: Array) -> Array:
         return np.asarray((np.abs(part @ vectors) > BOUND * (np.abs(part) @ np.abs(vectors))).any(axis=1))
 
-    alike = ~acts(K).any(axis=1) & (acts(C) == first.damped[0]).all(axis=1)
+    shares_modes = ~acts(K).any(axis=1) & (acts(C) == first.damped[0]).all(axis=1)
     modes = first[np.zeros(len(K), dtype=int)]
-    others = np.flatnonzero(~alike)
+    others = np.flatnonzero(~shares_modes)
     if not len(others):
         return modes
     some = rigid_body_modes(K[others, None], C[others, None], M[others, None])
     count = max(vectors.shape[1], some.vectors.shape[2])
-    made = RigidBodyModes.none(len(K), K.shape[1], count)
-    for at, part in ((np.flatnonzero(alike), modes[alike]), (others, some)):
+    combined = RigidBodyModes.none(len(K), K.shape[1], count)
+    for at, part in ((np.flatnonzero(shares_modes), modes[shares_modes]), (others, some)):
         r = part.vectors.shape[2]
-        made.vectors[at, :, :r], made.references[at, :r] = part.vectors, part.references
-        made.damped[at, :r], made.errors[at, :r] = part.damped, part.errors
-    return made
+        combined.vectors[at, :, :r], combined.references[at, :r] = part.vectors, part.references
+        combined.damped[at, :r], combined.errors[at, :r] = part.damped, part.errors
+    return combined
 
 
 def _exponents(
@@ -208,25 +205,25 @@ def _exponents(
     M, C, K = (part * unit[:, :, None] * unit[:, None] for part in (M, C, K))
     vectors = modes.vectors[:, :, : len(places)]
     vectors = vectors / unit[:, :, None] * unit[:, places][:, None]
-    pace = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
-    pace = np.where(pace > 0, pace, 1.0)[:, None, None]
+    rate_scale = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
+    rate_scale = np.where(rate_scale > 0, rate_scale, 1.0)[:, None, None]
     size = len(rest)
     A = np.zeros((len(M), size + n, size + n))
-    A[:, :size, size:] = pace * np.eye(n)[rest]
+    A[:, :size, size:] = rate_scale * np.eye(n)[rest]
     if places:
-        A[:, :size, [size + at for at in places]] -= pace * vectors[:, rest]
-    A[:, size:, :size] = -solved(M, K)[:, :, rest] / pace
+        A[:, :size, [size + at for at in places]] -= rate_scale * vectors[:, rest]
+    A[:, size:, :size] = -solved(M, K)[:, :, rest] / rate_scale
     A[:, size:, size:] = -solved(M, C)
     values, errors = _eigenvalues(A)
-    left_over = multiplicity - len(places)
-    kept = np.argsort(np.abs(values), axis=1, kind="stable")[:, left_over:]
-    values, errors = (np.take_along_axis(part, kept, axis=1) for part in (values, errors))
+    # The smallest eigenvalues belong to rigid-body modes without drag.
+    elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(places) :]
+    values, errors = (np.take_along_axis(part, elastic, axis=1) for part in (values, errors))
     bound = _energy_bound(M, C, K, rest)[:, None]
     growth = np.minimum(np.real(values), bound)
     errors = np.minimum(errors, bound - growth)
     order = np.argsort(-growth, axis=1, kind="stable")
-    every = growth, np.imag(values), errors
-    return np.array([np.take_along_axis(part, order, axis=1) for part in every])
+    columns = growth, np.imag(values), errors
+    return np.array([np.take_along_axis(column, order, axis=1) for column in columns])
 
 
 def _eigenvalues(A: Array) -> tuple[Array, Array]:

@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import solve
-from solve.studies.explained import Turn
+from solve.studies.resonances import MultiplierMatcher
 from tests.solve import systems
 
 
@@ -150,7 +150,7 @@ def test_multipliers_are_matched_to_modes_by_decay_and_angle_together(alike):
     turned = np.exp((-decays + 1j * np.sqrt(frequencies**2 - decays**2)) * 2 * np.pi / speed)
     for order in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
         rho = np.column_stack((turned[order], turned[order].conj())).ravel()
-        turn = Turn(system, speed, rho, frequencies / speed)
+        turn = MultiplierMatcher(system, speed, rho, frequencies / speed)
         true = {turn.pair_of(2 * place): mode for place, mode in enumerate(order)}
         assert turn.misfit(true) == pytest.approx(0.0, abs=1e-9)
         for place, mode in true.items():

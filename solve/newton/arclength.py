@@ -3,7 +3,7 @@ arclength (H. B. Keller, in P. Rabinowitz (ed.), Applications of Bifurcation The
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,8 +14,8 @@ from solve.errors import NoOrbitError, SolveError
 from solve.kernel.formulas import columns_by
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Solutions
-from solve.newton.iteration import on, summed
-from solve.newton.parameter import ContinuationParameter
+from solve.newton.branch_points import SAMPLES, ContinuationParameter, FollowedOrbit, Place, Point
+from solve.newton.iteration import on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
@@ -27,142 +27,86 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.threads import one_thread
 
-_FIRST, _LARGEST, _LEAST = 0.05, 0.2, 1e-5
+_FIRST_STEP, _MAX_STEP, _MIN_STEP = 0.05, 0.2, 1e-5
 """Step lengths, in scaled coordinates and fractions of the range of the parameter: initial, largest, and
-smallest before the continuation stops."""
+smallest before the continuation stops. Choices."""
 
-_FEW, _MANY, _MOST = 4, 6, 8
+_FEW, _MANY, _MAX_CORRECTIONS = 4, 6, 8
 """Numbers of corrections per step: up to the first the next step is longer, from the second it is shorter,
-beyond the third the step is halved."""
+beyond the third the step is halved. Choices."""
 
-_CONVERGED, _LOST = 1e-7, 3.0
-"""Norms of a correction: upper limit of the last one, and limit beyond which the iteration diverges."""
+_MAX_LAST_CORRECTION, _DIVERGED = 1e-7, 3.0
+"""Norms of a correction: upper limit of the last one, and limit beyond which the iteration diverges.
+Choices."""
 
-_PART_OF_RTOL, _LEAST_CORRECTION = 0.01, 1e-10
+_RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.01, 1e-10
 """Upper limit of the last correction as a fraction of rtol, if that is smaller; norm below which corrections
 need not decrease: at a fold with condition number 1e5 they remain at 1e-11."""
 
 _ROUNDOFF = 4 * EPS
 """Minimum relative error of the parameter."""
 
-_LEAST_ERROR = 64 * EPS
+_ORBIT_ROUNDOFF = 64 * EPS
 """Relative error of an orbit due to round-off, as for single orbits."""
 
-_SAMPLES = 8
-"""Phases per step at which orbits are compared."""
+_MAX_STEPS = 2**12
+"""Largest number of steps per period; finer grids are not used. A choice, for the time they take."""
 
-_FINEST = 2**12
-"""Largest number of steps per period; finer grids are not used."""
+_REFINEMENTS = 3
+"""Interpolations towards a turning point or the end of the range. A choice."""
 
-_ROUNDS = 3
-"""Steps towards a turning point."""
-
-_STRAIGHT = 0.85
-"""Cosine of the angle between a step and the tangents at its ends below which the step is too long."""
+_MIN_COSINE = 0.85
+"""Least cosine of the angle between a step and the tangents at its ends; a step that bends more is too long.
+A choice."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """Curve and value of the parameter, or differences of both."""
-
-    curve: Curve
-    value: float
-
-    def plus(self, part: float, other: "Place") -> "Place":
-        return Place(summed(self.curve, part, other.curve), self.value + part * other.value)
-
-    def on(self, grid: Grid) -> "Place":
-        return Place(on(grid, self.curve), self.value)
-
-    def times(self, factor: float) -> "Place":
-        curve = self.curve
-        drift = None if curve.drift is None else factor * curve.drift
-        return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.value)
-
-    @property
-    def largest(self) -> Array:
-        """Largest moduli (n,) of the coordinates at the samples."""
-        return np.abs(self.curve.sampled(_SAMPLES)).max(axis=1)
-
-
-@dataclass(frozen=True)
-class FollowedOrbit:
-    """Orbit of a branch: value of the parameter; figures (q, 7) of coordinates and outputs, the fields of
-    `Statistics`, and their relative errors (q,); spectral radius; distance of the nearest multiplier from +1;
-    errors (2,) of the orbit, relative, and of the spectral radius; whether the orbit has fewer periods."""
-
-    value: float
-    figures: Array
-    figure_errors: Array
-    radius: float
-    nearest: float
-    errors: Array
-    repeats: bool
-
-
-@dataclass(frozen=True)
-class Point:
-    """Point of a branch: its place, converged on a grid; sizes (n,) of the coordinates, which scale steps;
-    unit tangent `direction` of the branch; the orbit on a grid twice as fine; whether it is a turning
-    point."""
-
-    place: Place
-    sizes: Array
-    direction: Place
-    grid: Grid
-    orbit: FollowedOrbit
-    turns: bool = False
-
-    @property
-    def value(self) -> float:
-        return self.orbit.value
-
-
-def followed(
+def follow_branch(
     parameter: ContinuationParameter, ends: tuple[float, float], orbit: Orbit, points: int
 ) -> tuple[list[Point], str]:
     """Points of the branch of an orbit from the first of two values of a parameter towards the second, up to
     a given number, and the reason if they end between these values."""
     task = parameter.task
     with one_thread(task.system.n), progress.task("points", points) as count:
-        follower = _Follower(parameter, ends)
-        found, ended = follower.followed(orbit, points, count.add)
+        follower = _BranchFollower(parameter, ends)
+        found, ended = follower.follow(orbit, points, count.add)
         return follower.with_radius_errors(found), ended
 
 
-class _Follower:
+class _BranchFollower:
     """Continuation of a branch from the first value of a parameter to the last."""
 
     def __init__(self, parameter: ContinuationParameter, ends: tuple[float, float]):
         self.parameter, self.task = parameter, parameter.task
         self.first, self.last = ends
         self.ends, self.span = sorted(ends), abs(self.last - self.first)
-        self._tolerance = max(_LEAST_CORRECTION, min(_CONVERGED, _PART_OF_RTOL * self.task.rtol))
+        self._tolerance = max(
+            _MIN_LAST_CORRECTION, min(_MAX_LAST_CORRECTION, _RTOL_FRACTION * self.task.rtol)
+        )
         # Whether a coordinate may be zero within round-off.
         self._resting = False
 
-    def followed(self, orbit: Orbit, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
-        """See the module function of this name."""
+    def follow(self, orbit: Orbit, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
+        """See `follow_branch`."""
         grid = self.task.grid(orbit.steps)
-        place, alone = Place(on(grid, orbit.motion), self.first), self._value_alone(grid)
-        found, length = [self._point(place, alone, grid, alone)], _FIRST
-        while len(found) < most:
+        place, direction = Place(on(grid, orbit.motion), self.first), self._parameter_direction(grid)
+        points, length = [self._point(place, direction, grid, direction)], _FIRST_STEP
+        while len(points) < most:
             count()
-            before = found[-1]
+            before = points[-1]
             try:
                 after, length, corrections = self._step(before, length)
-                further = [after]
+                new_points = [after]
                 if before.direction.value * after.direction.value < 0:
-                    further = [*self._turning(before, after), after]
-                for one, other in pairwise([before, *further]):
+                    new_points = [*self._turning_point(before, after), after]
+                for one, other in pairwise([before, *new_points]):
                     if not self.ends[0] <= other.value <= self.ends[1]:
-                        return [*found, self._at_the_end(one, other)], ""
-                    found.append(other)
+                        return [*points, self._at_the_end(one, other)], ""
+                    points.append(other)
             except NoOrbitError as reason:
-                return found, str(reason)
+                return points, str(reason)
             growth = 1.5 if corrections <= _FEW else 1.0 if corrections < _MANY else 0.7
-            length = min(growth * length, _LARGEST)
-        return found[:most], f"the branch continues beyond the {most} points requested; request more"
+            length = min(growth * length, _MAX_STEP)
+        return points[:most], f"the branch continues beyond the {most} points requested; request more"
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
         """Points whose errors of the spectral radius include the effect of errors of the parameter, which
@@ -179,30 +123,30 @@ class _Follower:
             length = math.sqrt(self._inner(chord, chord, before.sizes))
             changes = after.orbit.radius - before.orbit.radius, after.direction.value - before.direction.value
             rates.append(np.abs(changes) / length if length > 0 else none)
-        made = []
-        for point, beside in zip(points, pairwise([*rates, none]), strict=True):
-            orbit, (slope, bend) = point.orbit, np.max(beside, axis=0)
-            error, off = orbit.errors
+        with_errors = []
+        for point, rates_beside in zip(points, pairwise([*rates, none]), strict=True):
+            orbit, (slope, bend) = point.orbit, np.max(rates_beside, axis=0)
+            error, radius_error = orbit.errors
             moved = abs(orbit.value - point.place.value) + _ROUNDOFF * max(abs(orbit.value), self.span)
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
-            off = max(off, slope * along, orbit.nearest if point.turns else 0.0)
-            made.append(replace(point, orbit=replace(orbit, errors=np.array([error, off]))))
-        return made
+            radius_error = max(radius_error, slope * along, orbit.nearest if point.turns else 0.0)
+            with_errors.append(replace(point, orbit=replace(orbit, errors=np.array([error, radius_error]))))
+        return with_errors
 
     def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
         """Next point, the length of the step to it, and its number of corrections."""
-        while length > _LEAST:
+        while length > _MIN_STEP:
             try:
                 after, corrections = self._reached(before, before.direction, length)
-                self._require_the_same_branch(before, after)
+                self._require_same_branch(before, after)
                 return after, length, corrections
             except SolveError:
                 length /= 2
-        at = self.parameter.in_words(before.value)
+        at = self.parameter.text(before.value)
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
-    def _require_the_same_branch(self, before: Point, after: Point) -> None:
+    def _require_same_branch(self, before: Point, after: Point) -> None:
         """Raise NoOrbitError if the branch curves so much within a step that the step may have left the
         branch or passed two folds."""
         chord = after.place.on(before.grid).plus(-1.0, before.place)
@@ -210,7 +154,7 @@ class _Follower:
         long = math.sqrt(self._inner(chord, chord, before.sizes))
         for end in ends:
             along = self._inner(chord, end, before.sizes)
-            if along < _STRAIGHT * long * math.sqrt(self._inner(end, end, before.sizes)):
+            if along < _MIN_COSINE * long * math.sqrt(self._inner(end, end, before.sizes)):
                 raise NoOrbitError("the branch curves too much within the step")
         if max(end.value * chord.value for end in ends) < 0:
             raise NoOrbitError("the step passes over two folds")
@@ -220,20 +164,20 @@ class _Follower:
         correction at the same value. Raises SolveError subclasses if the iteration does not converge."""
         square = self._inner(way, way, before.sizes)
         place, grid = before.place.plus(length / square, way), before.grid
-        for corrections in range(1, _MOST + 1):
+        for corrections in range(1, _MAX_CORRECTIONS + 1):
             after, _, _ = self._corrected(place, before.place, way, length, before.sizes, grid)
             change = after.plus(-1.0, place)
             size, place = math.sqrt(self._inner(change, change, before.sizes)), after
             if size < self._tolerance:
                 return self._point(place, before.direction, grid, None if length else way), corrections
-            if not size < _LOST:
+            if not size < _DIVERGED:
                 break
         raise NoOrbitError("the step is too long")
 
     def _at_the_end(self, before: Point, after: Point) -> Point:
         """Point between two others at which the branch first leaves the range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
-        for _ in range(_ROUNDS):
+        for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
             at = _crossing(length, change, slopes, edge - before.place.value)
             near, _ = self._reached(before, before.direction, at)
@@ -243,12 +187,12 @@ class _Follower:
                 after = near
         along = near.place.plus((edge - near.place.value) / near.direction.value, near.direction)
         near = replace(near, place=replace(along, value=edge))
-        return self._reached(near, self._value_alone(near.grid), 0.0)[0]
+        return self._reached(near, self._parameter_direction(near.grid), 0.0)[0]
 
-    def _turning(self, before: Point, after: Point) -> list[Point]:
+    def _turning_point(self, before: Point, after: Point) -> list[Point]:
         """Turning point between two points; none if no step converges to it."""
         found: list[Point] = []
-        for _ in range(_ROUNDS):
+        for _ in range(_REFINEMENTS):
             try:
                 length, change, slopes = self._between(before, after)
                 middle, _ = self._reached(before, before.direction, _flat(length, change, *slopes))
@@ -271,14 +215,14 @@ class _Follower:
             raise NoOrbitError("the step bends too much")
         return length, way.value, (before.direction.value, after.direction.value / slope)
 
-    def _value_alone(self, grid: Grid) -> Place:
+    def _parameter_direction(self, grid: Grid) -> Place:
         """Direction of the parameter towards the last value."""
         return Place(self.task.rest(grid), self.last - self.first)
 
     def _inner(self, one: Place, other: Place, sizes: Array) -> float:
         """Inner product of two places, in scaled coordinates (n,) and fractions of the range of the
         parameter."""
-        first, second = (each.curve.sampled(_SAMPLES) / sizes[:, None] for each in (one, other))
+        first, second = (each.curve.sampled(SAMPLES) / sizes[:, None] for each in (one, other))
         return float((first * second).mean(axis=1).sum() + one.value * other.value / self.span**2)
 
     def _along(self, place: Place) -> tuple[PeriodicSystem, float]:
@@ -314,14 +258,16 @@ class _Follower:
         held: direction in which corrections vanish, by default that of the branch."""
         while True:
             sizes = self._scale(place, grid).of(place.largest, 1.0, self._resting)
-            _, slope, solutions = self._corrected(place, place, self._value_alone(grid), 0.0, sizes, grid)
+            _, slope, solutions = self._corrected(
+                place, place, self._parameter_direction(grid), 0.0, sizes, grid
+            )
             side = math.copysign(1.0, self._inner(slope, towards.on(grid), sizes))
             direction = slope.times(side / math.sqrt(self._inner(slope, slope, sizes)))
             fine = self.task.grid(2 * grid.steps)
             there, way = place.on(fine), (held or direction).on(fine)
             better, _, _ = self._corrected(there, there, way, 0.0, sizes, fine)
             scale = self._scale(better, fine).of(better.largest, roundoff=self._resting)
-            off = better.plus(-1.0, there).largest / scale + _LEAST_ERROR
+            off = better.plus(-1.0, there).largest / scale + _ORBIT_ROUNDOFF
             moved = abs(better.value - place.value) / max(abs(place.value), self.span)
             error = max(float(off.max()), moved)
             if (
@@ -330,7 +276,7 @@ class _Follower:
                 and self._scale(better, fine).rests(better.largest)
             ):
                 self._resting = True
-            elif error <= self.task.rtol or 2 * fine.steps > _FINEST:
+            elif error <= self.task.rtol or 2 * fine.steps > _MAX_STEPS:
                 break
             else:
                 place, grid = better, fine
