@@ -5,9 +5,8 @@ Ratios are those of stress to allowable stress, the greatest of all links where 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
@@ -17,7 +16,7 @@ from models.four_bar.run_up.stress_map import StressMap
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
-from solve.results.lasting import Lasting
+from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
 """Relative error of the interpolated stress up to which an interval of speeds is not halved."""
@@ -33,7 +32,7 @@ class DesignError(SolveError):
 
 
 @dataclass(frozen=True)
-class DesignMap(Lasting):
+class DesignMap(Serializable):
     """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m), its own among them.
 
     allowable (links,): Pa. stress (P, g, links): largest |stress| over a turn, Pa. error (P,) and
@@ -41,10 +40,7 @@ class DesignMap(Lasting):
     relative error found between the speeds when intervals were halved last.
     """
 
-    _of_solver: ClassVar[tuple[str, ...]] = ("stress_map",)
-    _calculated: ClassVar[tuple[str, ...]] = ("links",)
-
-    stress_map: StressMap
+    stress_map: StressMap = field(metadata=NOT_STORED)
     model: StructureModel
     allowable: Array
     speeds: Array
@@ -54,7 +50,7 @@ class DesignMap(Lasting):
     radius_bound: Array
     interpolation_error: float
 
-    @cached_property
+    @stored_property
     def links(self) -> list[str]:
         return self.stress_map.links
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.commands.groups import Results
-from solve.results.contents import plain
-from solve.results.files import Whole, write_whole
+from solve.results.contents import to_json
+from solve.results.files import AtomicFiles, write_atomic
 from solve.results.result import Result
 from solve.results.save import writer
 from solve.views.proof import proof_printout
@@ -48,7 +48,7 @@ def deliver_result(
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
-    with Whole() as files:
+    with AtomicFiles() as files:
         for file, draw in pictures.items():
             if file is not None:
                 made = draw()
@@ -58,7 +58,7 @@ def deliver_result(
     with _naming([file for file in (*pictures, data) if file is not None]):
         if flags.json:
             made = (record or result.record)()
-            made |= {} if proof is None else {"proof": plain(proof.record)}
+            made |= {} if proof is None else {"proof": to_json(proof.record)}
             print(json.dumps(made, ensure_ascii=False, allow_nan=False))
         else:
             console().print(report() if report else printout(result, choices))
@@ -76,7 +76,7 @@ def _write_text(words: str, stream: BinaryIO) -> None:
 
 def deliver_page(made: "Report", file: Path) -> None:
     """Write the page of a report to a checked file; print what was found, and what is missing on it."""
-    write_whole(file, made.write)
+    write_atomic(file, made.write)
     with _naming([file]):
         for sentence in made.summary:
             console().print(sentence)

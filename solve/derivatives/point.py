@@ -28,8 +28,8 @@ from solve.period.grid import Grid
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
 from solve.period.points import OnePoint
 from solve.period.quantities import samples_a_step
-from solve.results.nonlinear import NonlinearOrbit
 from solve.results.sensitivities import Sensitivities, Sensitivity
+from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem, of_system

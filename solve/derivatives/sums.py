@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.contracts import Dependence
 from solve.derivatives.turn import Motions, TurnOnGrid
 from solve.period.quantities import Signal
-from solve.results.orbit import Turn
+from solve.results.periodic_motion import PeriodicMotion
 from solve.system import PeriodicSystem
 
 _DRAWS = 2
@@ -19,7 +19,7 @@ _DRAWS = 2
 
 
 @dataclass(frozen=True)
-class OrbitOnGrid(Turn):
+class OrbitOnGrid(PeriodicMotion):
     """The orbit of a system on a grid, with so many samples in the sums over the period: in proportion to the
     steps, so that grids differ by what samples leave too."""
 

@@ -144,7 +144,7 @@ class _Follower:
     def followed(self, orbit: Orbit, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
         """See the module function of this name."""
         grid = self.task.grid(orbit.steps)
-        place, alone = Place(on(grid, orbit.motion), self.first), self._value_alone(grid)
+        place, alone = Place(on(grid, orbit.curve), self.first), self._value_alone(grid)
         found, length = [self._point(place, alone, grid, alone)], _FIRST
         while len(found) < most:
             count()

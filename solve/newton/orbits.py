@@ -25,7 +25,7 @@ from solve.newton.settling import by_transient
 from solve.newton.starts import Start, motion_of
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress

@@ -2,15 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, Facts, digits, speeds_of
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
 from solve.results.result import Figure, Result
+from solve.results.serialization import serializable, stored_property
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 
@@ -20,7 +19,7 @@ _MOST_NAMED = 4
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Band:
     """low, high: edges in rad/s; open: the band goes on beyond the range there, or up to a speed without a
@@ -64,7 +63,7 @@ class Bands(Sequence[Band], Result):
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """About the equations themselves."""
         return self.system.warnings(self.range[1])
@@ -77,7 +76,7 @@ class Bands(Sequence[Band], Result):
     _rows: ClassVar[str] = "bands"
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         about = {"range": self.range, "spacing": self.spacing, "notes": self.notes}
         return {**about, "constant_matrices": self.constant_matrices}
 
@@ -111,5 +110,5 @@ class Bands(Sequence[Band], Result):
         more = f" and {len(self) - _MOST_NAMED} more" if len(self) > _MOST_NAMED else ""
         return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}{more}."
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         return [("M, C, K", "constant over the period")] * self.constant_matrices

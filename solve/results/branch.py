@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,8 +11,9 @@ from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
 from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
-from solve.results.quantities import headed, prefixed
+from solve.results.formatting import headed, prefixed
 from solve.results.result import Result
+from solve.results.serialization import stored_property
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -89,7 +89,7 @@ class Branch(Result):
         beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
         return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
         found, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
@@ -121,7 +121,7 @@ class Branch(Result):
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {"turning": self.turning, "rtol": self.rtol, "periods": self.periods}
 
     @property

@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,16 +11,16 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import VERDICTS
 from solve.period.named import Named
-from solve.results.contents import Column, Columns, Facts, plain, require_different_names
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows, require_different_names, to_json
+from solve.results.formatting import greek
 from solve.results.points import PointResults
-from solve.results.quantities import greek
 from solve.results.result import Result
+from solve.results.serialization import NOT_STORED, serializable, stored_property
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 
-@lasting
+@serializable
 class BoundaryCurve(NamedTuple):
     """A curve between a stable and an unstable region: the multiplier that leaves the unit circle, "+1", "-1"
     or "complex", and points (k, 2), x and y."""
@@ -30,7 +29,7 @@ class BoundaryCurve(NamedTuple):
     points: Array
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Cut:
     """A line through a chart: values (k,) of the quantity `along`, `across` held at `value`.
@@ -69,8 +68,6 @@ class Chart(Result):
     it has none; beyond: where there are no orbits, or these leave the bounds of the model.
     """
 
-    _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")
-
     x_name: str
     x: Array
     y_name: str
@@ -78,8 +75,8 @@ class Chart(Result):
     system: PeriodicSystem
     results: PointResults
     boundaries: Sequence[BoundaryCurve]
-    at: Callable[[float, float], Stability]
-    solve_cut: Callable[[int, float], Cut]
+    at: Callable[[float, float], Stability] = field(metadata=NOT_STORED)
+    solve_cut: Callable[[int, float], Cut] = field(metadata=NOT_STORED)
     notes: Sequence[str] = ()
     cuts: Sequence[Cut] = ()
     of: Named | None = None
@@ -125,7 +122,7 @@ class Chart(Result):
         """Reasons by row and column."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """How many points failed, and why the first did; where the model is left."""
         warnings = [*self.system.equation_warnings, *self.beyond]
@@ -154,7 +151,7 @@ class Chart(Result):
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         cuts = [cut.record() for cut in self.cuts]
         asked = {} if self.of is None else {"of": self.of.text, "unit": self.of.unit}
         return {**asked, "boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
@@ -166,13 +163,13 @@ class Chart(Result):
         axes = {"x": {"name": self.x_name, "values": self.x}, "y": {"name": self.y_name, "values": self.y}}
         points = {name: getattr(self, name) for name in names}
         asked = {} if self.of is None else {"values": self.values}
-        return {**super().record(), **plain({**axes, **points, **asked, "failures": failures})}
+        return {**super().record(), **to_json({**axes, **points, **asked, "failures": failures})}
 
     @property
     def _boundary_records(self) -> list[dict[str, Any]]:
         return [{"kind": kind, **dict(zip("xy", points.T, strict=True))} for kind, points in self.boundaries]
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         """Over what, and the share of stable points."""
         radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())

@@ -3,21 +3,20 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
-from solve.results.contents import Column, Columns, Facts, digits
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows, digits
 from solve.results.orbit import Orbit
 from solve.results.result import Result
-from solve.results.stability import in_short
+from solve.results.serialization import serializable, stored_property
+from solve.results.stability import short_verdict
 from solve.system import PeriodicSystem
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
 """Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Row:
     """One method on one number of steps a period: those `asked` for, and those of its grid.
@@ -58,7 +57,7 @@ class Comparison(Result):
     rows: list[Row]
     measured: list[Row]
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """Targets that the reference cannot judge."""
         error = max(self.reference.error_estimate)
@@ -79,7 +78,7 @@ class Comparison(Result):
         return self.reference.system
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         reference = self.reference
         names = "method", "steps", "spectral_radius", "verdict", "error_estimate"
         return {
@@ -105,7 +104,7 @@ class Comparison(Result):
             "orbit_error": ("1", "relative", "q error", digits(".1e")),
             "multiplier_error": ("1", "relative", "ρ error", digits(".1e")),
             "time": ("s", "of the processor, shortest of some runs", "time (ms)", digits(".2f", 1e3)),
-            "verdict": ("", "", "stability", in_short),
+            "verdict": ("", "", "stability", short_verdict),
             "at": ("", "what the methods are compared at"),
             "followed": ("", "whether the steps follow the fastest mode"),
             "target": ("1", f"error of the {self.judged_by} to reach"),
@@ -115,7 +114,7 @@ class Comparison(Result):
         }
         return {name: Column([getattr(row, name) for row in rows], *of) for name, of in about.items()}
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         """What the methods are held against."""
         reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
         return [

@@ -2,18 +2,94 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array, runs
-from solve.results.contents import Column, Columns, Facts, digits, rows_of, sized, speeds_of
-from solve.results.critical_rows import Combination, Critical, Maximum
-from solve.results.quantities import measured, named, prefixed
+from solve.results.contents import Column, Columns, HeaderRows, digits, rows_of, sized, speeds_of
+from solve.results.formatting import measured, named, prefixed
 from solve.results.result import Figure, Result
+from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
+
+
+@serializable
+@dataclass(frozen=True)
+class Combination:
+    """A combination resonance (ω̄i + sign · ω̄j)/order, modes counted from 1, at a speed in rad/s; with i = j
+    the parametric resonance of one mode, principal at order 1."""
+
+    speed: float
+    modes: tuple[int, int]
+    sign: int
+    order: int
+
+    @property
+    def is_division(self) -> bool:
+        """Whether this is an integer division of one frequency, of half its order."""
+        return self.modes[0] == self.modes[1] and self.order % 2 == 0
+
+    def same(self, other: "Combination | None") -> bool:
+        """Whether both name the same resonance, wherever the frequencies were taken."""
+        return other is not None and self == replace(other, speed=self.speed)
+
+
+@serializable
+@dataclass(frozen=True)
+class Maximum:
+    """A speed (rad/s) at which something has a local maximum, and its height there, infinite where it grows
+    beyond all bounds."""
+
+    speed: float
+    height: float
+
+
+@serializable
+@dataclass(frozen=True)
+class Critical:
+    """One critical speed in three ways (rad/s), None where a way does not show it.
+
+    mode (from 1) and order: of the integer division, with the frequencies' means at this speed; at_rest:
+    the same division with those at rest. ratios: the means over the row's speed, from the lowest mode on.
+    combination: what explains the maximum where no division does, None where nothing does. radius: the
+    maximum of the spectral radius. candidates: combinations of which each explains the maximum as well.
+    """
+
+    response: Maximum | None = None
+    multiplier: Maximum | None = None
+    division: float | None = None
+    mode: int | None = None
+    order: int | None = None
+    at_rest: float | None = None
+    ratios: Sequence[float] = ()
+    combination: Combination | None = None
+    radius: Maximum | None = None
+    candidates: Sequence[Combination] = ()
+
+    @property
+    def explained(self) -> tuple[str, str]:
+        """Modes and order of what explains the row, in few characters."""
+        if self.candidates:
+            orders = {one.order for one in self.candidates}
+            return "?", str(*orders) if len(orders) == 1 else "?"
+        if self.combination is None:
+            return str(self.mode or "–"), str(self.order or "–")
+        (high, low), sign = self.combination.modes, "+" if self.combination.sign > 0 else "−"
+        return f"{high}{sign}{low}", str(self.combination.order)
+
+    @property
+    def unbounded(self) -> bool:
+        """Whether the response grows beyond all bounds here."""
+        return self.response is not None and math.isinf(self.response.height)
+
+    @property
+    def speed(self) -> float:
+        """The first that there is."""
+        ways = [way.speed for way in (self.response, self.multiplier, self.radius) if way]
+        return ways[0] if ways else float(self.division or np.nan)
+
 
 MOST_DECADES = 1e3
 """Ratio of a response over speed from which its axis is logarithmic."""
@@ -47,7 +123,7 @@ class CriticalSpeeds(Result):
     notes: Sequence[str] = ()
     constant_matrices: bool = False
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """About the equations themselves at the highest speed, unstable ranges, and frozen frequencies that
         mean nothing."""
@@ -131,7 +207,7 @@ class CriticalSpeeds(Result):
     _rows: ClassVar[str] = "rows"
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {
             "range": [self.speeds[0], self.speeds[-1]],
             "quantity": self.quantity,
@@ -211,7 +287,7 @@ class CriticalSpeeds(Result):
         column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and")
         return [("between", span), *[("M, C, K", "constant over the period")] * self.constant_matrices]
 

@@ -1,20 +1,63 @@
 """A model fitted to measurement: its parameters with intervals."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from solve.arrays import Array
-from solve.results.channels import Channel
-from solve.results.contents import Column, Columns, Facts
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows
 from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
+from solve.units import ShownUnit
 
 
-@lasting
+@serializable
+class Channel(NamedTuple):
+    """Measured and computed values (k,) of a coordinate or output at phases, or of orders, at a speed
+    (rad/s); complex where orders have phase angles. position: the phase at which natural frequencies are
+    those of the modes `at`, at rest."""
+
+    speed: float
+    orders: bool
+    name: str
+    at: Array
+    measured: Array
+    computed: Array
+    position: float | None = None
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"speed": self.speed, "name": self.name, "difference": self.relative}
+
+    def where(self, unit: ShownUnit) -> str:
+        """Speed in a unit, or position of what rests."""
+        return unit.text(self.speed) if self.position is None else f"at {np.degrees(self.position):.6g}°"
+
+    @property
+    def axis(self) -> str:
+        """What the values are functions of, as a label."""
+        return "phase (°)" if self.by_phase else "order" if self.orders else "mode"
+
+    @property
+    def by_phase(self) -> bool:
+        """Whether it is a curve over the phase."""
+        return self.position is None and not self.orders
+
+    @property
+    def relative(self) -> float:
+        """Root mean square of the difference, relative to that of what was measured."""
+        size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
+        off = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
+        return off / size if size else math.nan
+
+
+@serializable
 class Interval(NamedTuple):
     """A fitted value, and the ends of the interval that holds the true one in 95 of 100 cases, in the model's
     unit; infinite where the data do not tell."""
@@ -39,13 +82,13 @@ class Fitted(Result):
     channels: Sequence[Channel]
     doubts: Sequence[str] = ()
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """Why the model may not belong to the data, and what these cannot tell, a sentence each."""
         return [*self._reduction, *self.doubts, *self.unidentifiable]
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {
             "fitted": dict(self.system.parameters),
             "data": self.data,
@@ -72,7 +115,7 @@ class Fitted(Result):
         found = super().record()
         return {**found, "parameters": found.pop("intervals")}
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         return [("data", self.data)]
 
     @property

@@ -4,7 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,11 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import ModeShape
 from solve.period.natural import NaturalFrequencies
-from solve.results.contents import Column, Columns, Contents, Facts, known, model_record, plain
-from solve.results.quantities import fixed, headed
+from solve.results.contents import Column, Columns, FileContents, HeaderRows, known, model_info, to_json
+from solve.results.formatting import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
+from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 MOST_MODES, _MOST_LINKS = 6, 3
@@ -131,7 +132,7 @@ class Frequencies(Roots):
         return made
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         """Positions (rad), frequencies (rad/s) or growth rates (1/s), and statistics of the frequencies over
         the positions."""
         frequencies, growth_rates = self._roots
@@ -204,7 +205,7 @@ class Variation(Roots):
         return sorted({0, int(signed.argmax())})
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         """In rad/s and rad, the parameter in its own unit."""
         over = {"parameter": self.parameter, "values": self.values, "positions": self.positions}
         growing = {"growth_rates": self.largest_growth_rates}
@@ -248,7 +249,7 @@ class Findings(Result):
     variation: Variation | None = None
     shapes: Sequence[ModeShape] = ()
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """Positions without stiffness, and values of the parameter that the model refuses."""
         texts = [*self._reduction]
@@ -262,17 +263,17 @@ class Findings(Result):
 
     def record(self) -> dict[str, Any]:
         """Of `solve frequencies --json`; rad/s and rad, parameters in the model's own units."""
-        first = self.here.whole
+        first = self.here.summary_values
         here = {"position": self.here.positions[0], "frequencies": first["frequencies"][0]}
         here |= {"growth_rates": first["growth_rates"][0], "rigid_body_modes": self.here.rigid_body_modes}
         further = {
-            "turn": self.turn and self.turn.whole,
-            "over": self.variation and self.variation.whole,
+            "turn": self.turn and self.turn.summary_values,
+            "over": self.variation and self.variation.summary_values,
             "modes": [self._shape_record(shape) for shape in self.shapes],
         }
-        head = {**model_record(self.here.system), "freedoms": self.here.freedoms, **here}
+        head = {**model_info(self.here.system), "freedoms": self.here.freedoms, **here}
         asked = {name: part for name, part in further.items() if part}
-        return plain({**head, **asked, "warnings": self.warnings})
+        return to_json({**head, **asked, "warnings": self.warnings})
 
     def _shape_record(self, shape: ModeShape) -> dict[str, Any]:
         links = {}
@@ -289,7 +290,7 @@ class Findings(Result):
         hertz = ", ".join(self.here.texts(0, ".4g", 1 / (2 * math.pi)))
         return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
         return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves]
 
@@ -302,5 +303,5 @@ class Findings(Result):
         """Over the parameter, else over the turn, else at the position: what a file holds, and a picture."""
         return self.variation or self.turn or self.here
 
-    def contents(self) -> Contents:
-        return self.widest.contents()
+    def file_contents(self) -> FileContents:
+        return self.widest.file_contents()

@@ -9,7 +9,7 @@ from solve.errors import NoResultError
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
-from solve.results.lasting import lasting
+from solve.results.serialization import serializable
 from solve.sizes import NUMBERS_A_POINT, require_size
 
 KINDS = ("+1", "-1", "complex")
@@ -33,7 +33,7 @@ _ARRAYS = (
 )
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Kept:
     """What is kept of a point beside its stability.
@@ -50,7 +50,7 @@ class Kept:
     meetings: bool = True
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class PointResults:
     """Arrays over P points.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -12,16 +12,17 @@ from solve.contracts import driven
 from solve.period.quantities import Quantities
 from solve.period.states import curves_through, interpolation_tolerance, sufficient_strides
 from solve.results.contents import (
-    Contents,
-    Facts,
+    FileContents,
+    HeaderRows,
     curves_of,
-    plain,
     require_different_names,
     speeds_of,
+    to_json,
 )
 from solve.results.orbit import Orbit
 from solve.results.result import Figure, Result
 from solve.results.rigid_body import steady_part
+from solve.results.serialization import stored_property
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
@@ -48,8 +49,6 @@ class Transient(Result):
     largest of each coordinate and its rates. orbit: what the motion is compared with, None where there is
     none. rtol: to which that counts as reached. notes: what is doubtful about the way to the motion.
     """
-
-    _calculated: ClassVar[tuple[str, ...]] = (*Result._calculated, "outputs", "_figures")
 
     system: PeriodicSystem
     ends: Array
@@ -115,7 +114,7 @@ class Transient(Result):
         """Of the drive, in rad/s²."""
         return float((self.ends[-1] ** 2 - self.ends[0] ** 2) / (2 * self.turns * self.system.period))
 
-    @cached_property
+    @stored_property
     def outputs(self) -> Mapping[str, Array]:
         """Outputs (j,) by name."""
         states = self.q, self.qd, self._joined(2)
@@ -133,7 +132,7 @@ class Transient(Result):
         turns = np.concatenate(values[..., :-1], axis=-1)
         return np.concatenate((turns, values[-1][:, -1:]), axis=-1)
 
-    @cached_property
+    @stored_property
     def _figures(self) -> Array:
         """Of coordinates and, behind them, outputs over each turn (turns, n + o, 7), the fields of
         `Statistics`, of the curves through the states; of the states alone where these do not tell curves."""
@@ -219,7 +218,7 @@ class Transient(Result):
         last = beyond[-1] if beyond else 0
         return last if last < self.turns else None
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """What is doubtful about this result, a sentence each."""
         linear = not self.nonlinear
@@ -251,7 +250,7 @@ class Transient(Result):
             )
         }
         outputs = {name: self._record(name) for name in self.outputs}
-        return {**super().record(), "coordinates": plain(coordinates), "outputs": plain(outputs)}
+        return {**super().record(), "coordinates": to_json(coordinates), "outputs": to_json(outputs)}
 
     def _record(self, name: str) -> dict[str, Any]:
         found = self.extremes[name]
@@ -259,7 +258,7 @@ class Transient(Result):
         return {"unit": self.system.units.get(name, ""), **extremes, "end": self.values(name)[-1]}
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         drive: dict[str, Any]
         if self.ramp:
             drive = {"speed": None, "period": None, "speeds": self.ends[[0, -1]], "time": self.time[-1]}
@@ -268,7 +267,7 @@ class Transient(Result):
         names = "nonlinear", "turns", "reached", "rtol", "between"
         return {**drive, **{name: getattr(self, name) for name in names}}
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         drive = f"{self.ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"
         return [("speed", drive)] if self.ramp else []
 
@@ -281,7 +280,7 @@ class Transient(Result):
         that varies (matplotlib Figure). Raises UnknownNameError."""
         return super().plot(names)
 
-    def contents(self) -> Contents:
+    def file_contents(self) -> FileContents:
         """Time, phase, coordinates and outputs, for a file; in .npz and .mat also q, qd (n, j), from
         whose end another transient can go on."""
         system, q = self.system, self.q
@@ -291,4 +290,4 @@ class Transient(Result):
         require_different_names(columns)
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)
-        return Contents(dict(columns), {}, self.metadata, arrays)
+        return FileContents(dict(columns), {}, self.metadata, arrays)

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 from solve.arrays import Array
 from solve.errors import NoResultError
-from solve.results.contents import MOST_SHOWN, Column, Columns, digits, plain, speeds_of
+from solve.results.contents import MOST_SHOWN, Column, Columns, digits, speeds_of, to_json
 from solve.results.result import Result
+from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 
@@ -32,7 +32,7 @@ class Validity(Result):
         count = within.index(False)
         return float(self.speeds[count - 1]) if count else None
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         """Reasons why speeds have no result, one sentence per reason."""
         unit, speeds = self.system.speed_unit, dict[str, list[float]]()
@@ -49,7 +49,7 @@ class Validity(Result):
             raise NoResultError(f"none of the {len(self.speeds)} speeds has a result: {reason}")
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {"at": self.allowed, "trusted_to": self.trusted_to}
 
     @property
@@ -71,7 +71,7 @@ class Validity(Result):
             else {"speed": speed, "linearisation_error": dict(zip(names, row, strict=True))}
             for at, (speed, row) in enumerate(zip(self.speeds, self.errors, strict=True))
         ]
-        return {**super().record(), "points": plain(points)}
+        return {**super().record(), "points": to_json(points)}
 
     @property
     def limit(self) -> str:

@@ -20,8 +20,7 @@ from solve.batch.task import task_of
 from solve.errors import require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import UNSTABLE
-from solve.results.critical_rows import Critical, Maximum
-from solve.results.critical_speeds import CriticalSpeeds
+from solve.results.critical_speeds import Critical, CriticalSpeeds, Maximum
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.results.sweep import Sweep
 from solve.sizes import require_size

@@ -16,8 +16,7 @@ from solve.methods.collocation import Collocated
 from solve.model.bounds import clauses
 from solve.model.bounds import measured as with_its_unit
 from solve.model.model import Model, of_model
-from solve.results.channels import Channel
-from solve.results.fit import Fitted, Interval
+from solve.results.fit import Channel, Fitted, Interval
 from solve.single import periodic
 from solve.studies.fit_frequencies import natural_frequencies, require_elastic_modes
 from solve.studies.least_squares import Minimum, minimise

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, require_name
 from solve.model.tables import size_in_header
-from solve.results.channels import Channel
+from solve.results.fit import Channel
 from solve.results.orbit import Orbit
 from solve.studies.records import AXES, Record, record
 from solve.system import PeriodicSystem

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.channels import Channel
+from solve.results.fit import Channel
 
 _EXACT = 1e-5
 """Difference, relative, up to which it may be what the solution itself leaves."""

@@ -7,7 +7,7 @@ from solve.batch.family import Family
 from solve.errors import SolveError
 from solve.period.quantities import LEAST_SAMPLES, figures, harmonics
 from solve.results.points import Kept, PointResults
-from solve.results.rigid import RigidOrbit
+from solve.results.special_orbits import RigidOrbit
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress

@@ -16,9 +16,9 @@ from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
-from solve.results.files import PICTURES, checked, write_whole
+from solve.results.files import PICTURES, checked, write_atomic
+from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
-from solve.results.quantities import round_magnification
 from solve.single import periodic
 from solve.system import PeriodicSystem
 from solve.views.moving_page import page_text
@@ -109,9 +109,9 @@ class Animation:
         Raises FileError."""
         file = checked(path, ENDINGS, "animation")
         if file.suffix.lower() in PICTURES:
-            write_whole(file, drawn(self.plot(), file))
+            write_atomic(file, drawn(self.plot(), file))
         else:
-            write_whole(file, partial(self._write, file.suffix.lower()))
+            write_atomic(file, partial(self._write, file.suffix.lower()))
 
     def _write(self, ending: str, stream: BinaryIO) -> None:
         stream.write(gif(self.drawn(still=False)) if ending == ".gif" else self.html.encode())

@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.chart import Chart, Cut
-from solve.results.quantities import headed, prefixed
+from solve.results.formatting import headed, prefixed
 from solve.system import PeriodicSystem
 from solve.views.panels import axis_label, draw_map, title_of
 from solve.views.show import figure, tables

@@ -9,7 +9,7 @@ from solve.arrays import Array, runs
 from solve.period.natural import lowest_elastic
 from solve.results.contents import Column, digits, speeds_of
 from solve.results.critical_speeds import MOST_DECADES, CriticalSpeeds
-from solve.results.quantities import named
+from solve.results.formatting import named
 from solve.units import ShownUnit
 from solve.views.panels import label_quantity, label_speeds, through, title_of
 from solve.views.show import figure, tables

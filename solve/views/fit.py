@@ -8,9 +8,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.quantities import spectrum
-from solve.results.channels import Channel
-from solve.results.fit import Fitted
-from solve.results.quantities import prefixed
+from solve.results.fit import Channel, Fitted
+from solve.results.formatting import prefixed
 from solve.system import PeriodicSystem
 from solve.units import ShownUnit
 from solve.views.panels import labelled, title_of

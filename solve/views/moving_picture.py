@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from solve.arrays import Array, Plane
-from solve.results.quantities import prefixed
+from solve.results.formatting import prefixed
 from solve.system import PeriodicSystem
 from solve.views.panels import labelled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled

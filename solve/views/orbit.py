@@ -10,11 +10,10 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import require_name
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.formatting import fixed, prefixed
 from solve.results.orbit import Orbit
-from solve.results.quantities import fixed, prefixed
-from solve.results.rigid import RigidOrbit
-from solve.results.turn import Turn
+from solve.results.periodic_motion import PeriodicMotion
+from solve.results.special_orbits import NonlinearOrbit, RigidOrbit
 from solve.system import PeriodicSystem
 from solve.views.panels import labelled, shown, titled
 from solve.views.show import brief, figure, printout, tables
@@ -186,17 +185,17 @@ def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
     return printout(orbit)
 
 
-def _extrema_table(turn: Turn, title: str) -> Table:
+def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
     """Largest, least and mean values, and at which phases."""
-    turn.evaluate_outputs()
+    motion.evaluate_outputs()
     made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
-    for name in turn.system.known_quantities():
-        found = turn.statistics(name)
-        factor, unit = prefixed(turn.system.units.get(name, ""), found.max_abs)
+    for name in motion.system.known_quantities():
+        found = motion.statistics(name)
+        factor, unit = prefixed(motion.system.units.get(name, ""), found.max_abs)
         high, low, mean = (
             fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
         )
-        high_at, low_at = map(partial(_degrees, turn.system.period), (found.max_phase, found.min_phase))
+        high_at, low_at = map(partial(_degrees, motion.system.period), (found.max_phase, found.min_phase))
         made.add_row(_broken(name), unit, high, high_at, low, low_at, mean)
     return made
 

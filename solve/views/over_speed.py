@@ -11,9 +11,9 @@ from solve.argument import listed
 from solve.arrays import Array
 from solve.results.branch import STABLE, UNDETERMINED, UNSTABLE, Branch
 from solve.results.contents import MOST_SHOWN
-from solve.results.quantities import fixed, named, prefixed
-from solve.results.sensitivities_over import SensitivitiesOver
-from solve.results.sweeps import Sweeps
+from solve.results.formatting import fixed, named, prefixed
+from solve.results.sensitivities import SensitivitiesOver
+from solve.results.sweep import Sweeps
 from solve.results.validity import Validity
 from solve.views.panels import draw_through, label_quantity, label_speeds, shades, title_of
 from solve.views.show import figure, tables

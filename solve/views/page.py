@@ -12,8 +12,8 @@ from typing import BinaryIO
 
 from solve.errors import SolveError
 from solve.results.contents import versions
-from solve.results.files import checked, write_whole
-from solve.results.quantities import greek
+from solve.results.files import checked, write_atomic
+from solve.results.formatting import greek
 from solve.results.result import Result
 from solve.system import PeriodicSystem
 from solve.views.markup import html
@@ -93,7 +93,7 @@ class Report:
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file that ends in .html, whole or not at all. Raises FileError."""
-        write_whole(checked(path, ENDINGS, "report"), self.write)
+        write_atomic(checked(path, ENDINGS, "report"), self.write)
 
     def write(self, stream: BinaryIO) -> None:
         """The page into a stream."""

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN
-from solve.results.quantities import greek, headed, named, prefixed
+from solve.results.formatting import greek, headed, named, prefixed
 from solve.system import PeriodicSystem
 from solve.views.style import GREY, Axes, Figure
 

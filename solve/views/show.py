@@ -41,7 +41,7 @@ def brief(result: Result) -> RenderableType:
 
 def heading_of(result: Result, choices: Sequence[str] = ()) -> Table:
     """Model, speed and facts."""
-    return heading(result.system, result.whole.get("speed"), choices, result.facts())
+    return heading(result.system, result.summary_values.get("speed"), choices, result.header_rows())
 
 
 def as_text(result: Result) -> str:

@@ -5,8 +5,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from solve.results.files import write_whole
-from solve.results.quantities import greek
+from solve.results.files import write_atomic
+from solve.results.formatting import greek
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -100,7 +100,7 @@ def _without_mathematics(artist: Artist) -> None:
 
 def save_figure(figure: Figure, file: Path) -> None:
     """Write the figure as the file's ending says, the same bytes every time. Raises FileError."""
-    write_whole(file, drawn(figure, file))
+    write_atomic(file, drawn(figure, file))
 
 
 def drawn(figure: Figure, file: Path) -> Callable[[BinaryIO], None]:

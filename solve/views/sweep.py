@@ -13,7 +13,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.bands import Bands
 from solve.results.contents import Column, digits, sized, speeds_of
-from solve.results.quantities import greek, headed, prefixed
+from solve.results.formatting import greek, headed, prefixed
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 from solve.views.panels import (

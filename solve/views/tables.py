@@ -5,8 +5,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from solve.results.contents import Columns, Facts
-from solve.results.quantities import greek, prefixed
+from solve.results.contents import Columns, HeaderRows
+from solve.results.formatting import greek, prefixed
 from solve.system import PeriodicSystem
 from solve.units import USUAL, ShownUnit, is_number
 
@@ -115,8 +115,10 @@ def _number_table() -> type[Table]:
     return NumberTable
 
 
-def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str], facts: Facts = ()) -> Table:
-    """Which model, at which speed (rad/s), and facts: a word, and what it stands for."""
+def heading(
+    system: PeriodicSystem, speed: float | None, choices: Sequence[str], rows: HeaderRows = ()
+) -> Table:
+    """Heading of model, speed (rad/s), choices of the user, and further rows."""
     from rich.table import Table
     from rich.text import Text
 
@@ -137,8 +139,8 @@ def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str],
         grid.add_row(
             "speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}"
         )
-    for word, what in facts:
-        grid.add_row(word, what)
+    for row in rows:
+        grid.add_row(*row)
     return grid
 
 

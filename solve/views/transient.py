@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN, Column, digits, sized, speeds_of
-from solve.results.quantities import measured
+from solve.results.formatting import measured
 from solve.results.transient import Transient
 from solve.views.panels import axis_label, label_quantity, shown, title_of, titled
 from solve.views.show import figure, tables

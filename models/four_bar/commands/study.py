@@ -12,7 +12,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Results, Speeds
 from solve.commands.parse import assignments, figure_kept, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-from solve.results.quantities import headed
+from solve.results.formatting import headed
 from solve.system import PeriodicSystem
 from solve.units import apart, is_number
 from solve.views.panels import shown

@@ -1,11 +1,11 @@
 """Results of one periodic solution of the elastic four-bar."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 from solve.results.orbit import Orbit
 from solve.results.result import Result
+from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 
@@ -19,11 +19,11 @@ class AtOneSpeed(Result):
     def system(self) -> PeriodicSystem:  # type: ignore[override]
         return self.orbit.system
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         return self.orbit.warnings
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         names = "speed", "method", "steps", "error_estimate"
         return {name: getattr(self.orbit, name) for name in names}

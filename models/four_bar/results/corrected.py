@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,9 +11,9 @@ import solve
 from models.four_bar.dynamic_correction import LOADS, Corrected
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
-from solve.results.contents import Column, Columns, Contents, digits, model_record, sized
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, FileContents, digits, model_info, sized
 from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
 from solve.results.stability import ErrorEstimate
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
@@ -31,7 +30,7 @@ _REFERENCE = {"element": "internal", "elements": 2}
 REFERENCE = "reference"
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class OneModel:
     """drawn: the output that is largest of those asked for, with its figures; values (k,) of the output that
@@ -56,12 +55,12 @@ class Corrections(Result):
     quantity: str
     models: Mapping[str, OneModel]
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         return list(dict.fromkeys(text for model in self.models.values() for text in model.warnings))
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         unit = self.system.units.get(self.quantity, "")
         return {"speed": self.speed, "quantity": self.quantity, "unit": unit}
 
@@ -86,14 +85,14 @@ class Corrections(Result):
             **{name: Column([getattr(each, name) for each in figures], axes=()) for name in further},
         }
 
-    def contents(self) -> Contents:
+    def file_contents(self) -> FileContents:
         """The quantity over the turn, a column a model; the rows as metadata."""
         first = self.models[REFERENCE]
         unit = self.system.units.get(first.drawn, "")
         columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
         for label, model in self.models.items():
             columns[label] = Column(model.values, unit, f"{first.drawn}, {label}", axes=("phase",))
-        return Contents(columns, {}, {**model_record(self.system), **self.record()})
+        return FileContents(columns, {}, {**model_info(self.system), **self.record()})
 
     @property
     def _phase(self) -> Array:

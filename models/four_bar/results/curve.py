@@ -11,10 +11,10 @@ from models.four_bar.results.at_one_speed import AtOneSpeed
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, plain, sized
-from solve.results.lasting import lasting
-from solve.results.quantities import prefixed, round_magnification
-from solve.results.turn import Turn
+from solve.results.contents import Column, Columns, sized, to_json
+from solve.results.formatting import prefixed, round_magnification
+from solve.results.periodic_motion import PeriodicMotion
+from solve.results.serialization import serializable
 from solve.views.show import tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of
@@ -24,7 +24,7 @@ _DRAWN = 0.1
 """Part of the curve's size up to which an automatic magnification may draw the deviation."""
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class CouplerCurve:
     """Places x + iy (m) of a point, (k,) at phases (k,): of the rigid linkage, and of the flexible one."""
@@ -49,10 +49,10 @@ class CurveOfPoint(AtOneSpeed):
     curve: CouplerCurve
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         distance = np.abs(self.curve.deviation)
         return {
-            **super().whole,
+            **super().summary_values,
             "along": self.along,
             "across": self.across,
             "quasi_static": self.quasi_static,
@@ -73,7 +73,7 @@ class CurveOfPoint(AtOneSpeed):
 
     def record(self) -> dict[str, Any]:
         curve = {name: column.values for name, column in self.columns.items()}
-        return {**super().record(), "curve": plain(curve)}
+        return {**super().record(), "curve": to_json(curve)}
 
     def plot(self) -> Figure:
         """Both curves, and the distance between them over the turn."""
@@ -105,7 +105,7 @@ def _rms(values: Array) -> float:
 
 
 def coupler_curve(
-    model: StructureModel, turn: Turn, along: float, across: float, phase: Array
+    model: StructureModel, motion: PeriodicMotion, along: float, across: float, phase: Array
 ) -> CouplerCurve:
     """Of the point at a fraction `along` (0 … 1) of the coupler from A, `across` (m) beside its axis.
 
@@ -113,7 +113,7 @@ def coupler_curve(
     """
     if not np.isfinite(across):
         raise ValueOutOfBoundsError(f"distance beside the coupler is {across} m; allowed: finite numbers")
-    q, _, _ = turn.state(phase)
+    q, _, _ = motion.state(phase)
     return CouplerCurve(phase, *model.path("coupler", along, across, phase, q))
 
 

@@ -20,7 +20,7 @@ from models.four_bar.results.outcome import Outcome, Trial
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, simulate
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, Contents, rows_of
+from solve.results.contents import Column, Columns, FileContents, rows_of
 from solve.results.result import Result
 from solve.system import PeriodicSystem
 from solve.terminal import progress
@@ -44,7 +44,7 @@ class DesignResult(Outcome, Result):
         return self.design.map.model
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         """SI units; ratios are of stress to allowable."""
         design = self.design
         stresses = design.map
@@ -95,9 +95,9 @@ class DesignResult(Outcome, Result):
             columns[f"least_ratio_{name}"] = Column(getattr(design.needed, name), "1", meaning, axes=axes)
         return columns
 
-    def contents(self) -> Contents:
+    def file_contents(self) -> FileContents:
         """In .npz and .mat also the whole map and the slowest simulation; .nc has the map in its metadata."""
-        found, stresses = super().contents(), self.design.map
+        found, stresses = super().file_contents(), self.design.map
         arrays = {**found.numbers, "L4": stresses.L4, "stress": stresses.stress}
         arrays["links"] = np.array(stresses.links)
         if self.plan is not None:

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.beams.elements import EXACT
 from solve.beams.structure import StructureModel
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, to_json
 from solve.results.result import Result
 from solve.views.show import tables
 from solve.views.style import MANY, Figure, page
@@ -54,10 +54,10 @@ class ElementKinds(Result):
         return found
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         rows = zip(self.kinds, self.freedoms, self.means, self.mean_errors, strict=True)
         names = "kind", "freedoms", "means", "mean_errors"
-        kinds = plain(dict(zip(names, row, strict=True)) for row in rows)
+        kinds = to_json(dict(zip(names, row, strict=True)) for row in rows)
         return {"positions": self.positions, "kinds": kinds}
 
     def plot(self) -> Figure:

@@ -10,16 +10,16 @@ import numpy as np
 from models.four_bar.linkage import Linkage
 from models.four_bar.rigid.forces import Body, bodies, joint_forces
 from models.four_bar.rigid.record import JOINTS, RATIOS, TURN, linkage_record, preliminary_stresses
-from solve.results.contents import Column, Columns, plain
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, to_json
 from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
 from solve.views.show import printout
 from solve.views.style import Figure
 from solve.views.tables import RenderableType
 
 _SAMPLES = 361
 
-lasting(Linkage)
+serializable(Linkage)
 
 
 @dataclass(frozen=True)
@@ -36,23 +36,23 @@ class RigidMotion(Result):
     points: Sequence[complex]
 
     def __post_init__(self) -> None:
-        self.whole  # noqa: B018 - what is not determined is refused here
+        self.summary_values  # noqa: B018 - what is not determined is refused here
 
     @property
-    def about(self) -> dict[str, Any]:
+    def model_info(self) -> dict[str, Any]:
         return {"model": "four_bar", "case": self.case, "parameters": dict(self.parameters)}
 
     @cached_property
-    def whole(self) -> dict[str, Any]:  # type: ignore[override]
+    def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
         record = linkage_record(self._bodies, self.linkage, self.speed, self.position, self.points)
         if self.speed is not None and self.linkage.turns_fully:
             given = self._bodies, self.linkage, self.parameters, self.speed
             record["preliminary_stress"] = preliminary_stresses(*given)
         return record
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        return self.whole["warnings"]
+        return self.summary_values["warnings"]
 
     @property
     def _bodies(self) -> Sequence[Body]:
@@ -87,7 +87,7 @@ class RigidMotion(Result):
         return {name: Column(*column, axes=("t1",)) for name, column in found.items()}
 
     def record(self) -> dict[str, Any]:
-        return plain({**self.about, **self.whole})
+        return to_json({**self.model_info, **self.summary_values})
 
     def plot(self) -> Figure:
         """Positions with coupler curves, and the turn. Raises LinkageError for a crank that cannot turn."""
@@ -107,7 +107,7 @@ def rigid_motion_printout(result: RigidMotion, choices: Sequence[str] = ()) -> R
     """Class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
     from models.four_bar.rigid.report import linkage_report
 
-    return linkage_report({**result.about, **result.whole})
+    return linkage_report({**result.model_info, **result.summary_values})
 
 
 def rigid_motion(

@@ -12,8 +12,8 @@ from models.four_bar.results.at_one_speed import AtOneSpeed
 from solve.arrays import Array
 from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
-from solve.results.contents import Column, Columns, digits, plain, sized
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, digits, sized, to_json
+from solve.results.serialization import serializable
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
@@ -22,7 +22,7 @@ from solve.views.turn import contributions_figure
 _UNCOUPLED_STEPS = 720
 """Steps a turn from which on more change nothing of what uncoupling errs by."""
 
-lasting(Contributions)
+serializable(Contributions)
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Modes(AtOneSpeed):
         return float(np.abs(self.uncoupled - total).max() / np.abs(total).max())
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         output = self.contributions.output
-        return {**super().whole, "quantity": output, "unit": self.system.units[output]}
+        return {**super().summary_values, "quantity": output, "unit": self.system.units[output]}
 
     @property
     def columns(self) -> Columns:
@@ -68,7 +68,7 @@ class Modes(AtOneSpeed):
         curves = {"phase": found.phase, "total": found.total, "modes": modes}
         if self.uncoupled is not None:
             curves["uncoupled"] = {"values": self.uncoupled, "error": self.error}
-        return {**super().record(), **plain(curves)}
+        return {**super().record(), **to_json(curves)}
 
     def plot(self) -> Figure:
         """The output over the turn, each mode's part of it, and that of uncoupled modes."""

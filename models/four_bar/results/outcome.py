@@ -1,8 +1,6 @@
 """What the design method comes to: the speed to run up to, the plan, and the plan simulated."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,16 +19,16 @@ from models.four_bar.rigid.record import transmission_warnings
 from models.four_bar.run_up.plan import Plan
 from models.four_bar.run_up.ramp import RunUp, Simulated
 from solve.arrays import Array
-from solve.results.lasting import Lasting, lasting
+from solve.results.serialization import Serializable, serializable, stored_property
 
 _WARNED = 0.05
 """Relative error of the map above which there is a warning."""
 
 for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan, RunUp, Simulated):
-    lasting(_kind)
+    serializable(_kind)
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Trial:
     """A simulated run-up; ratio (turns, links) of stress to allowable stress."""
@@ -55,7 +53,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Outcome(Lasting):
+class Outcome(Serializable):
     """What the design method comes to for a target speed.
 
     target: rad/s; until: the map up to it. returns: whether L4 comes back to the mechanism's own there.
@@ -64,8 +62,6 @@ class Outcome(Lasting):
     speeds (k,) of `until`. trials: the plan simulated, each within half the time of the one before, until
     one goes too high.
     """
-
-    _calculated: ClassVar[tuple[str, ...]] = ("warnings",)
 
     design: Design
     target: float
@@ -116,7 +112,7 @@ class Outcome(Lasting):
         highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
         return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.design.map, []
         own = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))

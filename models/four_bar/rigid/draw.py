@@ -14,7 +14,7 @@ from models.four_bar.rigid.barker import classify
 from models.four_bar.rigid.forces import Body, joint_forces
 from models.four_bar.rigid.record import JOINTS, TURN
 from solve.arrays import Array, Plane
-from solve.results.quantities import prefixed
+from solve.results.formatting import prefixed
 from solve.units import unit_given
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from models.four_bar.rigid.record import JOINTS
-from solve.results.quantities import fixed, prefixed
+from solve.results.formatting import fixed, prefixed
 from solve.units import unit_given
 from solve.views.tables import in_every_unit, table
 

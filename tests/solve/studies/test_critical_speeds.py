@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 
 import solve
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.results.critical_rows import Critical, Maximum
+from solve.results.critical_speeds import Critical, Maximum
 from solve.studies.mean_frequencies import MeanFrequencies, combinations
 from tests.solve import systems
 
