@@ -30,7 +30,8 @@ from solve.results.save import opened as open
 from solve.results.sensitivities import Sensitivities, SensitivitiesOver
 from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
-from solve.results.sweep import Sweep, Sweeps
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
 from solve.results.transient import Transient
 from solve.results.validity import Validity
 from solve.single import floquet, periodic

@@ -1,6 +1,6 @@
 """Orbits of nonlinear equations, and of mechanisms whose motion is prescribed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,6 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.floquet_modes import FloquetMode
 from solve.period.orbit_figures import repeats_early
 from solve.period.quantities import LEAST_SAMPLES
 from solve.results.contents import HeaderRows
@@ -152,27 +151,10 @@ class RigidOrbit(Orbit):
     curve = linearisation_error = reduction_error = None  # type: ignore[assignment]
     rigid_body_modes = ()  # type: ignore[assignment]
     unresolved = 0  # type: ignore[assignment]
+    multipliers = exponents = np.zeros(0, dtype=complex)  # type: ignore[assignment]
+    multiplier_errors = np.zeros(0)  # type: ignore[assignment]
+    modes = notes = ()  # type: ignore[assignment]
     _figures = np.zeros((0, 7))  # type: ignore[assignment]
-
-    @property
-    def multipliers(self) -> Array:  # type: ignore[override]
-        return np.zeros(0, dtype=complex)
-
-    @property
-    def exponents(self) -> Array:  # type: ignore[override]
-        return np.zeros(0, dtype=complex)
-
-    @property
-    def multiplier_errors(self) -> Array:  # type: ignore[override]
-        return np.zeros(0)
-
-    @property
-    def modes(self) -> Sequence[FloquetMode]:  # type: ignore[override]
-        return ()
-
-    @property
-    def notes(self) -> list[str]:  # type: ignore[override]
-        return []
 
     @property
     def phase(self) -> Array:

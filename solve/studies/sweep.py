@@ -18,7 +18,8 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
 from solve.results.points import Kept
-from solve.results.sweep import Sweep, Sweeps
+from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps
 from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.rigid import rigid_points
 from solve.system import PeriodicSystem, of_any_system

@@ -21,8 +21,7 @@ from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
 from solve.single import periodic
 from solve.system import PeriodicSystem
-from solve.views.moving_page import page_text
-from solve.views.moving_picture import Drawn, Panel, gif, still
+from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
 from solve.views.panels import shown, titled
 from solve.views.style import Figure, drawn
 

@@ -16,7 +16,7 @@ from solve.results.files import checked, write_atomic
 from solve.results.formatting import greek
 from solve.results.result import Result
 from solve.system import PeriodicSystem
-from solve.views.markup import html
+from solve.views.show import html
 from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
 

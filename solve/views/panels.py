@@ -2,7 +2,8 @@
 
 import math
 import textwrap
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import greek, headed, named, prefixed
 from solve.system import PeriodicSystem
-from solve.views.style import GREY, Axes, Figure
+from solve.views.style import GREY, Axes, Figure, page
 
 Value = TypeVar("Value", bound=Hashable)
 
@@ -93,6 +94,30 @@ def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = 
         axes.set_xlim(shown[0], shown[-1])
     axes.set_xlabel(axis_label(system, name))
     axes.ticklabel_format(axis="x", scilimits=(-3, 6))
+
+
+@contextmanager
+def panels_over(
+    system: PeriodicSystem,
+    values: Array,
+    title: str,
+    height: float,
+    count: int,
+    name: str = SPEED,
+    ratios: Sequence[float] | None = None,
+    align: bool = True,
+) -> Iterator[tuple[Figure, Any]]:
+    """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or the values of a parameter.
+
+    title: follows the model's name. height: of the figure in inches. ratios: of the panels' heights. The
+    horizontal axis is labelled, and the vertical labels are aligned, at the end of the block.
+    """
+    with page(height, f"{title_of(system)}: {title}") as figure:
+        panels = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+        yield figure, panels
+        label_speeds(panels[-1], system, np.sort(values), name)
+        if align:
+            figure.align_ylabels(panels)
 
 
 def label_phases(axes: Axes, period: float) -> None:

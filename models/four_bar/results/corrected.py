@@ -18,10 +18,10 @@ from solve.results.stability import ErrorEstimate
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
+from solve.views.over_time import BEHIND, curves_figure, require_turn
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
-from solve.views.turn import BEHIND, curves_figure, require_turn
 
 _SAMPLES = 721
 _REFERENCE = {"element": "internal", "elements": 2}

@@ -14,10 +14,10 @@ from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
 from solve.results.contents import Column, Columns, digits, sized, to_json
 from solve.results.serialization import serializable
+from solve.views.over_time import contributions_figure
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
-from solve.views.turn import contributions_figure
 
 _UNCOUPLED_STEPS = 720
 """Steps a turn from which on more change nothing of what uncoupling errs by."""

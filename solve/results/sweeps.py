@@ -1,0 +1,123 @@
+"""Sweeps of several systems over the same speeds: the effect of a parameter or an option."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import Column, Columns, HeaderRows, speeds_of, to_json
+from solve.results.result import Figure, Result
+from solve.results.serialization import stored_property
+from solve.results.sweep import Sweep
+from solve.system import PeriodicSystem
+
+_PROMINENT = 1e-3
+"""Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple by errors of the
+points."""
+
+PEAK, QUIET = "peak", "quiet"
+
+
+class Extreme(NamedTuple):
+    """Peak or quiet speed (rad/s) of the first system, and the responses of all systems there."""
+
+    speed: float
+    kind: str
+    responses: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sweeps(Result):
+    """Sweeps of several systems over the same speeds, from `solve.sweeps`.
+
+    Attributes
+    ----------
+    title : str
+        Meaning of the labels.
+    speeds : (P,) array
+        Speeds in rad/s.
+    sweeps : mapping of str to Sweep
+        Sweeps by label of the system.
+    quantities : sequence of str
+        Coordinates and outputs, or names for groups of outputs.
+    system : PeriodicSystem
+        System that was varied.
+    figure : str
+        Statistic; see `Sweep.figures`.
+    """
+
+    title: str
+    speeds: Array
+    sweeps: Mapping[str, Sweep]
+    quantities: Sequence[str]
+    system: PeriodicSystem
+    figure: str = "max_abs"
+
+    def figures(self, quantity: str, figure: str | None = None) -> Array:
+        """Statistic (systems, P) of a coordinate or output, or the largest of a group of outputs; NaN where a
+        point failed. Raises UnknownNameError."""
+        figure = figure or self.figure
+        names = next(iter(self.sweeps.values())).system.parts(quantity)
+        return np.max(
+            [[sweep.figures(name, figure) for name in names] for sweep in self.sweeps.values()], axis=1
+        )
+
+    def extremes(self, quantity: str, figure: str | None = None) -> list[Extreme]:
+        """Peaks and quiet speeds of the first system, ascending, with the responses of all systems. Raises
+        UnknownNameError."""
+        from scipy.signal import find_peaks
+
+        responses = self.figures(quantity, figure)
+        order = np.argsort(self.speeds)
+        order = order[np.isfinite(responses[0, order])]
+        speeds, responses = self.speeds[order], responses[:, order]
+        first, extremes = responses[0], []
+        for kind, sign in ((PEAK, 1.0), (QUIET, -1.0)):
+            peaks, properties = find_peaks(sign * first, prominence=0.0)
+            peaks = peaks[properties["prominences"] > _PROMINENT * np.abs(first[peaks])]
+            extremes += [Extreme(float(speeds[k]), kind, tuple(responses[:, k].tolist())) for k in peaks]
+        return sorted(extremes)
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful, with the label of the system."""
+        return [f"{label}: {text}" for label, sweep in self.sweeps.items() for text in sweep.warnings]
+
+    def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
+        """Figure with a panel per quantity and a curve per system. Raises UnknownNameError."""
+        return super().plot(quantities, figure)
+
+    @property
+    def columns(self) -> Columns:
+        """Row per speed, column per quantity and system."""
+        columns = {"speed": speeds_of(self.system, self.speeds, axes=("speed",))}
+        for name in self.quantities:
+            unit = self.system.units.get(name, "")
+            for label, values in zip(self.sweeps, self.figures(name), strict=True):
+                meaning = f"{self.figure} of {name}, {self.title} {label}"
+                columns[f"{name} {label}"] = Column(values, unit, meaning, axes=("speed",))
+        return columns
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        extremes = {name: self.extremes(name) for name in self.quantities}
+        return {"over": self.title, "figure": self.figure, "extremes": extremes}
+
+    def record(self) -> dict[str, Any]:
+        """JSON object with the responses and spectral radii of each system."""
+        values = {name: self.figures(name) for name in self.quantities}
+        systems = [
+            {
+                "value": label,
+                "responses": {name: values[name][number] for name in self.quantities},
+                "spectral_radius": sweep.spectral_radius,
+            }
+            for number, (label, sweep) in enumerate(self.sweeps.items())
+        ]
+        return {**super().record(), **to_json({"speeds": self.speeds, "systems": systems})}
+
+    def header_rows(self) -> HeaderRows:
+        span = self.system.speed_unit.span(self.speeds.min(), self.speeds.max())
+        return [("over", f"{len(self.speeds)} speeds from {span}")]
