@@ -18,13 +18,13 @@ from solve.results.transient import Transient
 from solve.system import PeriodicSystem
 from solve.views.panels import (
     axis_label,
+    distinct_labels,
     label_phases,
     label_quantity,
     shades,
     shown,
     title_of,
     titled,
-    told_apart,
 )
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
@@ -127,7 +127,8 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     require_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
     unit = orbits[0].system.speed_unit
-    labels = told_apart([orbit.speed for orbit in ordered], lambda speed, form: f"{unit.of(speed):{form}}")
+    speeds = [orbit.speed for orbit in ordered]
+    labels = distinct_labels(speeds, lambda speed, form: f"{unit.of(speed):{form}}")
     by_speed = dict(zip(labels, ordered, strict=True))
     return turns_figure(by_speed, name, axis_label(orbits[0].system, SPEED), reverse=True)
 

@@ -12,7 +12,7 @@ from solve.views.style import Figure
 from solve.views.tables import RenderableType, Table, console, heading, stacked, table_of
 
 _LINES, _WIDTH = 15, 80
-"""Most lines of a result as text, and its width."""
+"""Maximum number of lines of a result as text, and its width."""
 
 
 @singledispatch
@@ -48,14 +48,14 @@ def heading_of(result: Result, choices: Sequence[str] = ()) -> Table:
 def as_text(result: Result) -> str:
     """A few lines without styles."""
     stream = StringIO()
-    # In a notebook a console would show the text there, beside what `_repr_html_` gives.
+    # In a notebook a console would also display the text itself.
     console(file=stream, width=_WIDTH, no_color=True, force_jupyter=False).print(brief(result))
     lines = [line.rstrip() for line in stream.getvalue().strip("\n").splitlines()]
     return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])
 
 
 def as_html(result: Result) -> str:
-    """All tables and texts as HTML, for a notebook and the page of a report."""
+    """All tables and texts as HTML, for a notebook and for reports."""
     return html(printout(result))
 
 
@@ -65,16 +65,14 @@ else:
     Table = object
 
 _LEFT = ' style="text-align: left"'
-"""Of words; a notebook has no style sheet of ours, and sets all cells to the right."""
+"""Style of texts: a notebook aligns all cells to the right."""
 
 
 def html(printed: RenderableType) -> str:
-    """Tables of rich as `<table>`, texts as `<p>`, groups one part below the other.
+    """HTML of Rich renderables: tables as `<table>`, texts as `<p>`.
 
     >>> from solve.views.tables import table, text
-    >>> made = table("Speeds", "", "Hz")
-    >>> made.add_row("slow", "1")
-    >>> print(html(made))
+    >>> print(html(table("Speeds", "", "Hz", rows=[("slow", "1")])))
     <table>
     <caption>Speeds</caption>
     <thead><tr><th scope="col" class="text" style="text-align: left"></th><th scope="col">Hz</th></tr></thead>
@@ -89,12 +87,12 @@ def html(printed: RenderableType) -> str:
     from rich.table import Table
 
     if isinstance(printed, Group):
-        return "\n".join(html(part) for part in printed.renderables)
+        return "\n".join(html(item) for item in printed.renderables)
     return _table(printed) if isinstance(printed, Table) else f"<p>{_words(printed)}</p>"
 
 
 def _table(table: Table) -> str:
-    """Its first column names the rows."""
+    """HTML of a table; the first column contains the headings of the rows."""
     lines = ["<table>"]
     title = _words(table.title or "")
     if title:
@@ -126,7 +124,7 @@ def _kind(column: Any) -> str:
 
 
 def _words(content: Any) -> str:
-    """A text of rich; new lines become places where a long name may be parted."""
+    """HTML of a text; line feeds become positions where a long name may be broken."""
     from rich.console import Console
 
     console = Console(markup=False, emoji=False, no_color=True)
