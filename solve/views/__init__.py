@@ -1,5 +1,5 @@
-"""What people look at: tables, figures and HTML of results, reports, animations. Matplotlib and HTML are used
-here only."""
+"""Displays of results: tables, figures, HTML, reports and animations. Matplotlib and HTML are used here
+only."""
 
 from solve.views import chart as chart
 from solve.views import comparison as comparison

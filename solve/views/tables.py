@@ -54,7 +54,7 @@ def table(
     title: str,
     *headings: str,
     left: int = 1,
-    rows: Iterable[Sequence[str]] = (),
+    rows: Iterable[Sequence[Any]] = (),
     caption: str | None = None,
 ) -> Table:
     """Table with the first `left` columns aligned to the left, and spelt-out Greek letters replaced."""
