@@ -22,7 +22,7 @@ from solve.results.orbit import Orbit
 from solve.single import periodic
 from solve.system import PeriodicSystem
 from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
-from solve.views.panels import shown, titled
+from solve.views.panels import SAMPLES, shown, titled
 from solve.views.style import Figure, drawn
 
 ENDINGS = (".gif", ".html", *PICTURES)
@@ -36,7 +36,6 @@ MOST_FRAMES, MOST_POSITIONS = 720, 12
 _PANELS = 4
 """Number of coordinates whose curves are shown by default."""
 
-_SAMPLES = 721
 _VISIBLE = 0.12
 """Largest displacement by automatic magnification, relative to the size of the mechanism: clearly visible
 without distorting the mechanism."""
@@ -106,7 +105,7 @@ class Animation:
         count = frame_count(self.frames, self._free, still)
         phase = np.arange(count) * (self.span / count)
         caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.vibrates else ""
-        fine = np.linspace(0.0, self.span, _SAMPLES)
+        fine = np.linspace(0.0, self.span, SAMPLES)
         panels = [Panel(name, signal(fine), signal(phase)) for name, signal in self.signals.items()]
         rigid, moved = self.lines(phase, 0.0), self.lines(phase, self.scale)
         return Drawn(self.system, self.title, caption, self.doubt, phase, fine, rigid, moved, panels)
@@ -285,7 +284,7 @@ def _scaled(animation: Animation, scale: float | None) -> Animation:
     """Animation with a magnification, by default the largest of 1, 2, 5, 10, … that displaces no point by
     more than 12 % of the mechanism's size."""
     if scale is None:
-        phase = np.linspace(0.0, animation.span, _SAMPLES // 4)
+        phase = np.linspace(0.0, animation.span, SAMPLES // 4)
         rigid, moved = animation.lines(phase, 0.0), animation.lines(phase, 1.0)
         points = np.concatenate([places.ravel() for places in rigid.values()])
         size = max(np.ptp(points.real), np.ptp(points.imag))

@@ -30,15 +30,12 @@ from solve.views.style import (
     Figure,
     page,
 )
-from solve.views.tables import RenderableType, Table, table_of
+from solve.views.tables import MOST_ROWS, RenderableType, Table, table_of
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 
 _DEFLECTION = 0.1
 """Largest displacement in figures, relative to the size of the structure: visible without overlap."""
-
-_MOST_ROWS = 40
-"""Maximum number of rows; of more positions or values every k-th is shown."""
 
 _MOST_SHAPES = 8
 
@@ -199,7 +196,7 @@ def _label_frequencies(axes: Axes) -> None:
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_MODES), found.system.most_frequencies)
-    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=_MOST_ROWS)
+    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
     made.add_section()
     for name, values in found.statistics(0).items():
         made.add_row(name, *map(found.text_of, values[:MOST_MODES]))
@@ -213,7 +210,7 @@ def variation_tables(found: Variation) -> Sequence[Table]:
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"
-    return [table_of(title, found.columns, most=_MOST_ROWS, caption=caption)]
+    return [table_of(title, found.columns, most=MOST_ROWS, caption=caption)]
 
 
 @tables.register(Findings)

@@ -15,10 +15,7 @@ from solve.results.validity import Validity
 from solve.views.panels import draw_through, label_quantity, panels_over, shades
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure
-from solve.views.tables import RenderableType, table, table_of, text
-
-_MOST_ROWS = 40
-"""Maximum number of rows of a table; of more points every k-th is shown."""
+from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
 
 _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
 
@@ -147,7 +144,7 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
 @tables.register(Branch)
 def branch_tables(branch: Branch) -> Sequence[RenderableType]:
     """Row per point."""
-    points = table_of("Orbits along the branch", branch.columns, most=_MOST_ROWS)
+    points = table_of("Orbits along the branch", branch.columns, most=MOST_ROWS)
     return [points, text("\n" + branch.summary)]
 
 

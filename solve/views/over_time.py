@@ -17,6 +17,7 @@ from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.system import PeriodicSystem
 from solve.views.panels import (
+    SAMPLES,
     axis_label,
     distinct_labels,
     label_phases,
@@ -28,10 +29,7 @@ from solve.views.panels import (
 )
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
-from solve.views.tables import RenderableType, table, table_of, text
-
-_MOST_TURNS = 40
-"""Maximum number of rows; of more periods every k-th is shown."""
+from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
 
 
 @figure.register(Transient)
@@ -81,7 +79,7 @@ def transient_tables(transient: Transient) -> Sequence[RenderableType]:
     distances = Column(transient.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
     speeds = speeds_of(transient.system, transient.ends[1:], heading="to {}")
     columns["end"] = speeds if transient.ramp else distances
-    made = [table_of("Largest moduli, turn by turn", columns, most=_MOST_TURNS), *_output_tables(transient)]
+    made = [table_of("Largest moduli, turn by turn", columns, most=MOST_ROWS), *_output_tables(transient)]
     if transient.ramp:
         return made
     words = f"the orbit is not reached to {transient.rtol:g} within {transient.turns} turns"
@@ -99,8 +97,6 @@ def _output_tables(transient: Transient) -> list[RenderableType]:
         rows.append((name, measured(extremes.max, unit), measured(extremes.min, unit)))
     return [table("Outputs over all turns", "output", "max", "min", rows=rows)] if rows else []
 
-
-_SAMPLES = 721
 
 BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
 """Style of a reference curve behind the others."""
@@ -186,7 +182,7 @@ def fits_figure(model: Model) -> Figure:
     none."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
-    turn = np.linspace(0.0, 2 * np.pi, _SAMPLES)
+    turn = np.linspace(0.0, 2 * np.pi, SAMPLES)
     with page(0.8 + 2.4 * len(model.fits), f"{title_of(model)}: series fitted to tables") as figure:
         panels = figure.subplots(len(model.fits), squeeze=False)[:, 0]
         for axes, fit in zip(panels, model.fits.values(), strict=True):

@@ -19,6 +19,9 @@ from solve.views.style import GREY, Axes, Figure, page
 Value = TypeVar("Value", bound=Hashable)
 
 
+SAMPLES = 721
+"""Number of phases at which curves over a period are drawn: every half degree of a revolution."""
+
 _BETWEEN = 16
 """Number of line segments between two points of a curve."""
 

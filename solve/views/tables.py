@@ -18,6 +18,9 @@ else:
     Console = ConsoleOptions = RenderableType = RenderResult = Table = object
 
 
+MOST_ROWS = 40
+"""Maximum number of rows of long tables, so that they fit on two screens; every k-th row is shown."""
+
 _UNBROKEN = 10_000
 """Terminal width in columns at which no table wraps."""
 
