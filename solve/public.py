@@ -25,11 +25,10 @@ from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
 from solve.results.frequencies import Frequencies, Variation
-from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
-from solve.results.sensitivities import Sensitivities
-from solve.results.sensitivities_over import SensitivitiesOver
+from solve.results.sensitivities import Sensitivities, SensitivitiesOver
+from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps

@@ -9,7 +9,7 @@ from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
 from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
-from solve.results.rigid import RigidOrbit
+from solve.results.special_orbits import RigidOrbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.terminal import progress

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from solve import Model
 from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
+from solve.results.formatting import fixed, prefixed
+from solve.results.formatting import round_magnification as rounded
 from solve.results.orbit import Orbit
-from solve.results.quantities import fixed, prefixed
-from solve.results.quantities import round_magnification as rounded
 from solve.views.panels import titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 

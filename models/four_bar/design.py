@@ -6,8 +6,7 @@ Ratios are those of stress to allowable stress; without a link, the largest rati
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from models.four_bar.run_up import RunUp, Simulated
 from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, digits, speeds_of
-from solve.results.lasting import Lasting, lasting
+from solve.results.serialization import Serializable, serializable, stored_property
 
 RESERVE = 0.03
 """Reserve of the ratio at the default target speed: a choice."""
@@ -244,10 +243,10 @@ _MAX_MAP_ERROR = 0.05
 """Relative error of the map above which a warning is issued: a choice."""
 
 for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan, RunUp, Simulated):
-    lasting(_kind)
+    serializable(_kind)
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Trial:
     """A simulated run-up; ratio (turns, links): largest stress over the allowable one in each revolution."""
@@ -273,7 +272,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Outcome(Lasting):
+class Outcome(Serializable):
     """Result of the design method for a target speed.
 
     target: rad/s; until: the map up to the target. returns: whether L4 returns to the mechanism's own length
@@ -282,8 +281,6 @@ class Outcome(Lasting):
     of `until`. trials: the plan simulated, each within half the time of the one before, until the stress is
     too high.
     """
-
-    _calculated: ClassVar[tuple[str, ...]] = ("warnings",)
 
     design: Design
     target: float
@@ -338,7 +335,7 @@ class Outcome(Lasting):
         highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
         return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
         own = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))

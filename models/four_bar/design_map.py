@@ -5,9 +5,8 @@ Ratios are those of stress to allowable stress; without a link, the largest rati
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
@@ -17,7 +16,7 @@ from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
-from solve.results.lasting import Lasting
+from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
 """Tolerance of the interpolated stress, above which an interval of speeds is halved: a choice."""
@@ -34,7 +33,7 @@ class DesignError(SolveError):
 
 
 @dataclass(frozen=True)
-class DesignMap(Lasting):
+class DesignMap(Serializable):
     """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m).
 
     The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
@@ -42,10 +41,7 @@ class DesignMap(Lasting):
     interpolation_error: largest relative error between the speeds in the last halving.
     """
 
-    _of_solver: ClassVar[tuple[str, ...]] = ("stress_map",)
-    _calculated: ClassVar[tuple[str, ...]] = ("links",)
-
-    stress_map: StressMap
+    stress_map: StressMap = field(metadata=NOT_STORED)
     model: StructureModel
     allowable: Array
     speeds: Array
@@ -55,7 +51,7 @@ class DesignMap(Lasting):
     radius_bound: Array
     interpolation_error: float
 
-    @cached_property
+    @stored_property
     def links(self) -> list[str]:
         return self.stress_map.links
 

@@ -22,7 +22,7 @@ from solve.certify.certified import Request
 from solve.errors import WorkersError
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen
-from solve.results.contents import model_record
+from solve.results.contents import model_info
 from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.terminal import progress
@@ -117,7 +117,7 @@ class Task:
         phases = np.append((np.arange(_WITNESSES) + 0.37) * (example.period / _WITNESSES), between)
         method = getattr(self.method, "__name__", None) or repr(self.method)
         return {
-            **model_record(example),
+            **model_info(example),
             "points": _digest(points),
             "matrices": _digest(*(family.entries(phases, point[None]) for point in region)),
             "breaks": [*map(float, example.breaks)],

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.contracts import Dependence
 from solve.derivatives.periodic_problem import Motions, PeriodicProblem
 from solve.period.quantities import Signal
-from solve.results.orbit import Turn
+from solve.results.periodic_motion import PeriodicMotion
 from solve.system import PeriodicSystem
 
 _DRAWS = 2
@@ -19,7 +19,7 @@ _DRAWS = 2
 
 
 @dataclass(frozen=True)
-class GridOrbit(Turn):
+class GridOrbit(PeriodicMotion):
     """Orbit of a system on a grid. count: samples in sums over the period, in proportion to the steps, so
     that differences between grids include the sampling error."""
 

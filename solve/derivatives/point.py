@@ -15,8 +15,8 @@ from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.period.named import EXPONENT, RADIUS, Named, Solved
-from solve.results.nonlinear import NonlinearOrbit
 from solve.results.sensitivities import Sensitivities, Sensitivity
+from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem, of_system
@@ -146,9 +146,7 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
     adjoint = dependence.parted and free is None and _PARAMETERS_PER_ADJOINT * of_orbits <= len(names)
     shared = names, adjoint, {}
     by_method = GridDerivatives(solved, rule, solved.steps, dependence, *shared)
-    better = GridDerivatives(
-        solved, rule.with_another_stage, solved.steps, dependence.less_accurate, *shared
-    )
+    better = GridDerivatives(solved, rule.with_another_stage, solved.steps, dependence.less_accurate, *shared)
     coarse = GridDerivatives(solved, rule, max(1, solved.steps // _COARSENING), dependence, *shared)
     with one_thread(system.n):
         slopes = list(zip(by_method.slopes(quantities), better.slopes(quantities), strict=True))

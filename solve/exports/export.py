@@ -11,7 +11,7 @@ from solve.exports.c_code import c_code
 from solve.exports.fmu import fmu
 from solve.exports.mat_file import mat_file
 from solve.exports.state_space import SAMPLES, state_space
-from solve.results.files import Whole, checked
+from solve.results.files import AtomicFiles, checked
 from solve.single import floquet
 from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
@@ -47,7 +47,7 @@ def export(
     contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)
     for each in contents.keys() - {file}:
         checked(each, (each.suffix,), "export")
-    with Whole() as files:
+    with AtomicFiles() as files:
         for each, content in contents.items():
             files.write(each, partial(_into, content))
     return Exported(tuple(contents), tuple(warnings))

@@ -88,7 +88,7 @@ class _BranchFollower:
     def follow(self, orbit: Orbit, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
         """See `follow_branch`."""
         grid = self.task.grid(orbit.steps)
-        place, direction = Place(on(grid, orbit.motion), self.first), self._parameter_direction(grid)
+        place, direction = Place(on(grid, orbit.curve), self.first), self._parameter_direction(grid)
         points, length = [self._point(place, direction, grid, direction)], _FIRST_STEP
         while len(points) < most:
             count()

@@ -24,7 +24,7 @@ from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress

@@ -34,7 +34,7 @@ def motion_of(start: Start, task: Task) -> Motion:
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
-        return given.motion if isinstance(given, Orbit) else _end_of(given, task)
+        return given.curve if isinstance(given, Orbit) else _end_of(given, task)
     if callable(given):
         return _checked(given, task) if hasattr(given, "nodes") else _through(given, task)
     return _from_state(given, task)

@@ -5,7 +5,7 @@ from solve.errors import LinearModelError, MissingValueError, ValueOutOfBoundsEr
 from solve.model.model import Model
 from solve.model.sampling import MatrixSampler
 from solve.proof.result import Proof
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem

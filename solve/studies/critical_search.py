@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.gathering import gathered
 from solve.period.multipliers import UNSTABLE
-from solve.results.critical_rows import Maximum
+from solve.results.critical_speeds import Maximum
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.results.sweep import Sweep
 from solve.studies.boundaries import BoundarySearch

@@ -16,8 +16,7 @@ from solve.batch.task import task_of
 from solve.errors import require_name
 from solve.methods.choice import Rule
 from solve.period.multipliers import UNSTABLE
-from solve.results.critical_rows import Critical
-from solve.results.critical_speeds import CriticalSpeeds
+from solve.results.critical_speeds import Critical, CriticalSpeeds
 from solve.results.points import Kept, PointResults
 from solve.results.sweep import Sweep
 from solve.sizes import require_size

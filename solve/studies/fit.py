@@ -11,8 +11,7 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
-from solve.results.channels import Channel
-from solve.results.fit import Fitted, Interval
+from solve.results.fit import Channel, Fitted, Interval
 from solve.studies.fit_diagnostics import diagnose
 from solve.studies.fit_problem import Problem, require_elastic_modes
 from solve.studies.least_squares import Minimum, minimise

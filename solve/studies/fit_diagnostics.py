@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.channels import Channel
+from solve.results.fit import Channel
 
 _EXACT = 1e-5
 """Relative residual that errors of the orbits (tolerance 1e-7) and finite differences can explain."""

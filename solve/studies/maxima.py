@@ -9,7 +9,7 @@ from solve.arrays import Array, different
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered, unjudged
 from solve.period.multipliers import EPS
-from solve.results.critical_rows import Maximum
+from solve.results.critical_speeds import Maximum
 from solve.results.points import Kept, PointResults
 from solve.terminal import progress
 

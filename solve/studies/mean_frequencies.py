@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError
-from solve.results.critical_rows import Combination
+from solve.results.critical_speeds import Combination
 from solve.studies.mean_modes import mean_modes, shift_by_rates
 from solve.studies.speed_grids import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem

@@ -20,7 +20,7 @@ from solve.errors import (
     require_name,
 )
 from solve.model.tables import cells_of, number_in, size_in_header
-from solve.results.channels import Channel
+from solve.results.fit import Channel
 from solve.results.orbit import Orbit
 from solve.sizes import require_size
 from solve.system import PeriodicSystem

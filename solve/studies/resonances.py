@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.multipliers import matched
-from solve.results.critical_rows import Combination, Critical, Maximum
+from solve.results.critical_speeds import Combination, Critical, Maximum
 from solve.studies.mean_frequencies import MeanFrequencies, is_excited
 from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem

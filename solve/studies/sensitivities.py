@@ -19,10 +19,8 @@ from solve.period.named import RADIUS
 from solve.period.points import OnePoint
 from solve.period.rigid_body import before_rigid
 from solve.results.bands import Bands
-from solve.results.critical_rows import Maximum
-from solve.results.critical_speeds import CriticalSpeeds
-from solve.results.sensitivities import Sensitivities, Sensitivity
-from solve.results.sensitivities_over import SensitivitiesOver
+from solve.results.critical_speeds import CriticalSpeeds, Maximum
+from solve.results.sensitivities import Sensitivities, SensitivitiesOver, Sensitivity
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import speeds_given

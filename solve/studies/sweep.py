@@ -21,7 +21,7 @@ from solve.model.model import Model, of_model
 from solve.period.quantities import LEAST_SAMPLES, figures
 from solve.period.quantities import harmonics as harmonics_of
 from solve.results.points import Kept, PointResults
-from solve.results.rigid import RigidOrbit
+from solve.results.special_orbits import RigidOrbit
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.results.validity import Validity

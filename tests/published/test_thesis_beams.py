@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
-from solve.results.orbit import QuasiStatic
+from solve.results.periodic_motion import QuasiStatic
 from solve.studies.frequencies import turn
 
 PARAMETERS = solve.case_numbers("four_bar").parameters

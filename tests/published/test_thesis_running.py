@@ -5,7 +5,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
-from solve.results.orbit import QuasiStatic
+from solve.results.periodic_motion import QuasiStatic
 
 TURN = np.arange(180) * (2 * np.pi / 180)
 LINKS = ("coupler", "follower")

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -16,18 +15,18 @@ from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, Contents, digits, model_record, sized
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, FileContents, digits, model_info, sized
 from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
 from solve.results.stability import ErrorEstimate
 from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.units import speed_in_si
+from solve.views.over_time import BEHIND, curves_figure, require_turn
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
-from solve.views.turn import BEHIND, curves_figure, require_turn
 
 _SAMPLES = 721
 """Phases over the revolution, both ends included: every half degree."""
@@ -37,7 +36,7 @@ _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
 """Quintic elements of the reference model, whose stresses are accurate to about 0.2 %."""
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class OneModel:
     """Result of one model.
@@ -69,12 +68,12 @@ class Corrections(Result):
     def reference(self) -> OneModel:
         return self.models[REFERENCE]
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         return list(dict.fromkeys(text for model in self.models.values() for text in model.warnings))
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         unit = self.system.units.get(self.quantity, "")
         return {"speed": self.speed, "quantity": self.quantity, "unit": unit}
 
@@ -99,13 +98,13 @@ class Corrections(Result):
             **{name: Column([getattr(each, name) for each in figures], axes=()) for name in further},
         }
 
-    def contents(self) -> Contents:
+    def file_contents(self) -> FileContents:
         """Quantity over the revolution, a column a model; the rows are metadata."""
         unit = self.system.units.get(self.reference.drawn, "")
         columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
         for label, model in self.models.items():
             columns[label] = Column(model.values, unit, f"{self.reference.drawn}, {label}", axes=("phase",))
-        return Contents(columns, {}, {**model_record(self.system), **self.record()})
+        return FileContents(columns, {}, {**model_info(self.system), **self.record()})
 
     @property
     def _phase(self) -> Array:

@@ -13,10 +13,10 @@ from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, plain, sized
-from solve.results.lasting import lasting
-from solve.results.quantities import prefixed, round_magnification
-from solve.results.turn import Turn
+from solve.results.contents import Column, Columns, sized, to_json
+from solve.results.formatting import prefixed, round_magnification
+from solve.results.periodic_motion import PeriodicMotion
+from solve.results.serialization import serializable
 from solve.views.show import tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of
@@ -28,7 +28,7 @@ _DRAWN = 0.1
 """Largest deviation in the figure over the size of the path, for the automatic magnification."""
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class CouplerCurve:
     """Positions x + iy (m) of a point at phases (k,): of the rigid and of the flexible linkage, (k,) each."""
@@ -53,10 +53,10 @@ class CurveOfPoint(AtOneSpeed):
     curve: CouplerCurve
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         distance = np.abs(self.curve.deviation)
         return {
-            **super().whole,
+            **super().summary_values,
             "along": self.along,
             "across": self.across,
             "quasi_static": self.quasi_static,
@@ -77,7 +77,7 @@ class CurveOfPoint(AtOneSpeed):
 
     def record(self) -> dict[str, Any]:
         curve = {name: column.values for name, column in self.columns.items()}
-        return {**super().record(), "curve": plain(curve)}
+        return {**super().record(), "curve": to_json(curve)}
 
     def plot(self) -> Figure:
         """Both paths, and the deviation over the revolution."""
@@ -112,7 +112,7 @@ def _rms(values: Array) -> float:
 
 
 def coupler_curve(
-    model: StructureModel, turn: Turn, along: float, across: float, phase: Array
+    model: StructureModel, motion: PeriodicMotion, along: float, across: float, phase: Array
 ) -> CouplerCurve:
     """Path of the point at the fraction `along` (0 … 1) of the coupler from A, at a distance `across` (m).
 
@@ -120,7 +120,7 @@ def coupler_curve(
     """
     if not np.isfinite(across):
         raise ValueOutOfBoundsError(f"distance beside the coupler is {across} m; allowed: finite numbers")
-    q, _, _ = turn.state(phase)
+    q, _, _ = motion.state(phase)
     return CouplerCurve(phase, *model.path("coupler", along, across, phase, q))
 
 

@@ -37,7 +37,7 @@ from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, Contents, rows_of
+from solve.results.contents import Column, Columns, FileContents, rows_of
 from solve.results.result import Result
 from solve.system import PeriodicSystem
 from solve.terminal import progress
@@ -80,7 +80,7 @@ class DesignResult(Outcome, Result):
         return self.map.model
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         """SI units; ratios are of stress to allowable stress."""
         design, stresses, links = self.design, self.map, self.map.links
         smallest = self.least[0] * stresses.allowable
@@ -134,9 +134,9 @@ class DesignResult(Outcome, Result):
             columns[f"least_ratio_{name}"] = Column(ratio, "1", meaning, axes=axes)
         return columns
 
-    def contents(self) -> Contents:
+    def file_contents(self) -> FileContents:
         """Columns; .npz and .mat add the whole map and the slowest simulation."""
-        contents, stresses = super().contents(), self.map
+        contents, stresses = super().file_contents(), self.map
         arrays = {**contents.numbers, "L4": stresses.L4, "stress": stresses.stress}
         arrays["links"] = np.array(stresses.links)
         if self.plan is not None:

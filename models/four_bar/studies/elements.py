@@ -15,7 +15,7 @@ from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, plain
+from solve.results.contents import Column, Columns, to_json
 from solve.results.result import Result
 from solve.views.show import tables
 from solve.views.style import MANY, Figure, page
@@ -64,10 +64,10 @@ class ElementKinds(Result):
         return columns
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         rows = zip(self.kinds, self.freedoms, self.means, self.mean_errors, strict=True)
         names = "kind", "freedoms", "means", "mean_errors"
-        kinds = plain(dict(zip(names, row, strict=True)) for row in rows)
+        kinds = to_json(dict(zip(names, row, strict=True)) for row in rows)
         return {"positions": self.positions, "kinds": kinds}
 
     def plot(self) -> Figure:

@@ -36,9 +36,9 @@ from solve.arrays import Array, Plane
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import CaseNumbers, Flag, Results
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, Columns, plain
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, to_json
 from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
 from solve.units import LARGEST, speed_in_si, with_unit
 from solve.views.show import printout
 from solve.views.style import Figure
@@ -50,7 +50,7 @@ _CURVE_POINTS = 360
 _BALANCE_POINTS = 720
 """Positions per revolution at which the energy balance is evaluated."""
 
-lasting(Linkage)
+serializable(Linkage)
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,14 @@ class RigidMotion(Result):
     points: Sequence[complex]
 
     def __post_init__(self) -> None:
-        self.whole  # noqa: B018 - raises LinkageError
+        self.summary_values  # noqa: B018 - raises LinkageError
 
     @property
-    def about(self) -> dict[str, Any]:
+    def model_info(self) -> dict[str, Any]:
         return {"model": "four_bar", "case": self.case, "parameters": dict(self.parameters)}
 
     @cached_property
-    def whole(self) -> dict[str, Any]:  # type: ignore[override]
+    def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
         """Everything about the linkage; without a full revolution only the keys of one position."""
         linkage = self.linkage
         record: dict[str, Any] = {**_classification(linkage), "speed": self.speed}
@@ -94,9 +94,9 @@ class RigidMotion(Result):
             )
         return record
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        return self.whole["warnings"]
+        return self.summary_values["warnings"]
 
     @property
     def bodies(self) -> Sequence[Body]:
@@ -132,7 +132,7 @@ class RigidMotion(Result):
         return {name: Column(*column, axes=("t1",)) for name, column in columns.items()}
 
     def record(self) -> dict[str, Any]:
-        return plain({**self.about, **self.whole})
+        return to_json({**self.model_info, **self.summary_values})
 
     def plot(self) -> Figure:
         """Positions with coupler curves, and the revolution.
@@ -272,7 +272,7 @@ def _xy(value: complex | Plane) -> list[float]:
 @printout.register(RigidMotion)
 def rigid_motion_printout(result: RigidMotion, choices: Sequence[str] = ()) -> RenderableType:
     """Class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
-    return linkage_report({**result.about, **result.whole})
+    return linkage_report({**result.model_info, **result.summary_values})
 
 
 def rigid_motion(

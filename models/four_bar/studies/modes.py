@@ -15,17 +15,17 @@ from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
-from solve.results.contents import Column, Columns, digits, plain, sized
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, digits, sized, to_json
+from solve.results.serialization import serializable
+from solve.views.over_time import contributions_figure
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
-from solve.views.turn import contributions_figure
 
 _UNCOUPLED_STEPS = 720
 """Steps per revolution of the uncoupled solution; more leave its error unchanged."""
 
-lasting(Contributions)
+serializable(Contributions)
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class Modes(AtOneSpeed):
         return float(np.abs(self.uncoupled - total).max() / np.abs(total).max())
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         output = self.contributions.output
-        return {**super().whole, "quantity": output, "unit": self.system.units[output]}
+        return {**super().summary_values, "quantity": output, "unit": self.system.units[output]}
 
     @property
     def columns(self) -> Columns:
@@ -70,7 +70,7 @@ class Modes(AtOneSpeed):
         curves = {"phase": shares.phase, "total": shares.total, "modes": modes}
         if self.uncoupled is not None:
             curves["uncoupled"] = {"values": self.uncoupled, "error": self.error}
-        return {**super().record(), **plain(curves)}
+        return {**super().record(), **to_json(curves)}
 
     def plot(self) -> Figure:
         """Output, contribution of each mode and uncoupled solution over the revolution."""

@@ -1,13 +1,13 @@
 """Flags that the commands on the elastic four-bar share, and the base class of results at one speed."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Annotated, Any
 
 from solve.beams.structure import StructureModel
 from solve.commands.groups import Flag, Numbers
 from solve.results.orbit import Orbit
 from solve.results.result import Result
+from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 SpeedText = Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"30 rad/s"')]
@@ -36,11 +36,11 @@ class AtOneSpeed(Result):
     def system(self) -> PeriodicSystem:  # type: ignore[override]
         return self.orbit.system
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
         return self.orbit.warnings
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         names = "speed", "method", "steps", "error_estimate"
         return {name: getattr(self.orbit, name) for name in names}

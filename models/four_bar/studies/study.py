@@ -12,11 +12,11 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Results, Speeds
 from solve.commands.parse import assignments, figure_kept, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
-from solve.results.quantities import headed
+from solve.results.formatting import headed
 from solve.system import PeriodicSystem
 from solve.units import apart, is_number
+from solve.views.over_time import MOST_CURVES
 from solve.views.panels import shown
-from solve.views.turn import MOST_CURVES
 
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
 

@@ -15,7 +15,7 @@ from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS, Body, joint_forces
 from models.four_bar.linkage import ADVISED, TURN, Linkage, Motion
 from solve.arrays import Array, Plane
-from solve.results.quantities import prefixed
+from solve.results.formatting import prefixed
 from solve.units import unit_given
 from solve.views.panels import title_of
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled

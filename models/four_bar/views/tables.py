@@ -12,7 +12,7 @@ from rich.text import Text
 from models.four_bar.design import Outcome
 from models.four_bar.forces import JOINTS
 from solve.results.contents import Column, Columns, digits, speeds_of
-from solve.results.quantities import fixed, prefixed
+from solve.results.formatting import fixed, prefixed
 from solve.units import unit_given
 from solve.views.tables import heading, in_every_unit, table, table_of
 

@@ -10,7 +10,7 @@ import pytest
 
 import solve
 from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
-from solve.results.orbit import QuasiStatic
+from solve.results.periodic_motion import QuasiStatic
 
 PHASE = np.linspace(0, 2 * np.pi, 3601)
 

@@ -238,7 +238,7 @@ def test_a_chart_killed_twice_equals_one_that_was_not(tmp_path, blow):
         said = process.communicate(timeout=30)[1].decode()
         sizes.append(finished(tmp_path / "s"))
         assert process.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL), said
-        assert blow != signal.SIGINT or "what is finished is kept" in said
+        assert blow != signal.SIGINT or "finished points are stored" in said
     assert 0 < sizes[0] < sizes[1] < 32
     resumed = subprocess.run(stored, capture_output=True, check=True).stdout
     alone = subprocess.run(command, capture_output=True, check=True).stdout

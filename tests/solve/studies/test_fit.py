@@ -16,7 +16,7 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.results.channels import Channel
+from solve.results.fit import Channel
 from solve.studies.fit_diagnostics import diagnose
 from solve.units import RPM
 from tests.solve.derivatives.test_sensitivities import SPEED, M, amplitude, model

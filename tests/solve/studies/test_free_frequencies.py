@@ -58,7 +58,7 @@ def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
     rates = found.largest_growth_rates
     np.testing.assert_allclose(rates[:, 0], np.where(low < 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12)
     assert np.isnan(rates[:, 1]).all()
-    assert found.whole["growth_rates"] is not None
+    assert found.summary_values["growth_rates"] is not None
     assert "1.41764i" in repr(found)
     (warning,) = Findings(solve.frequencies(masses()), variation=found).warnings
     assert warning == (

@@ -1,11 +1,11 @@
-"""Numbers for people: a unit with the prefix that keeps digits before the point, and few digits."""
+"""Formatting of numbers, units and names: unit prefixes, significant digits, Greek letters."""
 
 import math
 import re
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
-"""Symbols that take a prefix, and the power of ten of the largest that is usual."""
+"""Symbols that take a prefix, with the largest usual power of ten."""
 
 
 _SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
@@ -14,16 +14,16 @@ _GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
 
 
 def greek(name: str) -> str:
-    """A name with the Greek letters that it spells out.
+    """Name with spelt-out Greek letters replaced by the letters.
 
     >>> greek("phi1"), greek("theta_max"), greek("max|epsilon|"), greek("mumps")
     ('φ1', 'θ_max', 'max|ε|', 'mumps')
     """
-    return _GREEK.sub(lambda found: _LETTERS[found[0]], name)
+    return _GREEK.sub(lambda match: _LETTERS[match[0]], name)
 
 
 def headed(name: str, unit: str) -> str:
-    """A name above its values, with their unit where they have one.
+    """Heading of a column: name and unit, if any.
 
     >>> headed("max|q1|", "mm"), headed("zeta", "1")
     ('max|q1| (mm)', 'ζ')
@@ -32,7 +32,7 @@ def headed(name: str, unit: str) -> str:
 
 
 def round_magnification(allowed: float) -> float:
-    """The largest of 1, 2, 5, 10, 20, … that is allowed; 1 where even that is too much.
+    """Largest of 1, 2, 5, 10, 20, … that does not exceed `allowed`; at least 1.
 
     >>> round_magnification(37.0), round_magnification(0.2)
     (20.0, 1.0)
@@ -42,7 +42,7 @@ def round_magnification(allowed: float) -> float:
 
 
 def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
-    """Factor and unit that show quantities up to this magnitude between 1 and 1000 where a prefix can.
+    """Factor and prefixed unit with which the magnitude lies between 1 and 1000, if a prefix is usual.
 
     The unit "1" is not shown.
 
@@ -60,7 +60,7 @@ def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
 
 
 def measured(value: float, unit: str) -> str:
-    """A value to three digits in a fitting unit.
+    """Value with three digits and a prefixed unit.
 
     >>> measured(0.00208, "m")
     '2.08 mm'
@@ -70,7 +70,7 @@ def measured(value: float, unit: str) -> str:
 
 
 def named(figure: str, quantity: str) -> str:
-    """A figure of a quantity in few characters.
+    """Short name of a statistic of a quantity.
 
     >>> named("max_abs", "q1")
     'max|q1|'
@@ -79,7 +79,7 @@ def named(figure: str, quantity: str) -> str:
 
 
 def fixed(value: float, magnitude: float, digits: int = 7) -> str:
-    """A value with as many decimals as give `digits` significant ones to the magnitude.
+    """Value with as many decimals as give the magnitude `digits` significant digits.
 
     >>> fixed(-1.25, 768.4522)
     '-1.2500'

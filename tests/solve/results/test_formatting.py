@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solve.results.quantities import fixed, prefixed
+from solve.results.formatting import fixed, prefixed
 
 
 @pytest.mark.parametrize(
