@@ -1,4 +1,4 @@
-"""One point: the periodic solution of a system, found directly, or its stability alone."""
+"""Periodic solution and stability of a system at a single speed."""
 
 from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
 from solve.certify.certified import Certified, Failed, Request
@@ -27,16 +27,41 @@ def periodic(
     engine: str = "auto",
     all_multipliers: bool = False,
 ) -> Orbit:
-    """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
+    """Compute the T-periodic solution at a speed.
 
-    With `steps`, the result is that of the method on this number of steps, with an error estimate from one
-    stage more, or from twice as many steps. Without, steps are refined until the estimated errors of orbit
-    and multipliers are at most `rtol`. engine: "compiled", "numpy", or "auto" for compiled code if a C
-    compiler is available; the first solution of a kind then includes the compilation, once per machine.
-    all_multipliers: apply `rtol` to each multiplier, however small, at the cost of more steps. A mechanism
-    without coordinates has outputs over the revolution, but neither multipliers nor a verdict. Raises
-    ResonanceError if a multiplier is +1, and other SolveError subclasses for bad input, matrices or steps.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System, for example from `solve.load`.
+    speed : float or str
+        Ω in rad/s, or a text with unit such as "600 rpm".
+    method : str or method object
+        Name or object of a method; "auto" selects one.
+    steps : int, optional
+        Number of steps per period. The error is then estimated from one more stage, or from twice as many
+        steps. By default, steps are refined until the estimated errors are at most `rtol`.
+    rtol : float
+        Relative tolerance of orbit and multipliers.
+    engine : {"auto", "compiled", "numpy"}
+        "auto" uses compiled code if a C compiler is available. The first solution of a kind includes the
+        compilation, once per machine.
+    all_multipliers : bool
+        Apply `rtol` to each multiplier individually, at the cost of more steps.
 
+    Returns
+    -------
+    Orbit
+        For a mechanism without coordinates, outputs over the revolution without multipliers and verdict.
+
+    Raises
+    ------
+    ResonanceError
+        If a multiplier is +1.
+    SolveError
+        Other subclasses for invalid input, matrices or steps.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> def oscillator(phase, speed):
     ...     one = np.ones((len(phase), 1, 1))
@@ -49,7 +74,7 @@ def periodic(
     system = system.shown_in(omega)
     if not system.vibrates:
         return RigidOrbit.of(system, omega)
-    solved = _solved(system, omega, method, steps, rtol, engine, True, all_multipliers)
+    solved = _solve(system, omega, method, steps, rtol, engine, True, all_multipliers)
     return Orbit(system, omega, *solved)
 
 
@@ -63,25 +88,46 @@ def floquet(
     engine: str = "auto",
     all_multipliers: bool = False,
 ) -> Stability:
-    """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
+    """Compute the Floquet multipliers at a speed.
 
-    With `steps`, the result is that of the method on this number of steps, with an error estimate from one
-    stage more, or from twice as many steps. Without, steps are refined until the estimated error is at most
-    `rtol`. engine, all_multipliers: as in `periodic`. Raises SolveError subclasses for bad input, matrices or
-    steps."""
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System, for example from `solve.load`.
+    speed : float or str
+        Ω in rad/s, or a text with unit such as "600 rpm".
+    method, steps, rtol, engine, all_multipliers
+        As in `solve.periodic`.
+
+    Returns
+    -------
+    Stability
+        Multipliers, exponents and verdict, without an orbit.
+
+    Raises
+    ------
+    SolveError
+        Subclasses for invalid input, matrices or steps.
+
+    Examples
+    --------
+    >>> round(floquet(PeriodicSystem.from_samples(*np.ones((3, 1, 1, 1)), np.zeros((1, 1)), ["q"]), 1.0)
+    ...       .spectral_radius, 6)
+    0.043214
+    """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
-    solved = _solved(system, omega, method, steps, rtol, engine, False, all_multipliers)
+    solved = _solve(system, omega, method, steps, rtol, engine, False, all_multipliers)
     return Stability(system, omega, *solved)
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
-    """What is asked of points, with the methods that judge others; engine: COMPILED or NUMPY. Raises
+    """Solve request with the methods used for comparison; engine: COMPILED or NUMPY. Raises
     ValueOutOfBoundsError."""
     return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 
-def _solved(
+def _solve(
     system: PeriodicSystem,
     omega: float,
     method: str | Rule,
@@ -89,20 +135,24 @@ def _solved(
     rtol: float,
     engine: str,
     orbit: bool,
-    every: bool,
+    all_multipliers: bool,
 ) -> tuple[Certified, Spectrum, list[str]]:
     rule, (used, notes) = chosen(method), chosen_engine(engine)
-    asked = request(steps, rtol, used, orbit)
+    solve_request = request(steps, rtol, used, orbit)
     system.checked(omega)
     point = OnePoint(system, omega)
     with one_thread(system.n):
-        ((settled, _),) = chosen_for(rule, point)
-        if every:
-            checked_maps(settled)
+        ((selected, _),) = chosen_for(rule, point)
+        if all_multipliers:
+            checked_maps(selected)
         with progress.task(STEPS):
-            (result,) = certified(point, settled, asked)
+            (result,) = certified(point, selected, solve_request)
         if isinstance(result, Failed):
             raise result.reason
         result = judged_by_enriched(result, lambda _: (system, omega))
-        every_one = refined(point, settled, asked, result.steps, rigid_multipliers(result)) if every else None
-    return result, Spectrum(point, result, every_one), notes
+        individual = (
+            refined(point, selected, solve_request, result.steps, rigid_multipliers(result))
+            if all_multipliers
+            else None
+        )
+    return result, Spectrum(point, result, individual), notes

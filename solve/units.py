@@ -7,8 +7,8 @@ from functools import lru_cache
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.errors import UnitError, ValueOutOfBoundsError
-from solve.sizes import NUMBERS_A_POINT, require_size
 
 if TYPE_CHECKING:
     import pint

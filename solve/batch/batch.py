@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family
 from solve.batch.tables import Sampled, Separated, Separation, training
@@ -15,7 +16,6 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
-from solve.sizes import SMALL
 from solve.terminal import progress
 from solve.threads import one_thread
 

@@ -9,13 +9,13 @@ from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
 from solve.certify.reduction import judged_by_enriched
+from solve.contracts import Statistics
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import UNDETERMINED, roughly
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.threads import one_thread
@@ -142,6 +142,6 @@ class _Keeper:
         names, figures = self.results.kept.names, self.results.figures[at]
         for limit in self.batch.family.example.limits(names):
             of_quantity = figures[:, names.index(limit.quantity)]
-            for row in np.flatnonzero(limit.left(Statistics(*of_quantity.T))).tolist():
-                says = limit.says(Statistics(*of_quantity[row]))
+            for row in np.flatnonzero(limit.exceeded(Statistics(*of_quantity.T))).tolist():
+                says = limit.message(Statistics(*of_quantity[row]))
                 self.results.warnings.setdefault(int(at[row]), []).append(says)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array, across, whole
+from solve.arrays import Array, across, covers_all
 from solve.batch.family import Family
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
@@ -158,7 +158,7 @@ class Separated:
         return len(self.coefficients)
 
     def __getitem__(self, positions: Array) -> "Separated":
-        if whole(positions, len(self)):
+        if covers_all(positions, len(self)):
             return self
         return Separated(self.separation, self.coefficients[positions])
 

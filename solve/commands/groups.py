@@ -15,19 +15,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type
 
 import typer
 
+from solve.arguments import MOST, limited
 from solve.commands.parse import assignments, number, quantities, whole
 from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.loading import case_numbers, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
-from solve.model.bounds import measured
+from solve.model.bounds import REDUCE, measured
 from solve.model.cases import Case
 from solve.model.model import Model
-from solve.model.options import REDUCE
 from solve.model.setup import Setup
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
-from solve.sizes import MOST, limited
 from solve.units import speeds_in_si
 
 if TYPE_CHECKING:

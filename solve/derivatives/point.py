@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from solve.argument import listed
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.contracts import Dependence
 from solve.derivatives.figures import Figures, Starts
@@ -32,7 +32,7 @@ from solve.results.nonlinear import NonlinearOrbit
 from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, derivatives_of, of_system
 from solve.threads import one_thread
 
 _SAFETY = 2.0
@@ -113,7 +113,7 @@ def quantities_by(
     NoDerivativeError."""
     texts, names = _different("of", of, _usual(system)), _different("by", by, _all(system))
     asked = [Named.of(system, text) for text in texts]
-    system.dependence(names)
+    derivatives_of(system).by(names)
     return asked, names
 
 
@@ -130,7 +130,7 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
             "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "
             "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
         )
-    adjoint = dependence.parted and free is None and _A_FIGURE * of_orbits <= len(names)
+    adjoint = dependence.partial_outputs and free is None and _A_FIGURE * of_orbits <= len(names)
     shared = dependence, names, adjoint, {}
     own, better = (OnGrid(solved, each, solved.steps, *shared) for each in (rule, rule.with_another_stage))
     coarse = OnGrid(solved, rule, max(1, solved.steps // _COARSER), *shared)
@@ -145,7 +145,7 @@ def of_solution(solved: Stability, asked: Sequence[Named], names: Sequence[str])
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
     """On parameters, or "speed", with the engine that solved."""
-    return solved.system.dependence(names, columns_by(solved.certified.request.engine))
+    return derivatives_of(solved.system).by(names, columns_by(solved.certified.request.engine))
 
 
 def _usual(system: PeriodicSystem) -> list[str]:
@@ -153,11 +153,11 @@ def _usual(system: PeriodicSystem) -> list[str]:
 
 
 def _all(system: PeriodicSystem) -> list[str]:
-    return [*system.smooth_parameters, SPEED]
+    return [*(system.derivatives.names if system.derivatives else ()), SPEED]
 
 
 def _different(what: str, given: Sequence[str] | None, usual: Sequence[str]) -> list[str]:
-    names = list(listed(usual if given is None else given))
+    names = list(unique_names(usual if given is None else given))
     if not names:
         raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
     return names
@@ -244,7 +244,7 @@ class OnGrid:
     def nodes(self) -> Array:
         """How far the starts of steps move with the quantities, (m, r)."""
         system = self.solved.system
-        return self.turn.at_nodes(system.breaks, system.break_slopes(self.names))
+        return self.turn.at_nodes(system.breaks, derivatives_of(system).of_breaks(self.names))
 
     @cached_property
     def figures(self) -> Figures:

@@ -106,11 +106,13 @@ class Forward:
         moved = np.stack([turn.at(self._data, phase, order) for order in (2, 1, 0)], axis=1)
         if self.moved.drift is not None:
             moved[:, 1] += self.moved.drift
-        return self.dependence.output_along(name, phase, self.orbit.speed, self.orbit.states(phase), moved).T
+        return self.dependence.output_with_states(
+            name, phase, self.orbit.speed, self.orbit.states(phase), moved
+        ).T
 
     def of(self, figures: Sequence[Sums], sizes: bool = False) -> list[Array]:
         """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
-        alone = not self.dependence.parted or self.moved.drift is not None
+        alone = not self.dependence.partial_outputs or self.moved.drift is not None
         own = [each.name in self.orbit.system.outputs and alone for each in figures]
         rest = [each for each, alone in zip(figures, own, strict=True) if not alone]
         term, data = np.abs if sizes else np.asarray, self._data
@@ -139,7 +141,7 @@ class Adjoint:
         direct, of_data = _parted(self.orbit, self.dependence, figures, np.abs if sizes else np.asarray)
         pulled = self.orbit.turn.pulled(of_data)
         weights = pulled.reshape(-1, *pulled.shape[2:])
-        along = partial(self.dependence.residual_along, *self.orbit.loaded)
+        along = partial(self.dependence.weighted_residual, *self.orbit.loaded)
         found = direct + scattered(along, weights) if sizes else direct - along(weights)
         return _made(figures, _split(found, figures), sizes)
 

@@ -10,7 +10,7 @@ from solve.errors import NoOrbitError
 from solve.kernel.formulas import columns_by
 from solve.labels import SPEED
 from solve.newton.iteration import Task
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, derivatives_of
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,11 @@ class _ByParameter(PeriodicSystem):
 
     def __init__(self, along: PeriodicSystem, motion: Motion, name: str, compiled: Columns | None):
         super().__init__(self._loaded, along.coordinates, along.period, along.breaks)
-        self._along, self._motion, self._dependence = along, motion, along.dependence([name], compiled)
+        self._along, self._motion, self._dependence = (
+            along,
+            motion,
+            derivatives_of(along).by([name], compiled),
+        )
 
     def _loaded(self, phase: Array, speed: float) -> Matrices:
         M, C, K, _ = self._along.at(phase, speed)

@@ -42,7 +42,7 @@ class StepMarcher:
         self.angle, self.off = 0.0, 0.0
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """See `Marcher`."""
+        """See `Integrator`."""
         ends = speed, speed if last is None else last
         if self._turn.ends != ends:
             self._turn = _Turn(self._system, *ends)

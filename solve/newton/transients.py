@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
-from solve.contracts import Marcher
+from solve.contracts import Integrator
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
@@ -21,7 +21,6 @@ from solve.period.states import interpolation_error, interpolation_tolerance
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
@@ -70,7 +69,7 @@ def transient(
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)
-    require_whole("turns", turns)
+    require_integer("turns", turns)
     require_size("turns", turns, 3 * system.n * _COUNT)
     given = start
     if isinstance(start, str | Path) and start not in (REST, ORBIT):
@@ -162,7 +161,7 @@ class _Follow:
             more = 2 ** math.ceil(max(1.0, math.log2(off / tolerance) / 4))
             count = min(count * more, most)
 
-    def _marcher(self, count: int) -> Marcher:
+    def _marcher(self, count: int) -> Integrator:
         sizes, finer = np.zeros(self.system.n), max(_FINER * self.rtol, _FINEST)
         if self.orbit is not None:
             sizes = np.abs(self.orbit.q).max(axis=1)
@@ -173,7 +172,7 @@ class _Follow:
         return self.system.marcher(without_zeros(sizes), count, finer)
 
 
-def _damped_out(march: Marcher) -> list[str]:
+def _damped_out(march: Integrator) -> list[str]:
     """A warning where steps do not follow the fastest modes."""
     if not isinstance(march, StepMarcher) or march.angle <= METHOD.follows:
         return []
@@ -183,9 +182,9 @@ def _damped_out(march: Marcher) -> list[str]:
     ]
 
 
-def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
+def _marched(march: Integrator, state: Array, ends: Array, period: float) -> Array:
     """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of turns;
-    derivatives as `Marcher` has them."""
+    derivatives as `Integrator` has them."""
     parts, n = [], len(state) // 2
     with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):

@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
 from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
 from solve.results.quantities import headed, prefixed
 from solve.results.result import Result
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _NARROW = 1e-3
@@ -31,7 +31,7 @@ _YES = {True: "yes", False: ""}
 @dataclass(frozen=True)
 class Branch(Result):
     """Orbits (P,) along a branch. speeds (P,) in rad/s. figures (P, q, 7): the fields of
-    `solve.statistics.Statistics` of the continuous curve, for each coordinate and then each output.
+    `solve.contracts.Statistics` of the continuous curve, for each coordinate and then each output.
     figure_errors (P, q): estimated errors of the extrema, relative to the largest modulus, or to the scale of
     a coordinate on which the forces cancel. radius (P,): spectral radii. errors (P, 2): estimated relative
     errors of the orbits and absolute errors of the spectral radii. turns (P,): whether the orbit is a turning
@@ -109,10 +109,10 @@ class Branch(Result):
         found = []
         for limit in self.system.limits(self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
-            left = np.asarray(limit.left(Statistics(*figures.T)))
+            left = np.asarray(limit.exceeded(Statistics(*figures.T)))
             if left.any():
                 first = Statistics(*figures[int(left.argmax())].tolist())
-                found.append(f"{limit.says(first)}{self._where(left)}")
+                found.append(f"{limit.message(first)}{self._where(left)}")
         return found
 
     def _where(self, which: Array) -> str:

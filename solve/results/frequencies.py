@@ -16,7 +16,7 @@ from solve.results.contents import Column, Columns, Contents, Facts, known, mode
 from solve.results.quantities import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, structure_of
 
 MOST_MODES, _MOST_LINKS = 6, 3
 """Columns of a table."""
@@ -116,7 +116,7 @@ class Frequencies(Roots):
     def shapes(self, number: int = 0) -> list[ModeShape]:
         """How the links move in each mode at the position of that number. Raises ValueOutOfBoundsError
         for a system that is no structure of beams."""
-        return self.system.mode_shapes(float(self.positions[number]), self.values[number])
+        return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
         """Texts of the roots at a position: 21.5; 1.73i for λ < 0; 21.5±1.73i for complex λ."""

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.errors import NoVibrationError
 from solve.period.floquet_modes import FloquetMode
 from solve.period.quantities import LEAST_SAMPLES
@@ -15,7 +16,6 @@ from solve.results.contents import Facts
 from solve.results.orbit import Orbit
 from solve.results.stability import ErrorEstimate
 from solve.results.turn import QuasiStatic, Turn
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _STEPS = 256

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import driven
+from solve.contracts import Statistics, driven
 from solve.period.quantities import Quantities
 from solve.period.states import curves_through, interpolation_tolerance, sufficient_strides
 from solve.results.contents import (
@@ -22,7 +22,6 @@ from solve.results.contents import (
 from solve.results.orbit import Orbit
 from solve.results.result import Figure, Result
 from solve.results.rigid_body import steady_part
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _AT_ONCE = 2**19

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.errors import MatricesError, require_name
 from solve.period.quantities import (
     LEAST_SAMPLES,
@@ -18,7 +19,6 @@ from solve.period.quantities import (
     spectrum,
     statistics,
 )
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
@@ -24,7 +24,6 @@ from solve.results.critical_rows import Critical, Maximum
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.points import FIGURES, Kept, PointResults
 from solve.results.sweep import Sweep
-from solve.sizes import require_size
 from solve.studies.boundaries import Search
 from solve.studies.constant import Constant, constant, still
 from solve.studies.explained import CLOSE, Explained, Turn, assigned, of_modulus, of_real_part
@@ -111,7 +110,7 @@ def _critical_speeds(
     system, omegas = system.shown_in(given[0]), np.array(given)
     (name,) = system.known_quantities(quantity or system.coordinates[0])
     require_name("figure", figure, RESPONSES)
-    require_whole("orders", orders, hint=", such as 20")
+    require_integer("orders", orders, hint=", such as 20")
     require_size("orders", orders, len(omegas) * system.n**2)
     low, high = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, Kept((name,), warnings=False))

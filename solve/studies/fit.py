@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.argument import listed
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.derivatives.point import OnGrid, dependence_of
 from solve.errors import ValueOutOfBoundsError, require_name
@@ -61,12 +61,12 @@ def fit(
     parameters are fitted by their logarithms. Raises SolveError subclasses for bad input, and if the model
     has no orbit at the start.
     """
-    names = listed(free)
+    names = unique_names(free)
     if not names:
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
     for name in names:
         require_name(f"parameter of {model.name}", name, model.parameters)
-    model.dependence(names)
+    model.derivatives.by(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
     require_elastic_modes(model, sets)
     model = model.shown_in(sets[0].speed)

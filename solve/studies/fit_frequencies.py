@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from solve.approximation import slope
 from solve.arrays import Array
-from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.model.model import Model
 from solve.period.natural import slopes
@@ -24,7 +24,7 @@ def natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> t
     places, position = _places(data), np.array([data.position])
     count = int(places.max()) + 1
     values = natural(model, position, count).signed[0, places]
-    if model.frequencies(position, count) is None:
+    if model.structure is None:
         found = _exact(model, position, names)[:, places]
         moving = values != 0
         return values, np.where(moving, found / np.where(moving, 2 * np.abs(values), 1.0), 0.0)

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array
 from solve.errors import CaseFileError, MissingLibraryError, cause
 from solve.model.tables import cells_of, number_in
-from solve.sizes import require_size
 
 ENDINGS = ".csv", ".mat", ".uff", ".unv"
 

@@ -4,11 +4,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.batch.family import Family
+from solve.contracts import Statistics
 from solve.errors import SolveError
 from solve.period.quantities import LEAST_SAMPLES, figures, harmonics
 from solve.results.points import Kept, PointResults
 from solve.results.rigid import RigidOrbit
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 

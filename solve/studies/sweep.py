@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.argument import listed, require_steps
+from solve.arguments import NUMBERS_A_POINT, require_size, require_steps, unique_names
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.store import made_folder
@@ -20,7 +20,6 @@ from solve.model.model import Model, of_model
 from solve.results.points import Kept
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
-from solve.sizes import NUMBERS_A_POINT, require_size
 from solve.studies.rigid import rigid_points
 from solve.system import PeriodicSystem, of_any_system
 from solve.terminal import progress
@@ -159,7 +158,7 @@ def sweeps(
     input."""
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
-    given, quantities, found = speeds_given(speeds), listed(quantities), {}
+    given, quantities, found = speeds_given(speeds), unique_names(quantities), {}
     with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]

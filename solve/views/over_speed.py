@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.argument import listed
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.results.branch import STABLE, UNDETERMINED, UNSTABLE, Branch
 from solve.results.contents import MOST_SHOWN
@@ -31,7 +31,7 @@ def sweeps_figure(
     sweeps: Sweeps, quantities: Sequence[str] | None = None, figure: str | None = None
 ) -> Figure:
     """A panel a quantity, a curve a system; see `Sweeps.plot`."""
-    responses = {name: sweeps.figures(name, figure) for name in listed(quantities or sweeps.quantities)}
+    responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order = np.argsort(sweeps.speeds)
     speeds = sweeps.system.speed_unit.of(sweeps.speeds[order])
     with page(1.1 + 1.9 * len(responses), f"{title_of(sweeps.system)}: response over speed") as made:

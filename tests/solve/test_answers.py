@@ -9,6 +9,7 @@ import pytest
 import solve
 from solve.batch.family import SPEED, SystemFamily
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
+from solve.system import structure_of
 
 
 def spring(phase, speed):
@@ -32,8 +33,8 @@ def test_a_system_of_a_users_own_has_neither_case_nor_parameters_nor_links(own):
     with pytest.raises(UnknownNameError, match="parameter or option of system 'k'"):
         own.varied({"k": 1.0})
     with pytest.raises(ValueOutOfBoundsError, match="has no links to draw"):
-        own.mode_shapes(0.0, np.ones(1))
-    assert own.pinned_frequencies() == {}
+        structure_of(own)
+    assert own.structure is None
 
 
 def test_its_frequencies_and_entries_over_speeds(own):

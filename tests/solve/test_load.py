@@ -19,7 +19,7 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.model.files import model_names
+from solve.model.generated import model_names
 from tests.solve.systems import cam_matrices
 
 MECHANISM = "# what this mechanism is\n"
@@ -286,10 +286,10 @@ def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where)
         "last": text + planted,
     }[where]
     ready.generate(text=changed)
-    with pytest.raises(ModelFileError, match=r"was edited|no seal"):
+    with pytest.raises(ModelFileError, match=r"was edited|no hash"):
         ready.load()
     ready.generate(text=changed.replace(seal, ""))
-    with pytest.raises(ModelFileError, match="no seal"):
+    with pytest.raises(ModelFileError, match="no hash"):
         ready.load()
     assert not (tmp_path / "ran").exists()
 
@@ -314,7 +314,7 @@ def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path,
     folder.mkdir(parents=True)
     ready.mechanism.rename(folder / "mechanism.py")
     ready.cases.rename(folder / "cases.toml")
-    monkeypatch.setattr(sys.modules["solve.model.files"], "ROOT", tmp_path)
+    monkeypatch.setattr(sys.modules["solve.model.generated"], "ROOT", tmp_path)
     assert solve.load("mine").name == "mine"
     (folder / "mechanism.py").write_text(MECHANISM + "# more\n", encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"'mine' has changed .*; run: python -m derive mine"):

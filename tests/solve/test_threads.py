@@ -9,7 +9,7 @@ import scipy.linalg  # noqa: F401 - SciPy's library of BLAS is one of those that
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import solve
-from solve.sizes import SMALL
+from solve.arguments import SMALL
 from solve.threads import one_thread
 from tests.solve import systems
 

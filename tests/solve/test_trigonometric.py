@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solve.trigonometric import Trigonometric, interpolated
+from solve.approximation import Trigonometric, interpolated
 
 PERIOD = 3.0
 

@@ -12,11 +12,11 @@ import solve
 from models.four_bar.dynamic_correction import LOADS, Corrected
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
+from solve.contracts import Statistics
 from solve.results.contents import Column, Columns, Contents, digits, model_record, sized
 from solve.results.lasting import lasting
 from solve.results.result import Result
 from solve.results.stability import ErrorEstimate
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.views.show import tables

@@ -206,7 +206,7 @@ def test_an_inextensible_link_is_the_limit_of_a_very_stiff_one(kind):
 
 
 def _frequencies(positions):
-    from solve.beams.frozen import lowest
+    from solve.beams.frequencies import lowest
 
     return lowest(positions, 6)
 

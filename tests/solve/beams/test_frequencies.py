@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from solve.beams.assembly import Positions
-from solve.beams.frozen import count_below, exact_frequencies, lowest_frequencies, modes
+from solve.beams.frequencies import count_below, exact_frequencies, lowest_frequencies, modes
 from tests.solve.beams.frames import beam, beams
 
 STILL = np.zeros(1)

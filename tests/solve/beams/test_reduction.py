@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 import solve
 from solve.beams.assembly import Positions
 from solve.beams.motion import Motion
-from solve.beams.reduced_motion import ReducedMotion
+from solve.beams.reduced import ReducedMotion
 from solve.beams.reduction import basis
 from solve.commands.app import run
 from solve.errors import SolveError

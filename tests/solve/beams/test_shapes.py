@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from solve.beams.assembly import Positions
-from solve.beams.frozen import exact_frequencies, shapes
+from solve.beams.frequencies import exact_frequencies, shapes
 from tests.solve.beams.frames import beam, beams
 
 
