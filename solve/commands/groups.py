@@ -301,7 +301,7 @@ class Places:
         WorkersError, MissingLibraryError."""
         if self.workers is not None and self.scheduler is not None:
             raise ValueOutOfBoundsError("--workers and --scheduler name two places to work; give one of them")
-        from solve.batch.executors import cluster, processes
+        from solve.batch.task import cluster, processes
 
         with ExitStack() as opening:
             executor = None

@@ -156,12 +156,12 @@ def test_tables_are_made_once_and_the_oldest_make_room(monkeypatch):
     separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
     coarse, fine, finest = (np.linspace(0, end, 1000) for end in (4, 5, 6))
     asked, made = [], separation.table(coarse)
-    monkeypatch.setattr(tables, "_MOST_KEPT", 2 * made.nbytes)
+    monkeypatch.setattr(tables, "_CACHE_BYTES", 2 * made.nbytes)
     monkeypatch.setattr(Separation, "_terms", lambda self, phase: asked.append(phase[-1]) or made)
     for phase in (coarse, fine, coarse, fine, finest, fine, coarse):
         assert separation.table(phase) is made
     assert asked == [5, 6, 4]
-    monkeypatch.setattr(tables, "_MOST_KEPT", 0)
+    monkeypatch.setattr(tables, "_CACHE_BYTES", 0)
     assert separation.table(np.linspace(0, 7, 1000)) is made
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.batch.executors import cluster, processes
+from solve.batch.task import cluster, processes
 from solve.errors import ValueOutOfBoundsError, WorkersError
 from solve.terminal import progress
 from tests.solve.batch import test_store
@@ -148,7 +148,7 @@ def test_a_cluster_gives_the_same_though_one_of_two_workers_is_killed_midway(tmp
 @pytest.mark.slow
 def test_a_chart_in_parts_is_the_same(monkeypatch):
     """Small parts in other processes, with points that fail among them."""
-    monkeypatch.setattr("solve.batch.task._MOST", 7)
+    monkeypatch.setattr("solve.batch.task._MAX_CHUNK", 7)
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     alone, seen = solve.chart(model, *axes), []
@@ -166,7 +166,7 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
 
 
 def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
-    monkeypatch.setattr("solve.batch.task._MOST", 1)
+    monkeypatch.setattr("solve.batch.task._MAX_CHUNK", 1)
 
     def interrupted(tracker):
         if tracker.tasks[-1].done:
