@@ -278,7 +278,7 @@ class PeriodicSystem(Labels):
         Raises LinearModelError for linear systems.
         """
         raise LinearModelError(
-            f"{self.name} is linear by construction, its orbit is the linear one; leave out what asks for "
+            f"{self.name} is linear by construction, its orbit is the linear one; omit options that require "
             "nonlinear equations"
         )
 

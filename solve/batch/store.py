@@ -251,5 +251,5 @@ def _file_errors() -> Iterator[None]:
     except OSError as error:
         what = f" '{error.filename}'" if error.filename else ""
         raise FileError(
-            f"the store{what} cannot be written ({error.strerror or error}); what was finished before is kept"
+            f"the store{what} cannot be written ({error.strerror or error}); finished chunks are kept"
         ) from None

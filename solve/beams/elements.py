@@ -59,15 +59,15 @@ class Element:
 
         In ground axes, the translations x and y take the positions of u and v.
         """
-        parts = np.zeros((3, len(self.freedoms), len(self.freedoms)))
+        axes = np.zeros((3, len(self.freedoms), len(self.freedoms)))
         for (i, one), (j, other) in product(enumerate(self.freedoms), repeat=2):
             if one.order > 0:
-                parts[0, i, i] = 1.0
+                axes[0, i, i] = 1.0
             elif i == j:
-                parts[1, i, i] = 1.0
+                axes[1, i, i] = 1.0
             elif (one.xi, 0) == (other.xi, other.order):
-                parts[2, i, j] = 1.0 if one.direction == AXIAL else -1.0
-        return parts
+                axes[2, i, j] = 1.0 if one.direction == AXIAL else -1.0
+        return axes
 
     def scaled(self, table: Array, L: float) -> Array:
         """Table (k, k) for derivatives by ξ, converted to derivatives by x."""

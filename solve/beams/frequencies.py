@@ -114,7 +114,7 @@ def _upper_bound(positions: Positions, count: int) -> Array:
         if not few.any():
             return omega
         omega[few] *= 2.0
-    raise StructureError(f"fewer than {count} frequencies below {omega.max():.3g} rad/s; ask for fewer")
+    raise StructureError(f"fewer than {count} frequencies below {omega.max():.3g} rad/s; request fewer")
 
 
 _POINTS = 48

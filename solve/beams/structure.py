@@ -241,8 +241,8 @@ class StructureModel(Model):
         damped = ratio > 0 or self.beams.properties.dashpot.any()
         if not damped and self.options["terms"] == "instantaneous":
             warnings.append(
-                "terms=instantaneous leaves out M'q', what M changes as the links turn: without damping that "
-                "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
+                "terms=instantaneous neglects M'q', the change of M with the phase: without damping this "
+                "adds energy, and |ρ| > 1 at every speed does not imply instability; use --option terms=full"
             )
         if ratio > 1 and self.options["damping"] == "modal":
             warnings.append(beyond_critical(ratio))
@@ -250,13 +250,13 @@ class StructureModel(Model):
             warnings += self.motion.buckling_warnings(speed)
         return warnings
 
-    def joint_force(self, link: str, joint: str, turn: Response, phase: Array) -> tuple[Array, Array, Array]:
+    def joint_force(self, link: str, joint: str, orbit: Response, phase: Array) -> tuple[Array, Array, Array]:
         """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link, at phases (k,) of an
         orbit or of its quasi-static solution. Raises UnknownNameError."""
         member = self._member(link)
         ends = member.link[1:3]
         require_name(f"joint of link {link}", joint, ends)
-        state = self.expanded(phase, turn.speed, *turn.state(phase))
+        state = self.expanded(phase, orbit.speed, *orbit.state(phase))
         return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
@@ -300,7 +300,7 @@ class StructureModel(Model):
         return rigid_positions, rigid_positions + deflection * direction
 
     def modal_contributions(
-        self, turn: Response, output: str, count: int = 4, samples: int = 720
+        self, orbit: Response, output: str, count: int = 4, samples: int = 720
     ) -> Contributions:
         """Contributions of the lowest modes, tracked over the revolution, to a deflection or stress of an
         orbit or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
@@ -309,9 +309,9 @@ class StructureModel(Model):
         if not 1 <= count <= most:
             raise ValueOutOfBoundsError(f"{count} modes requested; allowed: 1 to {most}")
         phase = np.linspace(0.0, self.period, samples + 1)
-        state = self.expanded(phase, turn.speed, *turn.state(phase))
+        state = self.expanded(phase, orbit.speed, *orbit.state(phase))
         member = self._member(link)
-        return contributions(state, output, lambda part: quantity(part, kind, member, place), count)
+        return contributions(state, output, lambda modal: quantity(modal, kind, member, place), count)
 
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
         """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
@@ -363,8 +363,8 @@ def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
 
 
 def _of_each_link(setup: Setup, option: str) -> list[str]:
-    parts = str(setup.options[option]).split(",")
-    return parts if len(parts) > 1 else parts * len(setup.module.LINKS)
+    values = str(setup.options[option]).split(",")
+    return values if len(values) > 1 else values * len(setup.module.LINKS)
 
 
 def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:

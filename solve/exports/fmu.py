@@ -194,7 +194,7 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
         return builder.compile_fmu(files, options)
     except RuntimeError as error:
         raise MissingLibraryError(
-            f"{_WHAT} needs a C compiler, and '{compiler}' failed; it said above why"
+            f"{_WHAT} needs a C compiler, and '{compiler}' failed; see its messages above"
         ) from error
 
 

@@ -111,7 +111,7 @@ class HarmonicTransfer:
         more = "more orders, or " if self.orders < most else ""
         return [
             f"harmonic transfer function with {self.orders} orders of the states, of at most {most}: error "
-            f"{error:.1e}, more than the {self.rtol:.1e} asked for{jumps}; give {more}a larger rtol"
+            f"{error:.1e}, above the tolerance {self.rtol:.1e}{jumps}; give {more}a larger rtol"
         ]
 
     @property
@@ -300,11 +300,11 @@ class _Spectra:
         grid = Grid.uniform(highest + 1, system.period, system.breaks)
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         phases = grid.stages((nodes + 1) / 2).ravel()
-        parts: Coefficients = coefficients(system, speed, phases)
+        matrices: Coefficients = coefficients(system, speed, phases)
         orders = np.arange(-highest, highest + 1)
         waves = np.exp(-2j * np.pi / system.period * np.outer(orders, phases))
         waves *= (grid.h[:, None] * (weights / 2)).ravel() / system.period
-        return cls(*(np.tensordot(waves, part, 1) for part in parts[:6]))
+        return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:6]))
 
     def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
         """A - N, B, C and D of the lifted system, with states of harmonics -orders … orders."""

@@ -101,7 +101,7 @@ def require_no_jump(system: PeriodicSystem, speed: float) -> None:
         jump, symbols = jumps[0], np.repeat(list("MCKd"), [array[0].size for array in matrices])
         raise MatricesError(
             f"{symbols[entry[jump]]} jumps by {change[jump]:.3g} at phase {low[jump] % system.period:.6g}, "
-            "where the model has no break; give angles that go on beyond half a turn (atan2 jumps there by "
+            "where the model has no break; give angles that are continuous beyond π (atan2 jumps there by "
             "2π), and state a jump that is meant by Heaviside, Piecewise or wrapped"
         )
 

@@ -90,12 +90,12 @@ class ModelDerivatives:
             if self._assembled and parameters.get(name) == 0:
                 raise NoDerivativeError(
                     f"{name} is 0; matrices that are assembled, or damped by modes, are differentiated by "
-                    f"small parts of a parameter: give a small number, such as --set {name}=1e-6"
+                    f"relative changes of a parameter: give a small number, such as --set {name}=1e-6"
                 )
             if name not in smooth:
                 raise NoDerivativeError(
-                    f"{name} is a whole number, or moves a jump that meets another, or a jump beside damping "
-                    "ratios: derivatives by it are not calculated; leave it out"
+                    f"{name} is an integer, moves a jump onto another, or moves a jump beside damping "
+                    "ratios: derivatives by it are not available; leave it out"
                 )
 
     def _slopes_by(self, names: tuple[str, ...]) -> GeneratedSlopes:
@@ -144,7 +144,7 @@ def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
     distances = (ends - breaks[:, None] + period / 2) % period - period / 2
     nearest = np.abs(distances).argmin(axis=1)
     if not len(set(nearest.tolist())) == len(ends) == len(_distinct(breaks, period)):
-        raise ValueOutOfBoundsError("jumps meet, or part; change what moves them a little")
+        raise ValueOutOfBoundsError("jumps merge or split; change the parameters slightly")
     return breaks + distances[np.arange(len(breaks)), nearest]
 
 

@@ -72,7 +72,7 @@ class ModelIntegrator:
         except RuntimeError as error:
             why = "; look at the start and the speed"
             if "TOO_MUCH_WORK" in str(error):
-                why = f" with {_MAX_STEPS} steps a turn: its vibrations are too fast; give a higher speed"
+                why = f" with {_MAX_STEPS} steps per period: its vibrations are too fast; give a higher speed"
             raise TransientError(f"the transient cannot be followed beyond phase {start:.6g}{why}") from None
         x = np.column_stack((state / self._sizes, later))
         a = self._acceleration(self.nodes[None], *drive, x).full()

@@ -141,14 +141,14 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
         raise CaseFileError(f"{name}: {path.name} has the angle {twice:.6g} deg twice; give each once")
     if span > _REVOLUTION * (1 + _SAME_ANGLE):
         raise CaseFileError(
-            f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one turn, 360 deg"
+            f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one revolution, 360 deg"
         )
     gaps = np.append(gaps, _REVOLUTION - span)
     widest, wave = float(gaps.max()), _REVOLUTION / harmonics
     if widest >= wave / 2 * (1 - _SAME_ANGLE):
         start = math.degrees(ordered[np.argmax(gaps)])
         raise CaseFileError(
-            f"{name}: {path.name} does not cover the turn: no row between {start:.6g} deg and "
+            f"{name}: {path.name} does not cover the revolution: no row between {start:.6g} deg and "
             f"{start + math.degrees(widest):.6g} deg, half a wave of harmonic {harmonics} or more; add "
             "rows or fit fewer harmonics"
         )

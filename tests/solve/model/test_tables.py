@@ -113,11 +113,17 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             entry("P", "Pa"),
             [(x, 1.0) for x in range(0, 230, 10)],
             CaseFileError,
-            "does not cover the turn: no row between 220 deg and 360 deg, half a wave of harmonic 3 or more",
+            "does not cover the revolution: no row between 220 deg and 360 deg, half a wave of harmonic "
+            "3 or more",
         ),
-        (entry("P", "Pa"), [(x, 1.0) for x in range(0, 190, 10)], CaseFileError, "does not cover the turn"),
+        (
+            entry("P", "Pa"),
+            [(x, 1.0) for x in range(0, 190, 10)],
+            CaseFileError,
+            "does not cover the revolution",
+        ),
         (entry("P", "Pa"), [*GOOD, (90, 2)], CaseFileError, "has the angle 90 deg twice; give each once"),
-        (entry("P", "Pa"), [*GOOD, (390, 2)], CaseFileError, "covers 390 deg; give one turn, 360 deg"),
+        (entry("P", "Pa"), [*GOOD, (390, 2)], CaseFileError, "covers 390 deg; give one revolution, 360 deg"),
         (
             entry("P", "Pa"),
             [*GOOD, (345, "nan")],
