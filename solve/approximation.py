@@ -27,6 +27,7 @@ _RELATIVE_STEP = 1e-2
 of its eighth power, 1e-16."""
 
 _LEVELS = 4
+"""Number of step sizes, each half of the previous one. A choice."""
 
 
 class Trigonometric:

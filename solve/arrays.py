@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+
+Value = TypeVar("Value")
 
 Plane = NDArray[np.complex128]
 """Points, velocities, accelerations or directions in the plane, x + iy."""
@@ -90,6 +92,23 @@ class Recent:
                 excess -= cached.nbytes
                 self._values.pop(oldest, None)
         return value
+
+
+class Latest(Generic[Value]):
+    """Function of phases (m,) that caches its last value, since the same grid is used at successive speeds.
+
+    The value must not be modified.
+    """
+
+    def __init__(self, function: Callable[[Array], Value]):
+        self._function = function
+        self._cached: tuple[bytes, Value] | None = None
+
+    def __call__(self, phase: Array) -> Value:
+        key, cached = phase.tobytes(), self._cached
+        if cached is None or cached[0] != key:
+            cached = self._cached = key, self._function(phase)
+        return cached[1]
 
 
 class LazyMapping(Mapping[str, Array]):

@@ -62,8 +62,7 @@ class PeriodicSystem(Labels):
 
     Notes
     -----
-    Capabilities that only some systems have are attributes that are None elsewhere: `structure`,
-    `derivatives`, `reduction`.
+    Capabilities of some systems are None for others: `structure`, `derivatives`, `reduction`.
 
     Examples
     --------
@@ -343,17 +342,13 @@ class PeriodicSystem(Labels):
                     f"{symbol} at 4 phases has shape {array.shape}; for {n} coordinates "
                     f"({', '.join(self.coordinates)}) it must be {expected}"
                 )
-        for symbol, change in () if jumps_at_zero else self.changes(phase[:1], phase[-1:], speed):
+        ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
+        for symbol, change in () if jumps_at_zero else changes(ends, speed):
             raise MatricesError(
-                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
-                f"{change:.3g}; give the right period, or the jump at 0 as a break"
+                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by {change:.3g}; "
+                "give the right period, or the jump at 0 as a break"
             )
         require_inertia(matrices["M"])
-
-    def changes(self, phase: Array, later: Array, speed: float) -> list[tuple[str, float]]:
-        """Symbols of the matrices that differ between phases (k,) and those a period later, and by how much;
-        see `solve.matrices.changes`."""
-        return changes(self.in_phase(with_neighbours(phase, later, self.period), speed), speed)
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:

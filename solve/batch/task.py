@@ -202,6 +202,7 @@ _TIMEOUT = 10.0
 """Timeout in seconds for a scheduler. A choice."""
 
 _INTERRUPTED = 130
+"""Exit status of an interrupted process: 128 + SIGINT."""
 
 
 @contextmanager

@@ -9,13 +9,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Latest
 from solve.beams import dynamic_stiffness as exact
 from solve.beams.elements import HELD, Freedoms, Member
 from solve.errors import StructureError
+from solve.model.sampling import Sampler, symbol
+from solve.model.setup import Setup
+
+if TYPE_CHECKING:
+    import casadi
 
 TERMS = np.zeros((5, 3, 3))
 """Products of 1, c, s as combinations of 1, c, s, c², cs; s² is 1 − c²."""
@@ -45,6 +51,40 @@ class Properties:
     damping_ratio: float
     spring: Array = field(default_factory=lambda: np.zeros(0))
     dashpot: Array = field(default_factory=lambda: np.zeros(0))
+
+
+class Kinematics:
+    """Constants and link angles from the generated `properties` of a structure."""
+
+    def __init__(self, setup: Setup):
+        self._p = setup.p
+        self._properties: casadi.Function = setup.function("properties")
+
+    @property
+    def properties(self) -> Properties:
+        """Constants of links and joints."""
+        values = self._properties.call({"phase": 0.0, "p": self._p})
+        columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
+        return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})
+
+    def angle(self, phase: Array) -> Array:
+        """Angles (m, links) of the links at phases (m,)."""
+        return np.split(self._angles(phase), 3, axis=1)[0]
+
+    def rates(self, phase: Array) -> tuple[Array, Array]:
+        """First and second derivatives (m, links) of the angles by the phase."""
+        _, rate, second = np.split(self._angles(phase), 3, axis=1)
+        return rate, second
+
+    @cached_property
+    def _angles(self) -> Latest[Array]:
+        import casadi
+
+        phase = symbol("phase")
+        angle = self._properties(phase=phase, p=self._p)["angle"]
+        rate = casadi.jacobian(angle, phase)
+        rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))
+        return Latest(Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)])))
 
 
 @dataclass(frozen=True)

@@ -13,34 +13,14 @@ and from dashpots to the ground.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Generic, TypeVar
 
 import numpy as np
 
 from solve.approximation import interpolated
-from solve.arrays import Array
+from solve.arrays import Array, Latest
 from solve.beams.assembly import Beams, Positions
 from solve.beams.elements import AXIAL, HELD, Member
 from solve.model.modes import lowest_frequencies, modal_damping
-
-Value = TypeVar("Value")
-
-
-class Latest(Generic[Value]):
-    """Function of phases (m,) that caches its last value, since the same grid is used at successive speeds.
-
-    The value must not be modified.
-    """
-
-    def __init__(self, function: Callable[[Array], Value]):
-        self._function = function
-        self._cached: tuple[bytes, Value] | None = None
-
-    def __call__(self, phase: Array) -> Value:
-        key, cached = phase.tobytes(), self._cached
-        if cached is None or cached[0] != key:
-            cached = self._cached = key, self._function(phase)
-        return cached[1]
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:

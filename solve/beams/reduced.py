@@ -17,11 +17,11 @@ from typing import Self
 import numpy as np
 
 from solve.approximation import interpolated
-from solve.arrays import Array
+from solve.arrays import Array, Latest
 from solve.beams.assembly import Positions
 from solve.beams.elements import EXACT
 from solve.beams.frequencies import shape
-from solve.beams.motion import Latest, Motion, State, inertia_load
+from solve.beams.motion import Motion, State, inertia_load
 from solve.beams.reduction import Basis, basis
 from solve.beams.structure import StructureModel, with_rates
 from solve.contracts import ModeShape

@@ -9,21 +9,20 @@ import numpy as np
 
 from solve.arguments import SMALL
 from solve.arrays import Array, LazyMapping, Plane, Recent
-from solve.beams.assembly import Beams, Positions, Properties
+from solve.beams.assembly import Beams, Kinematics, Positions
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frequencies import lowest, shapes
-from solve.beams.motion import Latest, Motion, State
+from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.bounds import REDUCE
 from solve.model.model import Model
 from solve.model.modes import beyond_critical
-from solve.model.sampling import Sampler, symbol
 from solve.model.setup import SAMPLES, Setup
 
 if TYPE_CHECKING:
-    import casadi
+    pass
 
 MOST = 200
 """Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
@@ -56,40 +55,6 @@ class Response(Protocol):
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
         """q, q̇, q̈ (n, k), derivatives by time, at phases (k,)."""
         ...
-
-
-class Kinematics:
-    """Constants and link angles from the generated `properties` of a structure."""
-
-    def __init__(self, setup: Setup):
-        self._p = setup.p
-        self._properties: casadi.Function = setup.function("properties")
-
-    @property
-    def properties(self) -> Properties:
-        """Constants of links and joints."""
-        values = self._properties.call({"phase": 0.0, "p": self._p})
-        columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
-        return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})
-
-    def angle(self, phase: Array) -> Array:
-        """Angles (m, links) of the links at phases (m,)."""
-        return np.split(self._angles(phase), 3, axis=1)[0]
-
-    def rates(self, phase: Array) -> tuple[Array, Array]:
-        """First and second derivatives (m, links) of the angles by the phase."""
-        _, rate, second = np.split(self._angles(phase), 3, axis=1)
-        return rate, second
-
-    @cached_property
-    def _angles(self) -> Latest[Array]:
-        import casadi
-
-        phase = symbol("phase")
-        angle = self._properties(phase=phase, p=self._p)["angle"]
-        rate = casadi.jacobian(angle, phase)
-        rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))
-        return Latest(Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)])))
 
 
 class StructureModel(Model):
@@ -251,8 +216,26 @@ class StructureModel(Model):
         return warnings
 
     def joint_force(self, link: str, joint: str, orbit: Response, phase: Array) -> tuple[Array, Array, Array]:
-        """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link, at phases (k,) of an
-        orbit or of its quasi-static solution. Raises UnknownNameError."""
+        """Force and moment of a joint on a link.
+
+        Parameters
+        ----------
+        link, joint : str
+            Names of the link and of a joint at one of its ends.
+        orbit : Orbit
+            Orbit, or its quasi-static solution.
+        phase : (k,) array
+            Phases.
+
+        Returns
+        -------
+        tuple of (k,) arrays
+            Force along x and y in N, and moment in N m.
+
+        Raises
+        ------
+        UnknownNameError
+        """
         member = self._member(link)
         ends = member.link[1:3]
         require_name(f"joint of link {link}", joint, ends)
@@ -260,16 +243,49 @@ class StructureModel(Model):
         return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
-        """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
-        for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
+        """Transverse displacement from the rigid motion.
+
+        Parameters
+        ----------
+        link : str
+            Name of the link.
+        fraction : float
+            Fraction of its length, 0 to 1.
+        phase : (k,) array
+            Phases.
+        q : (n, k) array
+            Coordinates.
+
+        Returns
+        -------
+        (k,) array
+            Displacement in m.
+
+        Raises
+        ------
+        UnknownNameError, ValueOutOfBoundsError
+        """
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).displacement(self.beams.angle(phase), q)[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
-        """Axial stress (k,) in Pa, E (u′ ∓ (h/2) v″), on the surface "plus" or "minus" of a link at a
-        fraction (0 … 1) of its length, for q (n, k) at phases (k,).
+        """Axial stress E (u′ ∓ (h/2) v″) on a surface of a link.
 
-        Raises UnknownNameError and ValueOutOfBoundsError.
+        Parameters
+        ----------
+        link, fraction, phase, q
+            As in `deflection`.
+        surface : {"plus", "minus"}
+            Surface at +h/2 or −h/2.
+
+        Returns
+        -------
+        (k,) array
+            Stress in Pa.
+
+        Raises
+        ------
+        UnknownNameError, ValueOutOfBoundsError
         """
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)

@@ -7,7 +7,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import MatricesError
-from solve.matrices import PERIODIC, negligible_changes, require_inertia, with_neighbours
+from solve.matrices import PERIODIC, changes, negligible_changes, require_inertia, with_neighbours
 from solve.model.sampling import MatrixSampler
 from solve.system import PeriodicSystem
 
@@ -34,7 +34,8 @@ that of a flank of width 1e-9 of the period."""
 def require_valid(system: PeriodicSystem, speed: float) -> None:
     """Raise MatricesError unless the matrices at a speed (rad/s) are periodic and M is positive definite."""
     phase = _check_phases(system)
-    for symbol, change in system.changes(phase, phase + system.period, speed):
+    phases = with_neighbours(phase, phase + system.period, system.period)
+    for symbol, change in changes(system.in_phase(phases, speed), speed):
         raise MatricesError(
             f"{symbol} is not periodic: after the period {system.period:.6g} it has changed by "
             f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
