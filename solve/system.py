@@ -345,8 +345,8 @@ class PeriodicSystem(Labels):
         ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
         for symbol, change in () if jumps_at_zero else changes(ends, speed):
             raise MatricesError(
-                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by {change:.3g}; "
-                "give the right period, or the jump at 0 as a break"
+                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
+                f"{change:.3g}; give the right period, or the jump at 0 as a break"
             )
         require_inertia(matrices["M"])
 
