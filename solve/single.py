@@ -111,8 +111,10 @@ def floquet(
 
     Examples
     --------
-    >>> round(floquet(PeriodicSystem.from_samples(*np.ones((3, 1, 1, 1)), np.zeros((1, 1)), ["q"]), 1.0)
-    ...       .spectral_radius, 6)
+    >>> import numpy as np
+    >>> one = np.ones((3, 1, 1))
+    >>> system = PeriodicSystem.from_samples(one, one, one, one[:, 0], ["q"])
+    >>> round(floquet(system, 1.0).spectral_radius, 6)
     0.043214
     """
     omega = speed_in_si(speed)
