@@ -76,34 +76,6 @@ Columns = Callable[..., Array | None]
 (outputs, c); None where it is unavailable. See `solve.kernel.formulas.columns`."""
 
 
-class ManyPoints(Protocol):
-    """System at many points at once, each with its speed (P,) in rad/s and values (P, v) of some
-    parameters."""
-
-    @property
-    def formulas(self) -> Formulas | None:
-        """M, C, K by rows and d, for derivatives by time, as C code of phase, speed and parameters, the
-        varied ones among them; None where there is none."""
-        ...
-
-    def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
-        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
-        values of the formulas, if computed before; may be overwritten."""
-        ...
-
-    def exist(self, speeds: Array, values: Array) -> Array:
-        """Whether the fundamental motion exists (P,)."""
-        ...
-
-    def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
-        """Phases at which the matrices jump, for each point; None at points without a system."""
-        ...
-
-    def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
-        ...
-
-
 class Integrator(Protocol):
     """Time integration of a system over a period, with states at nodes (k,) from 0 to the period.
 

@@ -37,9 +37,6 @@ class RigidModel(Model):
     def assembled(self) -> bool:
         return False
 
-    def many_points(self, names: Any) -> None:
-        return None
-
     def checked(self, speed: float) -> None:
         self.shown_in(speed).require_desired_motion(np.array([speed]))
 

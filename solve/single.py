@@ -152,9 +152,7 @@ def _solve(
         if isinstance(result, Failed):
             raise result.reason
         result = judged_by_enriched(result, lambda _: (system, omega))
-        individual = (
-            refined(point, selected, solve_request, result.steps, rigid_multipliers(result))
-            if all_multipliers
-            else None
-        )
+        individual = None
+        if all_multipliers:
+            individual = refined(point, selected, solve_request, result.steps, rigid_multipliers(result))
     return result, Spectrum(point, result, individual), notes

@@ -14,7 +14,6 @@ from solve.contracts import (
     Formulas,
     Integrator,
     Limit,
-    ManyPoints,
     Matrices,
     Motion,
     ParameterDerivatives,
@@ -79,10 +78,8 @@ class PeriodicSystem(Labels):
     structure: Structure | None = None
     """Frequencies and mode shapes from the elements of a structure; None for other systems."""
 
-    @property
-    def derivatives(self) -> ParameterDerivatives | None:
-        """Derivatives of the equations with respect to parameters; None without generated equations."""
-        return None
+    derivatives: Any = None
+    """Derivatives with respect to parameters, `ParameterDerivatives`; None without generated equations."""
 
     def __init__(
         self,
@@ -307,9 +304,9 @@ class PeriodicSystem(Labels):
         """Whether there are nonlinear equations, which `along` linearises."""
         return False
 
-    def many_points(self, names: Sequence[str]) -> ManyPoints | None:
-        """Vectorised evaluation at many points where parameters of these names vary; None if each point
-        requires a system of its own."""
+    def many_points(self, names: Sequence[str]) -> Any:
+        """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if each
+        point requires a system of its own."""
         return None
 
     @property

@@ -14,6 +14,7 @@ from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.labels import SPEED
+from solve.model.many_points import ModelPoints
 from solve.period.points import AtSpeeds
 from solve.system import PeriodicSystem
 
@@ -110,7 +111,7 @@ class SystemFamily(Family):
         self.names, self.speed = tuple(names), speed
         self.example = system
         self._free = [name for name in names if name != SPEED]
-        self._evaluator = system.many_points(self._free)
+        self._evaluator: ModelPoints | None = system.many_points(self._free)
         self._recent: dict[tuple[float, ...], PeriodicSystem] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -7,8 +7,6 @@ Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every poi
 phases.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from solve.arrays import EPS, Array, across, covers_all
@@ -134,26 +132,14 @@ class Separation:
         return coefficients, across(np.logical_and, (error <= allowed) & np.isfinite(largest))
 
 
-@dataclass(frozen=True)
 class Separated:
     """Points with separated entries, represented by their coefficients (P, R)."""
 
-    separation: Separation
-    coefficients: Array
-    bytes_a_phase: int = 0
-    alone: bool = False
+    bytes_a_phase, alone = 0, False
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return self.separation.breaks
-
-    @property
-    def n(self) -> int:
-        return self.separation.n
-
-    @property
-    def period(self) -> float:
-        return self.separation.period
+    def __init__(self, separation: Separation, coefficients: Array):
+        self.separation, self.coefficients = separation, coefficients
+        self.n, self.period, self.breaks = separation.n, separation.period, separation.breaks
 
     def __len__(self) -> int:
         return len(self.coefficients)
@@ -164,31 +150,19 @@ class Separated:
         return Separated(self.separation, self.coefficients[positions])
 
     def tables(self, phase: Array) -> Tables:
-        separation = self.separation
-        return Tables(separation.table(phase), self.coefficients, separation.entry, separation.n)
+        """Terms at phases (k,)."""
+        return Tables(self.separation.table(phase), self.coefficients, self.separation.entry, self.n)
 
 
-@dataclass(frozen=True)
 class Sampled:
     """Points (P, v) of a family that are sampled individually at every phase."""
 
-    family: Family
-    points: Array
-    engine: str = NUMPY
-    breaks: tuple[float, ...] = ()
-    alone: bool = False
+    alone = False
 
-    @property
-    def n(self) -> int:
-        return self.family.example.n
-
-    @property
-    def period(self) -> float:
-        return self.family.example.period
-
-    @property
-    def bytes_a_phase(self) -> int:
-        return 8 * (3 * self.n**2 + self.n)
+    def __init__(self, family: Family, points: Array, engine: str = NUMPY, breaks: tuple[float, ...] = ()):
+        self.family, self.points, self.engine, self.breaks = family, points, engine, breaks
+        self.n, self.period = family.example.n, family.example.period
+        self.bytes_a_phase = 8 * (3 * self.n**2 + self.n)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -197,6 +171,7 @@ class Sampled:
         return Sampled(self.family, self.points[positions], self.engine, self.breaks)
 
     def tables(self, phase: Array) -> Tables:
+        """Entries at phases (k,)."""
         return Tables.of(self.family.entries(phase, self.points, self.engine), self.n)
 
 

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -106,7 +107,7 @@ class Task:
                     results = gathered(batch, points[index], self.kept)
                 yield index, results
             return
-        solve_chunk = _ChunkSolver(self, batch.region)
+        solve_chunk = partial(_solve_chunk, self, batch.region)
         waiting = {executor.submit(solve_chunk, points[index]): index for index in chunks}
         try:
             for future in as_completed(waiting):
@@ -146,17 +147,11 @@ class Task:
         }
 
 
-@dataclass(frozen=True)
-class _ChunkSolver:
-    """Solver of a chunk of points, with tables computed from a selection (T, v) of all points."""
-
-    task: Task
-    region: Array
-
-    def __call__(self, points: Array) -> PointResults:
-        # The samplers of a model are not shared between threads.
-        task = replace(self.task, family=copy(self.task.family))
-        return gathered(Batch(task.family, self.region, task.method, task.request), points, task.kept)
+def _solve_chunk(task: Task, region: Array, points: Array) -> PointResults:
+    """Results of a chunk of points, with tables computed from a selection (T, v) of all points."""
+    # The samplers of a model are not shared between threads.
+    family = copy(task.family)
+    return gathered(Batch(family, region, task.method, task.request), points, task.kept)
 
 
 def task_of(

@@ -149,9 +149,6 @@ class StructureModel(Model):
     def _speed_terms(self) -> Recent:
         return Recent(self.motion.speed_terms, _CACHE_BYTES)
 
-    def many_points(self, names: Sequence[str]) -> None:
-        return None
-
     @property
     def assembled(self) -> bool:
         return True

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from solve.errors import FileError, LinearModelError
 from solve.model.model import LinearisedModel, Model
@@ -25,14 +25,6 @@ _SCALARS = "phase", "speed"
 _ARGUMENTS = "Phase in rad, speed in rad/s, derivatives by time, SI units; matrices by rows, M[i * n + j]."
 
 
-class Quantity(NamedTuple):
-    """Parameter, coordinate or output with unit and meaning."""
-
-    name: str
-    unit: str
-    meaning: str
-
-
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
     """Model with formulas. Raises NoMotionError, LinearModelError for other systems."""
     system.require_motion()
@@ -43,16 +35,6 @@ def require_formulas(system: PeriodicSystem, what: str) -> Model:
             "phase: write them to a .mat file"
         )
     return system
-
-
-def parameters_of(model: Model) -> list[Quantity]:
-    """Parameters in the order of p."""
-    return [Quantity(name, *model.parameter_labels[name]) for name in model.parameters]
-
-
-def quantities_of(model: Model, names: tuple[str, ...]) -> list[Quantity]:
-    """Coordinates or outputs by name."""
-    return [Quantity(name, model.units.get(name, ""), model.meanings.get(name, "")) for name in names]
 
 
 def identifier(model: Model) -> str:
@@ -107,9 +89,9 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         f"#define {name.upper()}_PARAMETERS {len(model.parameters)}",
         f"#define {name.upper()}_OUTPUTS {len(model.outputs)}",
         "",
-        *_listed("q", quantities_of(model, model.coordinates)),
-        *(_listed("y", quantities_of(model, model.outputs)) if "outputs" in functions else ()),
-        *_listed("p", parameters_of(model)),
+        *_listed("q", model, model.coordinates),
+        *_listed("y", model, model.outputs if "outputs" in functions else ()),
+        *_listed("p", model, tuple(model.parameters)),
         f"/* Values of p of case {_plain(str(model.case))}, with those that were set. */",
         f"extern const double {name}_parameters[{max(len(model.parameters), 1)}];",
         "",
@@ -171,12 +153,13 @@ def _banner(model: Model) -> list[str]:
     ]
 
 
-def _listed(symbol: str, quantities: Sequence[Quantity]) -> list[str]:
-    """Comment with the meaning of each entry of an array."""
-    lines = [
-        f"   {symbol}[{k}]  {quantity.name} ({quantity.unit or '1'}): {_plain(quantity.meaning)}"
-        for k, quantity in enumerate(quantities)
-    ]
+def _listed(symbol: str, model: Model, names: Sequence[str]) -> list[str]:
+    """Comment with name, unit and meaning of each entry of an array."""
+    lines = []
+    for k, name in enumerate(names):
+        default = model.units.get(name, ""), model.meanings.get(name, "")
+        unit, meaning = model.parameter_labels[name] if symbol == "p" else default
+        lines.append(f"   {symbol}[{k}]  {name} ({unit or '1'}): {_plain(meaning)}")
     return [f"/* {symbol}:", *lines, "*/", ""] if lines else []
 
 

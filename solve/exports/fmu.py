@@ -176,7 +176,7 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
         return builder.add(variable.name, *kind, attributes)
 
     drive, q, qd, inputs, p, outputs = (list(map(added, group)) for group in variables)
-    rates, values = _explicit(model)(*drive, *map(_column, (q, qd, inputs, p)))
+    rates, values = _explicit(model)(*drive, *(casadi.vertcat(*group) for group in (q, qd, inputs, p)))
     states = [*drive, *q, *qd]
     for state, rate in zip(states, casadi.vertsplit(rates), strict=True):
         builder.eq(builder.der(state), rate)
@@ -202,12 +202,6 @@ def _with_nominals(wrapper: Path, states: Sequence[_Variable]) -> None:
     sizes = ", ".join(repr(state.nominal) for state in states)
     nominals = f"{{ static const double sizes[] = {{{sizes}}}; nominals[i] = sizes[i]; }}"
     wrapper.write_text(wrapper.read_text("utf-8").replace(_NOMINALS, nominals), "utf-8")
-
-
-def _column(symbols: Sequence[Any]) -> Any:
-    import casadi
-
-    return casadi.vertcat(*symbols)
 
 
 def _explicit(model: Model) -> "casadi.Function":

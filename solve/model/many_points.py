@@ -27,15 +27,15 @@ class ModelPoints:
     def __init__(self, setup: Setup, n: int, names: Sequence[str]):
         self._setup, self._n, self._names = setup, n, names
 
-    @property
-    def formulas(self) -> Formulas | None:
-        return self._formulas
-
     @cached_property
-    def _formulas(self) -> Formulas | None:
+    def formulas(self) -> Formulas | None:
+        """M, C, K by rows and d, for derivatives by time, as C code of phase, speed and parameters, the
+        varied ones among them; None where there is none."""
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
+        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
+        values of the formulas, if computed before; may be overwritten."""
         P, k, n = len(speeds), len(phase), self._n
         phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:
@@ -51,11 +51,13 @@ class ModelPoints:
         return entries
 
     def exist(self, speeds: Array, values: Array) -> Array:
+        """Whether the fundamental motion exists (P,)."""
         return (
             np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
         )
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
+        """Phases at which the matrices jump, for each point; None at points without a system."""
         p = np.tile(self._setup.p, (len(values), 1))
         order = list(self._setup.case.parameters)
         p[:, [order.index(name) for name in self._names]] = values
@@ -66,6 +68,7 @@ class ModelPoints:
         return breaks
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
         P, n, k = q.shape
         states = (np.swapaxes(state, 1, 2).reshape(P * k, n) for state in (q, qd, qdd))
         outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))

@@ -151,7 +151,7 @@ class Model(PeriodicSystem):
             self.setup.domain.require(float(missing[0]), self.speed_unit.text(float(missing[0])))
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
-        return ModelPoints(self.setup, self.n, names)
+        return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
         """Check, in addition, that the fundamental motion exists, that generated matrices are periodic and
@@ -219,12 +219,8 @@ class Model(PeriodicSystem):
             return super().along(motion)
         return LinearisedModel(self, motion, compiled)
 
-    @property
-    def derivatives(self) -> ModelDerivatives:
-        return self._derivatives
-
     @cached_property
-    def _derivatives(self) -> ModelDerivatives:
+    def derivatives(self) -> ModelDerivatives:
         return ModelDerivatives(self, self.setup, self.assembled, self.slopes)
 
     @property
@@ -337,7 +333,7 @@ class LinearisedModel(Model):
         return ()
 
     @cached_property
-    def _derivatives(self) -> ModelDerivatives:
+    def derivatives(self) -> ModelDerivatives:
         return self.model.derivatives.about_motion(round(self.period / self.model.period))
 
     def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
@@ -389,9 +385,6 @@ class LinearisedModel(Model):
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> "LinearisedModel":
         return LinearisedModel(self.model.varied(parameters, options), self.motion)
-
-    def many_points(self, names: Any) -> None:
-        return None
 
 
 def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:
