@@ -47,7 +47,7 @@ class ReducedMotion:
         M, K = self.matrices(positions)
         d = np.einsum("mnr,mn->mr", self.basis.at(positions), inertia_load(positions, rate, second))
         turning, centrifugal = self._rotary
-        first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
+        first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         damping, carried = np.split(self._damping(phase), 2, axis=1)
         C = damping + self._dashpots + 2 * np.tensordot(first, turning, 2)
         K = K + np.tensordot(turned, turning, 2) + np.tensordot(squared, centrifugal, 2)
@@ -97,7 +97,7 @@ class ReducedMotion:
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned
             M = body.assembled(body.member.mass)
-            N, Z = (body.assembled(each) for each in body.member.rotary)
+            N, Z = (body.assembled(local) for local in body.member.rotary)
             if self.full.terms != "full":
                 N, Z = np.zeros_like(N), np.zeros_like(Z)
             turning.append(link.reduced(N) + link.reduced(M, right=B))
@@ -140,9 +140,9 @@ class ReducedMotion:
             loads = ((rate, second), (np.zeros_like(rate), rate))
             return np.concatenate(
                 [
-                    each
+                    force
                     for load in loads
-                    for each in self.full.axial_forces(positions, K, inertia_load(positions, *load))
+                    for force in self.full.axial_forces(positions, K, inertia_load(positions, *load))
                 ],
                 axis=1,
             )
@@ -153,7 +153,7 @@ class ReducedMotion:
     def _geometric(self) -> list[Array]:
         """Geometric stiffness per unit axial force of each element, for each link, (elements, 5, r, r)."""
         return [
-            np.stack([link.reduced(each) for each in link.body.assembled_singly(link.body.member.geometric)])
+            np.stack([link.reduced(A) for A in link.body.assembled_singly(link.body.member.geometric)])
             for link in self.basis.links
         ]
 

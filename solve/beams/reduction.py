@@ -63,7 +63,7 @@ class Body:
     def loads(self) -> Array:
         """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, along the link and across
         it."""
-        member, made = self.member, np.zeros((len(self.own) + 1, 4))
+        member, loads = self.member, np.zeros((len(self.own) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
             for i, freedom in enumerate(member.element.freedoms):
@@ -73,8 +73,8 @@ class Body:
                     shapes[i, along + 1] = (number + freedom.xi) * member.L
                 elif freedom.order == 1:
                     shapes[i, along + 1] = 1.0
-            made[rows] += member.mass @ shapes
-        return made[:-1]
+            loads[rows] += member.mass @ shapes
+        return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
         """For each element: positions in `own` of its degrees of freedom, with len(own) for fixed ones, and a
@@ -167,14 +167,14 @@ class Basis:
     @cached_property
     def tables(self) -> tuple[Array, Array, Array]:
         """Tables (links, 5, n, r) of T and of B and B₂ of each link."""
-        made = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
+        tables = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
         for number, link in enumerate(self.links):
             rows, columns = link.body.own[:, None], link.at
-            for table, local in zip(made, (link.local, *link.turned), strict=True):
+            for table, local in zip(tables, (link.local, *link.turned), strict=True):
                 table[number][:, rows, columns] += link.expanding(local)
         # Retained coordinates are identical in q and p.
-        made[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
-        T, B, B2 = made
+        tables[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
+        T, B, B2 = tables
         return T, B, B2
 
     def at(self, positions: Positions) -> Array:
@@ -192,10 +192,10 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
     """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
     share or on which springs or dashpots act. No link has a rigid-body motion with both ends fixed."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
-    made = np.array([sum(at in each for each in ends) > 1 for at in range(freedoms.n)])
-    made[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
-    made[[freedoms.names.index(name) for name in (*freedoms.springs, *freedoms.dashpots)]] = True
-    return made
+    mask = np.array([sum(index in link for link in ends) > 1 for index in range(freedoms.n)])
+    mask[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
+    mask[[freedoms.names.index(name) for name in (*freedoms.springs, *freedoms.dashpots)]] = True
+    return mask
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
@@ -222,15 +222,15 @@ def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> Li
     """Basis of a link. at (b,): indices of the interface among the reduced coordinates; end: index of the
     first mode."""
     M, K = body.assembled(body.member.mass), body.assembled(body.member.stiffness)
-    made = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
-    local, b = made.basis, len(body.interface)
+    reduced = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
+    local, b = reduced.basis, len(body.interface)
     if static:
         loads = np.concatenate((M @ local[:, :b], body.loads), axis=1)
         local = np.concatenate((local, static_shapes(K, local, body.interface, loads)), axis=1)
     scales = np.array([_largest(body, shape) for shape in local[:, b:].T])
     local = np.concatenate((local[:, :b], local[:, b:] / scales), axis=1)
     at = np.concatenate((at, end + np.arange(local.shape[1] - b)))
-    return LinkBasis(body, local, at, made.frequencies, made.discarded)
+    return LinkBasis(body, local, at, reduced.frequencies, reduced.discarded)
 
 
 _POINTS = 33

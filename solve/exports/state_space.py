@@ -242,8 +242,8 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     >>> def oscillator(phase, speed):
     ...     one = np.ones((len(phase), 1, 1))
     ...     return 2 * one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
-    >>> made = state_space(PeriodicSystem(oscillator, ["q"]), 1.0, samples=8)
-    >>> made.A[0].tolist(), made.B[0].tolist()
+    >>> space = state_space(PeriodicSystem(oscillator, ["q"]), 1.0, samples=8)
+    >>> space.A[0].tolist(), space.B[0].tolist()
     ([[0.0, 1.0], [-2.0, -0.05]], [[0.0], [0.5]])
     """
     omega = speed_in_si(speed)

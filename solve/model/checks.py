@@ -19,8 +19,8 @@ _STEEP = 0.25
 change of harmonic 10."""
 
 _STEEPER_THAN_NEIGHBOURS = 8.0
-"""The same relative to the larger of the changes before and after. The changes of a parabola form an
-arithmetic progression, whose middle term is at most the larger of its neighbours."""
+"""Change relative to the larger of the changes before and after from which a jump is searched. The changes of
+a parabola form an arithmetic progression, whose middle term is at most the larger of its neighbours."""
 
 _BISECTIONS = 40
 """Bisections of the distance of two phases, to 4e-14 of the period. Over this distance, a flank of width 1e-9
