@@ -24,7 +24,7 @@ def test_harmonics_of_roundoff_size_are_dropped(noise):
 
     found = interpolated(function, PERIOD)
     assert isinstance(found, Trigonometric)
-    assert (30 if noise else 45) < len(found._orders) < (50 if noise else 65)
+    assert (30 if noise else 45) < len(found._frequencies) < (50 if noise else 65)
     phase = rng.uniform(0, PERIOD, 100)
     np.testing.assert_allclose(found(phase), smooth(phase), rtol=0, atol=max(10 * noise, 4e-14))
 

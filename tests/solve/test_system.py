@@ -151,7 +151,7 @@ def test_a_function_of_one_phase_gets_a_note_on_many_phases():
 
     with pytest.raises(ValueError, match="broadcast") as raised:
         periodic(system(matrices, 2), 1.0)
-    assert any("at 4 phases at once" in note and "(4, 2, 2)" in note for note in raised.value.__notes__)
+    assert any("for 4 phases at once" in note and "(4, 2, 2)" in note for note in raised.value.__notes__)
 
 
 @pytest.mark.parametrize("part", ["K", "d"])
