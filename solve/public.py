@@ -1,4 +1,4 @@
-"""What `solve` offers, loaded at its first use."""
+"""Public names of `solve`, loaded at their first use."""
 
 from solve.derivatives.point import sensitivities
 from solve.errors import SolveError

@@ -15,15 +15,15 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, Asked
+from solve.approximation import interpolated
+from solve.arrays import Array, LazyMapping
 from solve.beams.elements import EXACT
-from solve.beams.frozen import exact_frequencies
+from solve.beams.frequencies import exact_frequencies
 from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel
 from solve.contracts import Matrices
 from solve.errors import UnknownNameError
 from solve.system import PeriodicSystem
-from solve.trigonometric import interpolated
 
 LOADS = ("consistent", "nodal")
 """Inertia loads: ∫ ρA N(ω1)ᵀ a_r dx, and M(ω1) q̈_r as in the thesis."""
@@ -112,4 +112,4 @@ class Corrected(PeriodicSystem):
                 return self.deflection(link, fraction, phase, q)
             return self.stress(link, fraction, kind.removeprefix("stress_"), phase, q)
 
-        return Asked(list(self._observed), value)
+        return LazyMapping(list(self._observed), value)

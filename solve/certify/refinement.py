@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array, across, different
+from solve.arrays import Array, across, unique_integers
 from solve.certify.certified import Certified, Failed, Request, verdicts_of
 from solve.certify.comparison import Comparison, compared
 from solve.certify.estimates import NO_DIGIT, radius_changes, relative_to_size, rounding, within_reach
@@ -145,7 +145,7 @@ class _Refinement:
         some, modes = self.solving.points[positions], self.solving.modes[positions]
         first = first_steps(self.method, some, modes, self.request.orbit, self.request.rtol)
         first = np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.most, LEAST))
-        pending = {steps: [positions[first == steps]] for steps in different(first)}
+        pending = {steps: [positions[first == steps]] for steps in unique_integers(first)}
         while pending:
             steps = min(pending)
             for part in self.comparison.better.parts(
@@ -171,7 +171,9 @@ class _Refinement:
         yield from self._ended(found[np.flatnonzero(done)])
         open_ = np.flatnonzero(~done)
         next_steps = next_steps[open_]
-        return further + [(to, found.positions[open_[next_steps == to]]) for to in different(next_steps)]
+        return further + [
+            (to, found.positions[open_[next_steps == to]]) for to in unique_integers(next_steps)
+        ]
 
     def _compared(
         self, steps: int, positions: Array, finer: bool

@@ -14,19 +14,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type
 
 import typer
 
+from solve.arguments import MOST, limited
 from solve.commands.parse import assignments, integer, number, quantities
 from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.loading import case_numbers, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
-from solve.model.bounds import measured
+from solve.model.bounds import REDUCE, measured
 from solve.model.cases import Case
 from solve.model.model import Model
-from solve.model.options import REDUCE
 from solve.model.setup import Setup
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
-from solve.sizes import MOST, limited
 from solve.units import speeds_in_si
 
 if TYPE_CHECKING:
@@ -305,7 +304,7 @@ class Places:
         WorkersError, MissingLibraryError."""
         if self.workers is not None and self.scheduler is not None:
             raise ValueOutOfBoundsError("--workers and --scheduler are both given; give one of them")
-        from solve.batch.executors import cluster, processes
+        from solve.batch.task import cluster, processes
 
         with ExitStack() as opening:
             executor = None

@@ -25,6 +25,7 @@ from solve.period.named import EXPONENT, RADIUS, Named
 from solve.period.points import OnePoint
 from solve.period.quantities import samples_a_step
 from solve.results.stability import Stability
+from solve.system import derivatives_of
 
 _JUMP = 1e-9
 """Jump of an output, relative to its largest value, above which it is discontinuous. A choice."""
@@ -35,7 +36,7 @@ _STEP = 1e-5
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
     """Dependence of the equations on parameters or "speed", by the engine of the solution."""
-    return solved.system.dependence(names, columns_by(solved.certified.request.engine))
+    return derivatives_of(solved.system).by(names, columns_by(solved.certified.request.engine))
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ class GridDerivatives:
     def nodes(self) -> Array:
         """Derivatives (m, r) of the starts of steps by the quantities."""
         system = self.solved.system
-        return self.problem.at_nodes(system.breaks, system.break_slopes(self.names))
+        return self.problem.at_nodes(system.breaks, derivatives_of(system).of_breaks(self.names))
 
     @cached_property
     def figures(self) -> Figures:

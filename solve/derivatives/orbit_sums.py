@@ -109,13 +109,13 @@ class Forward:
         derivatives = np.stack([problem.at(self._data, phase, order) for order in (2, 1, 0)], axis=1)
         if self.motions.drift is not None:
             derivatives[:, 1] += self.motions.drift
-        return self.dependence.output_along(
+        return self.dependence.output_with_states(
             name, phase, self.orbit.speed, self.orbit.states(phase), derivatives
         ).T
 
     def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
         """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
-        whole_outputs = not self.dependence.parted or self.motions.drift is not None
+        whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and each.name in self.orbit.system.outputs for each in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
         term, data = np.abs if sizes else np.asarray, self._data
@@ -146,7 +146,7 @@ class Adjoint:
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)
         weights = gradient.reshape(-1, *gradient.shape[2:])
-        along = partial(self.dependence.residual_along, *self.orbit.loaded)
+        along = partial(self.dependence.weighted_residual, *self.orbit.loaded)
         sums = direct + term_sizes(along, weights) if sizes else direct - along(weights)
         return _combined(figures, _split(sums, figures), sizes)
 

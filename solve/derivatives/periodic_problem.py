@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
 from solve.derivatives.stage_systems import close_periodically, propagate, stage_systems
@@ -21,7 +22,6 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, matrices, parted, rate_of
 from solve.period.rigid_body import Free
-from solve.sizes import require_size
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from solve.argument import listed
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of, multiplier_position
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
@@ -19,7 +19,7 @@ from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, derivatives_of, of_system
 from solve.threads import one_thread
 
 _SAFETY = 2.0
@@ -126,7 +126,7 @@ def quantities_by(
     ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
     quantities = [Named.of(system, text) for text in texts]
-    system.dependence(names)
+    derivatives_of(system).by(names)
     return quantities, names
 
 
@@ -143,7 +143,9 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
             "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "
             "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
         )
-    adjoint = dependence.parted and free is None and _PARAMETERS_PER_ADJOINT * of_orbits <= len(names)
+    adjoint = (
+        dependence.partial_outputs and free is None and _PARAMETERS_PER_ADJOINT * of_orbits <= len(names)
+    )
     shared = names, adjoint, {}
     by_method = GridDerivatives(solved, rule, solved.steps, dependence, *shared)
     better = GridDerivatives(solved, rule.with_another_stage, solved.steps, dependence.less_accurate, *shared)
@@ -162,12 +164,12 @@ def _default_quantities(system: PeriodicSystem) -> list[str]:
 
 
 def _all_names(system: PeriodicSystem) -> list[str]:
-    return [*system.smooth_parameters, SPEED]
+    return [*(system.derivatives.names if system.derivatives else ()), SPEED]
 
 
 def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> list[str]:
     """Names without duplicates. Raises ValueOutOfBoundsError if there are none."""
-    names = list(listed(default if given is None else given))
+    names = list(unique_names(default if given is None else given))
     if not names:
         raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
     return names

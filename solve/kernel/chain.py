@@ -4,9 +4,9 @@ import ctypes
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.kernel.library import address, loaded
-from solve.sizes import SMALL
 
 
 class _Chain(ctypes.Structure):

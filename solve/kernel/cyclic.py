@@ -2,12 +2,10 @@
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 
 _FEW = 32
 """Unknowns up to which dense solution of a cyclic system is faster than banded."""
-
-_EPS = float(np.finfo(float).eps)
 
 _PERTURBATIONS = 1, 4, 16, 64
 """Units of round-off by which the first block of a system that is singular to all digits is changed, one
@@ -39,7 +37,7 @@ def cyclic(own: Array, following: Array, right: Array) -> Array:
         return np.concatenate([cyclic(*system) for system in one_by_one])
     for times in _PERTURBATIONS:
         changed = own.copy()
-        changed[:, 0] *= 1 + times * _EPS
+        changed[:, 0] *= 1 + times * EPS
         x = _banded(changed, following, right)
         if x is not None:
             return x

@@ -109,7 +109,7 @@ def figures(
     formulas: Formulas | None = None,
 ) -> Array | None:
     """Figures (P, k, 7) of the `wanted` quantities (k,), coordinates and behind them formulas, in the order
-    of `solve.statistics.Statistics`; None without compiled code or memory.
+    of `solve.contracts.Statistics`; None without compiled code or memory.
 
     curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
     zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, at

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.kernel.library import addresses, loaded
-from solve.sizes import SMALL
 
 
 class _Problem(ctypes.Structure):

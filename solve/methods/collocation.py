@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel import collocation as kernel
@@ -24,7 +25,6 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
 from solve.period.points import Points, Tables, affine, matrices
-from solve.sizes import SMALL
 
 _MEMORY = 2**24
 """Bytes that the stages' matrices of the steps may take that are sampled at a time."""

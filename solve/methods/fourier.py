@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.errors import MatricesError
 from solve.kernel.engines import NUMPY
 from solve.methods.method import Method, Solutions, no_orbit, one_by_one
@@ -23,8 +23,6 @@ MOST_UNKNOWNS = 2000
 
 _QUICK = 500
 """Order of a dense eigenvalue problem that takes less than a second."""
-
-_EPS = float(np.finfo(float).eps)
 
 _SINGULAR = 1e14
 """Condition number of the balance from which on it counts as singular."""
@@ -156,9 +154,9 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
     central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
     chosen = qr(central, mode="r", pivoting=True)[-1][:N]
     p = p[..., chosen] / np.linalg.norm(p[0][:, chosen], axis=0)
-    size = np.maximum(np.abs(p).max(axis=(0, 2)), math.sqrt(_EPS))
+    size = np.maximum(np.abs(p).max(axis=(0, 2)), math.sqrt(EPS))
     condition = float(np.linalg.cond(p[0] / size[:, None]))
-    perturbation = float(_EPS * np.abs(exponents).max() * period)
+    perturbation = float(EPS * np.abs(exponents).max() * period)
     rounding, rotation = min(perturbation * condition, math.sqrt(perturbation)), 2 * np.pi / period
     if condition > _DEFECTIVE or _alike(exponents[chosen], rotation):
         preferred = np.argsort(distance)

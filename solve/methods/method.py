@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from solve.argument import require_steps
-from solve.arrays import Array, across, whole
+from solve.arguments import most_numbers, require_steps
+from solve.arrays import Array, across, covers_all
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
 from solve.period.curve import Curve, PeriodicCurve
@@ -20,7 +20,6 @@ from solve.period.multipliers import Multipliers, rounding_errors
 from solve.period.period_map import SINGULAR, Steps, monodromy, period
 from solve.period.points import Points, affine, matrices
 from solve.period.rigid_body import Free
-from solve.sizes import most_numbers
 
 MOST_STEPS = 2**40
 """More than any memory allows."""
@@ -73,7 +72,7 @@ class Solutions:
 
     def __getitem__(self, points: Array) -> "Solutions":
         """Those of some points, none of them a failure."""
-        return self if whole(points, len(self)) else self._of(points, {})
+        return self if covers_all(points, len(self)) else self._of(points, {})
 
     def _of(self, points: Array | slice, failures: Mapping[int, SolveError]) -> "Solutions":
         made = Solutions(

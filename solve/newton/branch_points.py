@@ -12,7 +12,7 @@ from solve.labels import SPEED
 from solve.newton.iteration import Task, add, on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, derivatives_of
 
 SAMPLES = 8
 """Phases per step at which orbits are compared. A choice."""
@@ -110,7 +110,8 @@ class _ByParameter(PeriodicSystem):
 
     def __init__(self, along: PeriodicSystem, motion: Motion, name: str, compiled: Columns | None):
         super().__init__(self._loaded, along.coordinates, along.period, along.breaks)
-        self._along, self._motion, self._dependence = along, motion, along.dependence([name], compiled)
+        self._along, self._motion = along, motion
+        self._dependence = derivatives_of(along).by([name], compiled)
 
     def _loaded(self, phase: Array, speed: float) -> Matrices:
         M, C, K, _ = self._along.at(phase, speed)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED
@@ -78,7 +78,7 @@ def branch(
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give two different ones above 0, such as '300:600 rpm'"
         )
-    require_whole("points", points, 2)
+    require_integer("points", points, 2)
     rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
     orbit = nonlinear(system, first, start, periods, rtol=min(rtol, _MAX_START_RTOL), engine=engine)
     task = Task(system.shown_in(first), float(first), int(periods), Radau(), used, rtol)

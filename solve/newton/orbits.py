@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from solve.argument import require_whole
+from solve.arguments import require_integer
 from solve.certify.all_multipliers import Spectrum, refined, rigid_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
@@ -101,7 +101,7 @@ def nonlinear(
     one stage more; multipliers are those of the converged linearisation.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
-    require_whole("periods", periods)
+    require_integer("periods", periods)
     solve_request = request(steps, rtol, used, True)
     system.checked(omega)
     system = system.shown_in(omega)

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
-from solve.contracts import Marcher, Matrices, driven
+from solve.contracts import Integrator, Matrices, driven
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
@@ -25,7 +25,6 @@ from solve.period.states import interpolation_error, interpolation_tolerance
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
@@ -122,7 +121,7 @@ def transient(
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)
-    require_whole("turns", turns)
+    require_integer("turns", turns)
     require_size("turns", turns, 3 * system.n * _COUNT)
     given = start
     if isinstance(start, str | Path) and start not in (REST, ORBIT):
@@ -214,7 +213,7 @@ class _Integration:
             factor = 2 ** math.ceil(max(1.0, math.log2(error / tolerance) / 4))
             count = min(count * factor, most)
 
-    def _marcher(self, count: int) -> Marcher:
+    def _marcher(self, count: int) -> Integrator:
         sizes, march_rtol = np.zeros(self.system.n), max(_MARCH_RTOL * self.rtol, _MIN_MARCH_RTOL)
         if self.orbit is not None:
             sizes = np.abs(self.orbit.q).max(axis=1)
@@ -225,7 +224,7 @@ class _Integration:
         return self.system.marcher(without_zeros(sizes), count, march_rtol)
 
 
-def _damping_note(march: Marcher) -> list[str]:
+def _damping_note(march: Integrator) -> list[str]:
     """Warning if the steps do not resolve the fastest modes."""
     if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
         return []
@@ -235,9 +234,9 @@ def _damping_note(march: Marcher) -> list[str]:
     ]
 
 
-def _march(march: Marcher, state: Array, ends: Array, period: float) -> Array:
+def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array:
     """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of the
-    periods; derivatives as in `Marcher`."""
+    periods; derivatives as in `Integrator`."""
     motions, n = [], len(state) // 2
     with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):
@@ -309,7 +308,7 @@ class StepMarcher:
         self.angle, self.error = 0.0, 0.0
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """States of a period, see `Marcher`."""
+        """States of a period, see `Integrator`."""
         ends = speed, speed if last is None else last
         if self._period.ends != ends:
             self._period = _PeriodSteps(self._system, *ends)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, solved, whole
+from solve.arrays import Array, covers_all, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.multipliers import EPS, scaled_alike
@@ -54,7 +54,7 @@ class Frozen:
         return self._n
 
     def __getitem__(self, points: Array) -> "Frozen":
-        if whole(points, len(self)):
+        if covers_all(points, len(self)):
             return self
         some = Frozen(self._tables[points], self.period, self._engine)
         if "_fields" in self.__dict__:

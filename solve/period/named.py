@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
 from solve.period.quantities import FIGURES
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 HARMONIC, PHASE = "harmonic", "phase"

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array, solved
 from solve.period.multipliers import EPS, accumulated, scaled_alike
-from solve.sizes import SMALL
 
 BLOCKS = 32
 """Number of blocks at which products stop and the orthogonal factorisation takes over."""

@@ -7,14 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
-from solve.contracts import Formulas
+from solve.contracts import Formulas, Statistics
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.curve import Curve, PeriodicCurve
-from solve.sizes import SMALL
-from solve.statistics import Statistics
 
 Signal = Callable[[Array], Array]
 """Values (k,) at phases (k,)."""

@@ -1,6 +1,6 @@
 """`prove`: multipliers, verdict and orbit of a system as enclosures."""
 
-from solve.argument import first_is
+from solve.arguments import first_is
 from solve.errors import LinearModelError, MissingValueError, ValueOutOfBoundsError
 from solve.model.model import Model
 from solve.model.sampling import MatrixSampler

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
@@ -14,7 +15,6 @@ from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_
 from solve.results.formatting import headed, prefixed
 from solve.results.result import Result
 from solve.results.serialization import stored_property
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _NARROW = 1e-3
@@ -37,7 +37,7 @@ class Branch(Result):
     speeds : (P,) array
         Speeds in rad/s.
     figures : (P, q, 7) array
-        Statistics of each coordinate and output, the fields of `solve.statistics.Statistics`.
+        Statistics of each coordinate and output, the fields of `solve.contracts.Statistics`.
     figure_errors : (P, q) array
         Estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate on
         which the forces cancel.
@@ -128,10 +128,10 @@ class Branch(Result):
         sentences = []
         for limit in self.system.limits(self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
-            left = np.asarray(limit.left(Statistics(*figures.T)))
+            left = np.asarray(limit.exceeded(Statistics(*figures.T)))
             if left.any():
                 first = Statistics(*figures[int(left.argmax())].tolist())
-                sentences.append(f"{limit.says(first)}{self._where(left)}")
+                sentences.append(f"{limit.message(first)}{self._where(left)}")
         return sentences
 
     def _where(self, which: Array) -> str:

@@ -17,7 +17,7 @@ from solve.results.formatting import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
 from solve.results.serialization import stored_property
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, structure_of
 
 MOST_MODES, _MOST_LINKS = 6, 3
 """Maximum numbers of columns of a table."""
@@ -123,7 +123,7 @@ class Frequencies(Roots):
     def shapes(self, number: int = 0) -> list[ModeShape]:
         """Mode shapes at the position of that index. Raises ValueOutOfBoundsError for systems other than beam
         structures."""
-        return self.system.mode_shapes(float(self.positions[number]), self.values[number])
+        return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
         """Texts of the roots at a position: 21.5; 1.73i for λ < 0; 21.5±1.73i for complex λ."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import Certified
+from solve.contracts import Statistics
 from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
 from solve.period.curve import PeriodicCurve
 from solve.period.orbit_figures import compiled_output_figures, coordinate_figures
@@ -23,7 +24,6 @@ from solve.period.quantities import (
     statistics,
 )
 from solve.results.serialization import stored_property
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.errors import NoResultError
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
 from solve.results.serialization import serializable
-from solve.sizes import NUMBERS_A_POINT, require_size
 
 KINDS = ("+1", "-1", "complex")
 """Multiplier that leaves the unit circle: period T, period 2T, or a pair."""

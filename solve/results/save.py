@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 
 import numpy as np
 
-from solve.argument import first_is
+from solve.arguments import first_is
 from solve.arrays import Array
 from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.results.contents import Column, FileContents, is_state_name

@@ -16,12 +16,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import DrawnLink, Matrices, ModeShape
+from solve.contracts import DrawnLink, Matrices, ModeShape, Statistics
 from solve.errors import FileError, ReopenedError, ResultKindError
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
 from solve.period.named import Named
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
 
@@ -168,7 +167,8 @@ class StoredSystem(PeriodicSystem):
             f"{self.name} was read from a file, which holds no equations; load the model and solve again"
         )
 
-    output_values = varied = along = marcher = mode_shapes = varying = dependence = _refused  # type: ignore[assignment]
+    output_values = varied = along = marcher = varying = _refused  # type: ignore[assignment]
+    structure = derivatives = property(_refused)  # type: ignore[assignment]
 
 
 class _Encoder:

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import corrected
+from solve.contracts import Statistics
 from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.orbit_figures import repeats_early
@@ -18,7 +19,6 @@ from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion
 from solve.results.serialization import stored_property
 from solve.results.stability import ErrorEstimate
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _STEPS = 256

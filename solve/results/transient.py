@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import driven
+from solve.contracts import Statistics, driven
 from solve.period.quantities import Quantities
 from solve.period.states import curves_through, interpolation_tolerance, sufficient_strides
 from solve.results.contents import (
@@ -23,7 +23,6 @@ from solve.results.orbit import Orbit
 from solve.results.result import Figure, Result
 from solve.results.rigid_body import steady_part
 from solve.results.serialization import stored_property
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 _AT_ONCE = 2**19

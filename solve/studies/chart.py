@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
+from solve.contracts import Statistics
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
@@ -22,8 +24,6 @@ from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept, PointResults
 from solve.results.stability import Stability
 from solve.single import floquet
-from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.statistics import Statistics
 from solve.studies.boundaries import BoundarySearch, Lines
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.contours import contours

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer
 from solve.arrays import Array
 from solve.certify.certified import unresolved_modes, verdicts_of
 from solve.certify.estimates import differences
@@ -83,7 +83,7 @@ def compare(
     system = system.shown_in(omega)
     given = [] if steps is None else list(steps)
     for count in given:
-        require_whole("steps", count)
+        require_integer("steps", count)
     if len(targets) == 0:
         raise ValueOutOfBoundsError("targets are empty; give one error at least, such as 1e-3")
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
@@ -19,7 +19,6 @@ from solve.period.multipliers import UNSTABLE
 from solve.results.critical_speeds import Critical, CriticalSpeeds
 from solve.results.points import Kept, PointResults
 from solve.results.sweep import Sweep
-from solve.sizes import require_size
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.critical_search import CriticalSearch, radius, real_part
 from solve.studies.mean_frequencies import MeanFrequencies, combinations, multiples, resonances
@@ -54,7 +53,7 @@ class _Settings:
 
     def __post_init__(self) -> None:
         require_name("figure", self.figure, RESPONSES)
-        require_whole("orders", self.orders, hint=", such as 20")
+        require_integer("orders", self.orders, hint=", such as 20")
 
 
 @of_system

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.argument import listed
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
@@ -78,12 +78,12 @@ def fit(
     The method is a trust-region reflective one (M. A. Branch, T. F. Coleman, Y. Li, SIAM J. Sci. Comput. 21,
     1999, 1-23). A trial that the model refuses shortens the step.
     """
-    names = listed(free)
+    names = unique_names(free)
     if not names:
         raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
     for name in names:
         require_name(f"parameter of {model.name}", name, model.parameters)
-    model.dependence(names)
+    model.derivatives.by(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
     require_elastic_modes(model, sets)
     model = model.shown_in(sets[0].speed)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from solve.approximation import slope
 from solve.arrays import Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
-from solve.differences import slope
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
@@ -173,7 +173,7 @@ def _natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> 
     modes, position = _modes(data), np.array([data.position])
     count = int(modes.max()) + 1
     values = natural(model, position, count).signed[0, modes]
-    if model.frequencies(position, count) is None:
+    if model.structure is None:
         derivatives = _eigenvalue_derivatives(model, position, names)[:, modes]
         elastic = values != 0
         factor = np.where(elastic, 2 * np.abs(values), 1.0)

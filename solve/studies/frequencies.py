@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import (
@@ -15,12 +16,12 @@ from solve.errors import (
     ValueOutOfBoundsError,
     require_name,
 )
+from solve.matrices import require_inertia
 from solve.period.natural import NaturalFrequencies, natural_frequencies
 from solve.period.rigid_body import rigid_body_modes
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
-from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.system import PeriodicSystem, of_system, require_inertia
+from solve.system import PeriodicSystem, of_system
 from solve.units import require_size_of_number, speed_in_si, with_unit
 
 USUAL_COUNT = 4
@@ -79,8 +80,8 @@ def frequencies(
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
     """First modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
     exist at speed 0."""
-    found = system.frequencies(positions, count)
-    if found is not None:
+    if system.structure is not None:
+        found = system.structure.frequencies(positions, count)
         return NaturalFrequencies(found, np.full(found.shape, np.nan))
     M, _, K, _ = at_speed_zero(system, positions)
     require_inertia(M)
@@ -181,7 +182,8 @@ def frequencies_over(
             errors.append(str(error))
             continue
         errors.append(None)
-        for link, frequency in varied.pinned_frequencies().items():
+        pinned_links = varied.structure.pinned_frequencies() if varied.structure else {}
+        for link, frequency in pinned_links.items():
             pinned[link][number] = frequency
     if all(errors):
         raise NoResultError(f"none of the {len(errors)} values of {parameter} has a result: {errors[0]}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array, different
+from solve.arrays import Array, unique_integers
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered, unjudged
 from solve.period.multipliers import EPS
@@ -87,7 +87,7 @@ class Trials:
             return gathered(self._batch, speeds[:, None], self._kept)
         results = PointResults.blank(len(speeds), self._batch.family.example.n, self._kept)
         steps = self._steps[numbers]
-        for count in different(steps):
+        for count in unique_integers(steps):
             at = np.flatnonzero(steps == count)
             results.insert(at, unjudged(self._batch, speeds[at, None], count, self._kept))
         results.errors[:] = self._errors[numbers]

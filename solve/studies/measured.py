@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array
 from solve.errors import (
     CaseFileError,
@@ -22,7 +23,6 @@ from solve.errors import (
 from solve.model.tables import cells_of, number_in, size_in_header
 from solve.results.fit import Channel
 from solve.results.orbit import Orbit
-from solve.sizes import require_size
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, speed_in_si
 

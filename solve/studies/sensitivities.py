@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.argument import first_is
+from solve.approximation import slope
+from solve.arguments import first_is
 from solve.arrays import Array
 from solve.derivatives.point import periods_of, quantities_by, sensitivities
-from solve.differences import slope
 from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from solve.argument import listed, require_steps
+from solve.arguments import NUMBERS_A_POINT, require_size, require_steps, unique_names
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family, SystemFamily
 from solve.batch.store import made_folder
 from solve.batch.task import task_of
+from solve.contracts import Statistics
 from solve.errors import LinearModelError, MissingValueError, SolveError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
@@ -26,8 +27,6 @@ from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.results.validity import Validity
 from solve.single import periodic
-from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
@@ -293,7 +292,7 @@ def sweeps(
     """
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
-    given, quantities, by_label = speeds_given(speeds), listed(quantities), {}
+    given, quantities, by_label = speeds_given(speeds), unique_names(quantities), {}
     with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]

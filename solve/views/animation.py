@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from solve.argument import first_is
+from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
@@ -20,7 +20,7 @@ from solve.results.files import PICTURES, checked, write_atomic
 from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
 from solve.single import periodic
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, require_load
 from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
 from solve.views.panels import SAMPLES, shown, titled
 from solve.views.style import Figure, drawn
@@ -208,7 +208,7 @@ def _calculated(
     """Animation of the orbit or, without a load, of the free vibration."""
     try:
         if system.vibrates:
-            system.require_load(omega)
+            require_load(system, omega)
     except NoLoadError:
         if nonlinear:
             raise

@@ -5,7 +5,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 
-from solve.argument import listed
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.results.branch import STABLE, UNDETERMINED, UNSTABLE, Branch
 from solve.results.contents import MOST_SHOWN
@@ -25,7 +25,7 @@ def sweeps_figure(
     sweeps: Sweeps, quantities: Sequence[str] | None = None, figure: str | None = None
 ) -> Figure:
     """Panel per quantity with a curve per system; see `Sweeps.plot`."""
-    responses = {name: sweeps.figures(name, figure) for name in listed(quantities or sweeps.quantities)}
+    responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
     speeds = sweeps.system.speed_unit.of(sweeps.speeds[order])
     with panels_over(sweeps.system, sweeps.speeds, "response over speed", 1.1 + 1.9 * count, count) as (

@@ -22,7 +22,7 @@ from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of
 from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep, validity
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, require_load
 from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given
 from solve.views.page import OVER_SPEEDS, Part, Report
@@ -181,7 +181,7 @@ def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: floa
     """Function that requires a load before the calculation."""
 
     def checked() -> Result:
-        system.require_load(omega)
+        require_load(system, omega)
         return calculate()
 
     return checked

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from solve.differences import slope, slopes
+from solve.approximation import slope, slopes
 
 
 def test_the_less_accurate_slope_bounds_the_error():
@@ -19,4 +19,4 @@ def test_the_less_accurate_slope_bounds_the_error():
 
 
 def test_the_largest_step_may_be_given():
-    assert abs(slope(np.sin, 0.0, largest=0.1) - 1.0) < 1e-14
+    assert abs(slope(np.sin, 0.0, largest_step=0.1) - 1.0) < 1e-14

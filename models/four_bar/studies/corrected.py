@@ -14,12 +14,12 @@ from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
+from solve.contracts import Statistics
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, FileContents, digits, model_info, sized
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
 from solve.results.stability import ErrorEstimate
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.units import speed_in_si

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.beams.observations import followed
+from solve.beams.observations import tracked_modes
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
 SPEED = 35.0
@@ -41,7 +41,7 @@ def test_modes_are_followed_through_a_crossing_with_their_signs():
     turned = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in phase])
     stiffness = np.stack([1.0 + phase, np.full(62, 2.5)], axis=1)
     K = np.einsum("kij,kj,klj->kil", turned, stiffness, turned)
-    found = followed(np.broadcast_to(np.eye(2), K.shape), K, 2)
+    found = tracked_modes(np.broadcast_to(np.eye(2), K.shape), K, 2)
     np.testing.assert_allclose(found.frequencies[:, 0] ** 2, 1.0 + phase, rtol=1e-12)
     along = np.einsum("ki,ki->k", found.vectors[:, :, 0], turned[:, :, 0])
     np.testing.assert_allclose(along, along[0], rtol=1e-9)

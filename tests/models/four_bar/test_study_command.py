@@ -39,7 +39,7 @@ def test_a_study_over_an_option_and_the_corrected_model(answer):
 def test_equation_warnings_are_printed_for_every_system(answer):
     given = ("study", "--speeds", "30 90 rad/s", "--option", "stiffening=on", "--rtol", "1e-4")
     _, err = answer(*given, "--over", "zeta=0,0.02")
-    assert "0: terms=instantaneous leaves out M'q'" in err
+    assert "0: terms=instantaneous neglects M'q'" in err
     assert "0.02: stiffening: at 38 deg link follower" in err
     assert "(at 90 rad/s)" in err
 

@@ -111,7 +111,7 @@ def test_entries_that_do_not_separate_are_sampled_point_by_point():
         agrees(point, system, speed)
 
 
-def test_a_point_unlike_those_learnt_from_is_found_out():
+def test_points_outside_the_training_region_are_detected():
     ordinary = np.column_stack((np.zeros(50), np.linspace(1, 2, 50)))
 
     def build(kink, delta):
@@ -123,7 +123,7 @@ def test_a_point_unlike_those_learnt_from_is_found_out():
     assert fits.tolist() == [True, False]
 
 
-def test_rounding_is_represented_and_what_is_small_by_its_unit_is_not_rounding():
+def test_roundoff_is_represented_and_small_units_are_not_roundoff():
     """A load of cancelling sums, in a coordinate whose unit is large."""
     unit = 1e-9
 
@@ -152,21 +152,21 @@ def kinked(kink, delta):
     return matrices
 
 
-def test_tables_are_made_once_and_the_oldest_make_room(monkeypatch):
+def test_tables_are_cached_up_to_a_memory_limit(monkeypatch):
     separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
     coarse, fine, finest = (np.linspace(0, end, 1000) for end in (4, 5, 6))
     asked, made = [], separation.table(coarse)
-    monkeypatch.setattr(tables, "_MOST_KEPT", 2 * made.nbytes)
+    monkeypatch.setattr(tables, "_CACHE_BYTES", 2 * made.nbytes)
     monkeypatch.setattr(Separation, "_terms", lambda self, phase: asked.append(phase[-1]) or made)
     for phase in (coarse, fine, coarse, fine, finest, fine, coarse):
         assert separation.table(phase) is made
     assert asked == [5, 6, 4]
-    monkeypatch.setattr(tables, "_MOST_KEPT", 0)
+    monkeypatch.setattr(tables, "_CACHE_BYTES", 0)
     assert separation.table(np.linspace(0, 7, 1000)) is made
 
 
 @pytest.mark.parametrize("small", [1e-3, 1e-8, 1e-11])
-def test_a_small_term_costs_no_digits(small):
+def test_small_terms_do_not_reduce_accuracy(small):
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         stiffness = 3 + speed * small * np.sin(phase) + speed**2 * np.cos(2 * phase)
@@ -268,7 +268,7 @@ def test_rounding_of_defective_and_semisimple_multipliers(matrix):
 
 @settings(max_examples=25, deadline=None)
 @given(seed=systems.seeds, n=st.integers(1, 4), scale=st.floats(0.2, 5.0))
-def test_bounds_of_frozen_modes_are_never_wrong(seed, n, scale):
+def test_bounds_of_frozen_modes_hold(seed, n, scale):
     system, speeds = systems.random_system(seed, n), np.array([0.5, 1.0, 2.0])
     phase = (np.arange(32) + 0.5) * (system.period / 32)
     family = over_speed(system)
@@ -298,7 +298,7 @@ def fastest_of(system, phase, speed):
     return max(np.sqrt(stiffness), damping)
 
 
-def test_the_points_that_are_done_are_told():
+def test_solved_points_are_reported_as_progress():
     seen = []
     with progress.listen(lambda tracker: seen.append(tracker.tasks[0].done)):
         solve.sweep(solve.load("mathieu"), np.linspace(0.5, 3, 30))
@@ -345,7 +345,7 @@ def test_points_whose_jumps_move(engine):
             assert chart.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
 
 
-def test_what_acts_between_two_near_jumps_alone_is_not_missed():
+def test_load_between_two_close_jumps_is_included():
     """Two jumps so near that samples all over the turn would fall beside both, and a parameter that acts
     between them alone."""
     amplitudes = np.linspace(0.0, 400.0, 5)

@@ -107,7 +107,7 @@ def test_an_unbalance_on_springs_and_dashpots():
         ((("dashpot", "L", "y"),), ("has no support", "spring(joint, ...)")),
     ],
 )
-def test_what_contradicts_itself_is_refused(held, words):
+def test_contradictory_supports_are_refused(held, words):
     with pytest.raises(DeclarationError) as caught:
         check(bar(*held))
     assert all(each in str(caught.value) for each in words)

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solve import floquet
+from solve.arguments import SMALL
 from solve.kernel.multipliers import conditioned, eigenvalues
 from solve.period.multipliers import Multipliers, rounding_errors, scaled_alike
-from solve.sizes import SMALL
 from tests.solve.kernel.test_eigenvalues import apart
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.systems import random_system

@@ -196,10 +196,10 @@ def test_stiffness_refuses_no_motion_linear_or_not(drive, nonlinear):
 
 
 def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch):
-    monkeypatch.setattr("solve.model.marching._MOST_STEPS", 2**14)
-    monkeypatch.setattr("solve.model.marching._FEWEST", 2**6)
+    monkeypatch.setattr("solve.model.integration._MAX_STEPS", 2**14)
+    monkeypatch.setattr("solve.model.integration._MIN_STEPS", 2**6)
     model = model_of(duffing(), zeta=0.05, k=1e8, alpha=1.0, f=1e6)
-    with pytest.raises(TransientError, match="with 16384 steps a turn: its vibrations are too fast"):
+    with pytest.raises(TransientError, match="with 16384 steps per period: its vibrations are too fast"):
         solve.transient(model, 1.0, 1, nonlinear=True)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solve.trigonometric import Trigonometric, interpolated
+from solve.approximation import Trigonometric, interpolated
 
 PERIOD = 3.0
 
@@ -15,7 +15,7 @@ def smooth(phase):
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-12])
-def test_harmonics_that_are_round_off_are_left_out(noise):
+def test_harmonics_of_roundoff_size_are_dropped(noise):
     """The slowest fall, 2^-k, reaches round-off at the 53rd harmonic, and 1e-12 at the 40th."""
     rng = np.random.default_rng(4)
 
@@ -24,17 +24,17 @@ def test_harmonics_that_are_round_off_are_left_out(noise):
 
     found = interpolated(function, PERIOD)
     assert isinstance(found, Trigonometric)
-    assert (30 if noise else 45) < len(found._orders) < (50 if noise else 65)
+    assert (30 if noise else 45) < len(found._frequencies) < (50 if noise else 65)
     phase = rng.uniform(0, PERIOD, 100)
     np.testing.assert_allclose(found(phase), smooth(phase), rtol=0, atol=max(10 * noise, 4e-14))
 
 
-def test_functions_that_vanish_keep_one_harmonic():
+def test_zero_functions_have_one_harmonic():
     found = interpolated(lambda phase: np.zeros((len(phase), 2)), PERIOD)
     np.testing.assert_array_equal(found(np.array([0.1, 2.0])), np.zeros((2, 2)))
 
 
-def test_functions_with_a_kink_are_given_back():
+def test_functions_with_a_kink_are_returned_unchanged():
     def kinked(phase):
         return np.abs(np.sin(2 * np.pi * phase / PERIOD))[:, None]
 

@@ -1,4 +1,4 @@
-"""What public functions cannot take is refused in words."""
+"""Invalid arguments of public functions are refused with clear messages."""
 
 import inspect
 import pickle
@@ -27,13 +27,13 @@ def test_a_number_is_refused_by_every_public_function(name):
         function(**{first.name: 3}, **needed)
 
 
-def test_the_name_of_a_model_is_answered_by_how_to_load_it():
+def test_a_model_name_instead_of_a_system_names_load():
     message = r"^system is 'cam'; allowed: PeriodicSystem, such as solve\.load\('cam'\)$"
     with pytest.raises(SolveError, match=message):
         solve.periodic("cam", "600 rpm")  # type: ignore[arg-type]
 
 
-def test_what_is_missing_is_python_s_own_error():
+def test_missing_arguments_raise_a_type_error():
     with pytest.raises(TypeError, match="missing 1 required positional argument: 'system'"):
         solve.periodic(speed=1.0)  # type: ignore[call-arg]
 
@@ -80,7 +80,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_what_is_of_another_kind_is_refused(words):
+def test_arguments_of_wrong_type_are_refused(words):
     with pytest.raises(ValueOutOfBoundsError, match=words):
         REFUSED[words]()
 
