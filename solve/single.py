@@ -1,8 +1,13 @@
 """One point: the periodic solution of a system, found directly, or its stability alone."""
 
-from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
-from solve.certify.certified import Certified, Failed, Request
-from solve.certify.reduction import judged_by_enriched
+from solve.certify.all_multipliers import (
+    Spectrum,
+    refined_multipliers,
+    require_step_maps,
+    rigid_multipliers,
+)
+from solve.certify.certified import Certified, Failed, SolveRequest
+from solve.certify.reduction import with_reduction_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
@@ -75,10 +80,10 @@ def floquet(
     return Stability(system, omega, *solved)
 
 
-def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
+def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
     """What is asked of points, with the methods that judge others; engine: COMPILED or NUMPY. Raises
     ValueOutOfBoundsError."""
-    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 
 def _solved(
@@ -98,11 +103,15 @@ def _solved(
     with one_thread(system.n):
         ((settled, _),) = chosen_for(rule, point)
         if every:
-            checked_maps(settled)
+            require_step_maps(settled)
         with progress.task(STEPS):
             (result,) = certified(point, settled, asked)
         if isinstance(result, Failed):
             raise result.reason
-        result = judged_by_enriched(result, lambda _: (system, omega))
-        every_one = refined(point, settled, asked, result.steps, rigid_multipliers(result)) if every else None
+        result = with_reduction_errors(result, lambda _: (system, omega))
+        every_one = (
+            refined_multipliers(point, settled, asked, result.steps, rigid_multipliers(result))
+            if every
+            else None
+        )
     return result, Spectrum(point, result, every_one), notes

@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family
 from solve.batch.tables import Sampled, Separated, Separation, training
-from solve.certify.certified import Certified, Failed, Request
+from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
@@ -29,7 +29,7 @@ _LEAST_GROUP = 4
 class Batch:
     """How points of a family are solved: by which method, from which tables."""
 
-    def __init__(self, family: Family, region: Array, method: Rule, request: Request):
+    def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
         """`region`: points (T, v) that span those to be solved; the shared tables are learnt from them."""
         self.family, self.method, self.request = family, method, request
         self.region = region

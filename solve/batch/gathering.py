@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
-from solve.certify.reduction import judged_by_enriched
+from solve.certify.reduction import with_reduction_errors
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
@@ -88,7 +88,7 @@ class _Keeper:
         """Points that the same grid served."""
         at, results, solutions = self.start + found.positions, self.results, found.solutions
         if results.kept.warnings:
-            found = judged_by_enriched(found, self._system_of(found))
+            found = with_reduction_errors(found, self._system_of(found))
             for place, error in zip(at, found.reduction, strict=False):
                 results.reductions[place] = error.orbit, error.multipliers
         rho, errors = solutions.multipliers, found.errors

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.scale import CoordinateScale
+from solve.certify.correction import CoordinateScale
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.formulas import columns_by
 from solve.methods.free import free, solutions_on

@@ -10,8 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import corrected, correction
-from solve.certify.scale import CoordinateScale
+from solve.certify.correction import CoordinateScale, corrected, correction
 from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.checks import equation_residual
-from solve.certify.correction import linearisation_error
+from solve.certify.correction import equation_residual, linearisation_error
 from solve.errors import ValueOutOfBoundsError
 from solve.period.curve import PeriodicCurve
 from solve.period.orbit_figures import compiled_output_figures, coordinate_figures
@@ -143,9 +142,9 @@ class Orbit(Stability, Turn):
     @cached_property
     def linearisation_error(self) -> Mapping[str, float] | None:
         """Estimated distance of the nonlinear orbit from this linear one: max|difference| per coordinate,
-        relative to its scale (see `solve.certify.scale`), which is max|q| unless the forces on it cancel. It
-        is the size of one correction of Newton's method on the same grid, and accurate while it is small. NaN
-        if this correction has no solution, None for linear systems."""
+        relative to its `CoordinateScale`, which is max|q| unless the forces on it cancel. It is the size of
+        one correction of Newton's method on the same grid, and accurate while it is small. NaN if this
+        correction has no solution, None for linear systems."""
         if not self.system.nonlinear:
             return None
         certified = self.certified
