@@ -24,11 +24,7 @@ from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices
-from solve.period.product_eigenvalues import (
-    ProductEigenvalues,
-    eigenvalue_logarithms,
-    product_eigenvalues,
-)
+from solve.period.product_eigenvalues import ProductEigenvalues, eigenvalue_logarithms, product_eigenvalues
 from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
 
@@ -43,9 +39,6 @@ steps resolve by more than 1e-12."""
 
 _MEMORY = 2**29
 """Bytes of the steps that are solved at a time."""
-
-_RIGID_BODY_MODE = FloquetMode(0.0, 0.0, 0, 1.0)
-"""A rigid-body mode, which has the same shape at every phase."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +113,8 @@ class Spectrum:
     @cached_property
     def modes(self) -> Sequence[FloquetMode]:
         """Mode of each multiplier; without its harmonic if it has no digit, or the method no step maps."""
-        angles = np.imag(self.logarithms) * self._rotation / (2 * math.pi)
+        rotation = 2 * math.pi * self.point.speed / self.point.period
+        angles = np.imag(self.logarithms) * rotation / (2 * math.pi)
         modes = [FloquetMode(float(angle)) for angle in angles]
         if self._factored is not None:
             blocks, eigenvalues = self._factored
@@ -130,12 +124,12 @@ class Spectrum:
             phases = np.arange(32) * (self.point.period / 32)
             mass = matrices(self.point, phases)[0][0].mean(axis=0)
             maps = solutions.steps.A[0]
-            with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, self._rotation)
+            with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
             change = np.diagonal(_log_distances(self.logarithms, eigenvalues.logarithms[0][order]))
             for i in np.flatnonzero(~np.isnan(self.errors) & (change < NO_DIGIT)):
                 modes[i] = with_harmonics[order[i]]
             for i in np.flatnonzero(self.rigid):
-                modes[i] = _RIGID_BODY_MODE
+                modes[i] = FloquetMode(0.0, 0.0, 0, 1.0)
         return modes
 
     @cached_property
@@ -154,18 +148,16 @@ class Spectrum:
         if self.unresolved:
             missed = f"{self.unresolved} of {len(self.errors)} multipliers have no digit"
         elif (worst := float(self.errors.max())) > rtol:
-            missed = f"every multiplier is known to {worst:.1e} of itself, not to rtol {rtol:g}"
+            missed = f"the largest relative error of a multiplier is {worst:.1e}, above rtol {rtol:g}"
         else:
             return []
-        return [f"{missed}: {steps} steps do not follow the fastest modes, or rounding is in the way"]
+        return [f"{missed}: {steps} steps do not resolve the fastest modes, or round-off limits the accuracy"]
 
     @property
     def notes(self) -> list[str]:
-        """A sentence if multipliers have no digit because the factors give no eigenvalues.
-
-        Without convergence of the eigenvalues, there is one only after these were computed.
-        """
+        """A sentence if multipliers have no digit because the factors give no eigenvalues."""
         is_installed = slicot.available()
+        # Eigenvalues of the factors are not computed only for a note.
         if not self._has_factors or (is_installed and "_factored" not in self.__dict__):
             return []
         if self._factored is not None or not self.unresolved:
@@ -173,7 +165,7 @@ class Spectrum:
         below = f"{self.unresolved} multipliers are below the round-off of the monodromy matrix"
         if is_installed:
             return [f"{below}; the eigenvalues of the product of the steps did not converge"]
-        return [f"{below}; finding them needs SLICOT: pip install ctrlsys, which some platforms lack"]
+        return [f"{below}; they require SLICOT: pip install ctrlsys (not available on all platforms)"]
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
         """Values of the other multipliers, with one per rigid-body multiplier after those outside the unit
@@ -208,10 +200,6 @@ class Spectrum:
 
     def _work(self, steps: int) -> float:
         return steps * (2 * self.point.n) ** 2
-
-    @property
-    def _rotation(self) -> float:
-        return 2 * math.pi * self.point.speed / self.point.period
 
     @property
     def _eigenvalues(self) -> Array:
@@ -249,9 +237,10 @@ class Spectrum:
             method, steps = certified.method, 2 * steps
         blocks = _blocks_on_steps(self._equations, method, certified.request, steps, loss=_DEFAULT_LOSS)
         try:
-            small = _with_digit(_multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues))
+            small = _multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues)
         except np.linalg.LinAlgError:
             return logarithms, errors
+        small = np.where(small < NO_DIGIT, small, np.nan)
         logarithms = np.where(has_digit, logarithms, eigenvalues.logarithms[0][order])
         return logarithms, np.where(has_digit, errors, small[order])
 
@@ -260,7 +249,9 @@ class Spectrum:
         """Factors of the period and their eigenvalues; None without factors or without convergence."""
         if not self._has_factors or not slicot.available():
             return None
-        blocks = _blocks(self._solutions, _DEFAULT_LOSS if self.refined is None else LOSS)
+        maps = self._solutions.steps
+        assert maps is not None
+        blocks = balanced_blocks(maps.A, loss=_DEFAULT_LOSS if self.refined is None else LOSS)
         try:
             return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
         except np.linalg.LinAlgError:
@@ -288,7 +279,7 @@ def require_step_maps(method: Method) -> None:
     """Raise StepsError for a method without step maps."""
     if not isinstance(method, OneStep):
         raise StepsError(
-            f"{method.name} has no maps of steps from which all multipliers could come; use radau or gauss"
+            f"{method.name} has no step maps, from which all multipliers are computed; use radau or gauss"
         )
 
 
@@ -313,11 +304,15 @@ def _refined_multipliers(
 ) -> RefinedMultipliers:
     max_steps, points = _MAX_WORK[2] / (2 * point.n) ** 2, balanced(point, frozen(point))
     rigid_modes = free(point) if method.linear else None
-    previous_error = math.inf
-    coarse = _eigenvalues_on_steps(points, method, request, steps, rigid_modes)
+
+    def eigenvalues(steps: int) -> ProductEigenvalues:
+        blocks = _blocks_on_steps(points, method, request, steps, rigid_modes)
+        return product_eigenvalues(blocks.factors, blocks.rounding)
+
+    coarse, previous_error = eigenvalues(steps), math.inf
     while True:
         steps *= 2
-        fine = _eigenvalues_on_steps(points, method, request, steps, rigid_modes)
+        fine = eigenvalues(steps)
         logarithms, errors = fine.logarithms[0].copy(), _multiplier_errors(coarse.logarithms[0], fine)
         nearest_one = np.argsort(np.abs(logarithms), kind="stable")[:rigid]
         logarithms[nearest_one], errors[nearest_one] = 0.0, 0.0
@@ -325,8 +320,9 @@ def _refined_multipliers(
         is_last = largest <= request.rtol or request.steps is not None or 2 * steps > max_steps
         # Steps that do not halve the error gain nothing.
         if is_last or largest > 0.5 * previous_error:
+            errors = np.where(errors < NO_DIGIT, errors, np.nan)
             is_rigid = np.isin(np.arange(len(errors)), nearest_one)
-            return RefinedMultipliers(logarithms, _with_digit(errors), steps, is_rigid)
+            return RefinedMultipliers(logarithms, errors, steps, is_rigid)
         coarse, previous_error = fine, largest if largest < NO_DIGIT else math.inf
 
 
@@ -346,19 +342,6 @@ def _solve(
     return solutions
 
 
-def _blocks(solutions: Solutions, loss: float) -> Blocks:
-    assert solutions.steps is not None
-    return balanced_blocks(solutions.steps.A, loss=loss)
-
-
-def _eigenvalues_on_steps(
-    point: Points, method: Method, request: SolveRequest, steps: int, rigid: Free | None
-) -> ProductEigenvalues:
-    """Multipliers from the factors on this number of steps."""
-    blocks = _blocks_on_steps(point, method, request, steps, rigid)
-    return product_eigenvalues(blocks.factors, blocks.rounding)
-
-
 def _blocks_on_steps(
     point: Points,
     method: Method,
@@ -372,7 +355,9 @@ def _blocks_on_steps(
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with progress.task(f"parts of {steps} steps, for every multiplier", len(chunks)) as done:
         if len(chunks) == 1:
-            return _blocks(_solve(point, method, request, steps, rigid), loss)
+            maps = _solve(point, method, request, steps, rigid).steps
+            assert maps is not None
+            return balanced_blocks(maps.A, loss=loss)
         assert isinstance(method, OneStep)
         blocks, first = [], 0
         anchored = None if rigid is None else Anchored(point, rigid.modes)
@@ -401,11 +386,6 @@ def _multiplier_errors(others: Array, eigenvalues: ProductEigenvalues) -> Array:
     if not (is_mutual | (distance >= NO_DIGIT)).all():
         distance = distances[matched(distances)]
     return np.maximum(distance, eigenvalues.errors[0])
-
-
-def _with_digit(errors: Array) -> Array:
-    """Errors, NaN without a digit."""
-    return np.where(errors < NO_DIGIT, errors, np.nan)
 
 
 def matched_logarithms(some: Array, every: Array) -> Array:

@@ -95,8 +95,8 @@ class ReductionError(NamedTuple):
         if self.coordinates == self.full:
             return []
         if math.isnan(self.multipliers):
-            return [f"{count}: what that changes cannot be estimated at this speed; increase reduce"]
-        return [f"{count}, which changes about: {', '.join(self.parts)} (relative)"]
+            return [f"{count}: the error cannot be estimated at this speed; increase reduce"]
+        return [f"{count}; estimated relative errors: {', '.join(self.parts)}"]
 
 
 @dataclass(frozen=True)
@@ -176,8 +176,8 @@ class Certified:
         warnings = list(method.warnings)
         if is_below_round_off:
             warnings.append(
-                "no multiplier keeps a digit in the monodromy matrix: they are so small that nothing is left "
-                "of a disturbance after one turn"
+                "all multipliers are below the round-off of the monodromy matrix; disturbances vanish within "
+                "one period"
             )
         if request.steps is not None or multipliers > request.rtol:
             phase_advance = float(self.modes[np.array([at])].reach[0])
@@ -191,14 +191,14 @@ class Certified:
             lies = "within its error" if distance <= self.absolute[at] else f"only {distance:.1e}"
             warnings.append(
                 f"a multiplier is {lies} from +1 (resonance or a stability boundary): "
-                "the height of the response means little here"
+                "the amplitude of the response is unreliable here"
             )
         if self._is_on_circle[at]:
             has_unresolved = rho.values.shape[-1] > rho.resolved[at]
             error = max(float(self.absolute[at]), float(rho.bound[at]) if has_unresolved else 0.0)
             warnings.append(
                 f"some multipliers lie on the unit circle, or meet there, within their error ({error:.1e}): "
-                "whether the motion stays bounded or grows with time is not known"
+                "the accuracy does not decide whether the motion remains bounded"
             )
         return warnings
 
@@ -209,7 +209,7 @@ class Certified:
         missed = [f"{name} to {error:.1e}" for name, error in errors.items() if error > rtol]
         if not missed:
             return []
-        where = "at the precision in reach" if steps is None else f"with {steps} steps"
+        where = "at the attainable accuracy" if steps is None else f"with {steps} steps"
         where = where if self.method.converges else "is an approximation that"
         return [f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"]
 
@@ -238,9 +238,9 @@ def unresolved_modes_warning(
     if method.l_stable or phase_advance <= steps * method.follows:
         return []
     enough = f", or at least {math.ceil(phase_advance / method.follows)} steps" if method.converges else ""
-    right = "" if orbit_error is None else f" though the orbit is right to {orbit_error:.1e}"
+    right = "" if orbit_error is None else f", although the error of the orbit is {orbit_error:.1e}"
     return [
         f"ω_max h = {phase_advance / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
-        f"{method.name} neither follows nor damps them: the multipliers may be false{right}; "
+        f"{method.name} neither resolves nor damps them: the multipliers may be wrong{right}; "
         f"use radau{enough}"
     ]
