@@ -12,7 +12,7 @@ from solve.certify.reduction import with_reduction_errors
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
-from solve.period.multipliers import UNDETERMINED, roughly
+from solve.period.multipliers import UNDETERMINED, verdicts_by_moduli
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
 from solve.statistics import Statistics
@@ -93,7 +93,9 @@ class _Keeper:
                 results.reductions[place] = error.orbit, error.multipliers
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
-        results.verdicts[at] = found.verdicts if results.kept.meetings else roughly(rho, found.absolute)
+        results.verdicts[at] = (
+            found.verdicts if results.kept.meetings else verdicts_by_moduli(rho, found.absolute)
+        )
         if solutions.free is not None:
             results.rigid[at] = solutions.free.modes.multiplicity
         results.steps[at], results.methods[at] = found.steps, found.method.name

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import SolveError
 from solve.methods.method import Method, Solutions
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verdicts
 from solve.period.points import Points
 
@@ -119,8 +119,8 @@ class Certified:
         Relative errors of orbit and multipliers.
     absolute : (k,)
         Absolute errors of the multipliers.
-    modes : Frozen
-        Frozen modes of the points.
+    modes : FrozenModes
+        FrozenModes modes of the points.
     reduction : tuple of ReductionError
         One per point, or none.
     """
@@ -131,7 +131,7 @@ class Certified:
     errors: Array
     absolute: Array
     request: SolveRequest
-    modes: Frozen
+    modes: FrozenModes
     reduction: tuple[ReductionError, ...] = ()
 
     def __len__(self) -> int:
@@ -165,7 +165,7 @@ class Certified:
         doubtful |= (multipliers.resolved == 0) & ~self._without_multipliers
         doubtful |= self._is_on_circle | bool(self.method.warnings)
         if self.request.steps is not None and not self.method.l_stable:
-            doubtful |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
+            doubtful |= ~self.modes.is_within(self.steps * self.method.follows / self.modes.period)
         return doubtful
 
     def warnings(self, at: int) -> list[str]:
@@ -180,7 +180,7 @@ class Certified:
                 "one period"
             )
         if request.steps is not None or multipliers > request.rtol:
-            phase_advance = float(self.modes[np.array([at])].reach[0])
+            phase_advance = float(self.modes[np.array([at])].phase_advance[0])
             is_accurate = request.orbit and orbit <= request.rtol
             orbit_error = orbit if is_accurate else None
             warnings += unresolved_modes_warning(method, phase_advance, self.steps, orbit_error)
@@ -214,7 +214,7 @@ class Certified:
         return [f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"]
 
 
-def verdicts_of(solutions: Solutions, errors: Array, modes: Frozen) -> Array:
+def verdicts_of(solutions: Solutions, errors: Array, modes: FrozenModes) -> Array:
     """Verdicts (P,) as positions in VERDICTS of the motion relative to rigid-body modes; "stable" without
     other motion."""
     of_vibration = verdicts(solutions.Phi, solutions.multipliers, errors, modes)

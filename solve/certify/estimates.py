@@ -13,8 +13,9 @@ from solve.kernel import curves as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
+from solve.period.eigenvalues import EPS, roundoff_bound, roundoff_growth
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS, Multipliers, accumulated, most_rounding
+from solve.period.multipliers import Multipliers
 from solve.period.period_map import at_rest
 
 PHASES_PER_STEP = 4
@@ -29,7 +30,7 @@ the unit round-off."""
 
 LoadScale = Callable[[Array, Array], Array]
 """Displacements (k, n) due to all loads on each coordinate, from positions (k,) and sizes (k, n); see
-`Frozen.burdens`."""
+`FrozenModes.load_scale`."""
 
 
 def differences(coarse: Solutions, fine: Solutions, load_scale: LoadScale, engine: str = NUMPY) -> Array:
@@ -100,7 +101,7 @@ def attainable_tolerances(solutions: Solutions, errors: Array, tolerances: Array
     if not missed.any():
         return tolerances
     radius = solutions.multipliers.spectral_radius
-    bound = np.maximum(most_rounding(solutions.Phi, radius, solutions.grid.steps), 8 * solutions.rounding)
+    bound = np.maximum(roundoff_bound(solutions.Phi, radius, solutions.grid.steps), 8 * solutions.rounding)
     is_limited = errors[:, 1] <= np.maximum(np.maximum(bound, tolerances[:, 1]), ROUND_OFF)
     rows = np.flatnonzero(missed & is_limited)
     if len(rows):
@@ -111,7 +112,7 @@ def attainable_tolerances(solutions: Solutions, errors: Array, tolerances: Array
 
 def orbit_roundoff(solutions: Solutions) -> Array:
     """Round-off error (P,) of the orbit, from the condition number of the periodic system."""
-    return np.fmax(EPS * accumulated(solutions.grid.steps) * solutions.condition, ROUND_OFF)
+    return np.fmax(EPS * roundoff_growth(solutions.grid.steps) * solutions.condition, ROUND_OFF)
 
 
 def roundoff_errors(solutions: Solutions) -> Array:

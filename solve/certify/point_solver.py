@@ -13,7 +13,7 @@ from solve.certify.estimates import ROUND_OFF, LoadScale, differences
 from solve.errors import MatricesError, StepsError
 from solve.methods.free import driven_freely, free, solutions_on
 from solve.methods.method import Method, Solutions
-from solve.period.frozen import Frozen, balanced, frozen
+from solve.period.frozen import FrozenModes, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.points import Points, matrices
 from solve.period.rigid_body import Free
@@ -54,8 +54,8 @@ class PointSolver:
         return solver
 
     @cached_property
-    def modes(self) -> Frozen:
-        """Frozen modes of all points."""
+    def modes(self) -> FrozenModes:
+        """FrozenModes modes of all points."""
         return frozen(self.points, engine=self.request.engine)
 
     @cached_property
@@ -83,7 +83,7 @@ class PointSolver:
 
     def load_scale(self, positions: Array) -> LoadScale:
         """Displacements due to all loads on each coordinate of points at positions (k,)."""
-        return lambda rows, sizes: self.modes[positions[rows]].burdens(sizes)
+        return lambda rows, sizes: self.modes[positions[rows]].load_scale(sizes)
 
     def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
         """Differences (k, 2) of solutions of points at positions (k,) from better ones."""
@@ -168,13 +168,13 @@ class PointSolver:
         yield Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
 
 
-def singular_inertia(points: Points, modes: Frozen) -> Iterator[tuple[int, MatricesError]]:
+def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
     """Positions of the points whose M is singular at some phase, whether or not a step samples it, and
     errors.
 
     The phase is searched if det M falls below 2 % of its median at a sampled phase: a choice.
     """
-    for position in np.flatnonzero(~modes.inertia_steady(0.02)).tolist():
+    for position in np.flatnonzero(~modes.has_steady_inertia(0.02)).tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
         if phase is not None:
             reason = (

@@ -228,7 +228,7 @@ class _Refinement:
         measured."""
         if not self.method.l_stable:
             return np.zeros(len(positions))
-        periods = self.solver.modes[positions].few_reach / (2 * np.pi)
+        periods = self.solver.modes[positions].phase_advance_estimate / (2 * np.pi)
         return np.asarray(EPS / 8 * np.where(np.isfinite(periods), periods, 0.0) ** 2)
 
     def _accept(self, steps: int, pair: _GridComparison, tolerances: Array) -> Array:

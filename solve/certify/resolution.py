@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.certify.coefficients import harmonics
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.method import Method
-from solve.period.frozen import Frozen, surviving
+from solve.period.frozen import FrozenModes, residual_amplitude
 from solve.period.points import Points
 
 MIN_STEPS = 8
@@ -34,7 +34,7 @@ _UNRESOLVED = 0.25
 below half a revolution, where two solutions may agree by chance."""
 
 
-def first_steps(method: Method, points: Points, modes: Frozen, orbit: bool, rtol: float) -> Array:
+def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:
     """Steps (P,) with which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω is the aim.
 
     c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
@@ -42,11 +42,11 @@ def first_steps(method: Method, points: Points, modes: Frozen, orbit: bool, rtol
     by their amplitudes. Methods without an error constant start with few steps; those that do not damp stiff
     modes start with steps that resolve these on the doubled grid, with which they are compared."""
     if not isinstance(method, Collocated):
-        phase_advance = np.zeros(len(modes)) if method.l_stable else modes.few_reach
+        phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
         steps = np.ceil(np.nan_to_num(phase_advance) / (2 * method.follows))
         return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
     c, p, T = method.error_constant, method.order, modes.period
-    rates, remaining = modes.lasting_rates(UNDERFLOW)
+    rates, remaining = modes.rates_and_decay(UNDERFLOW)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         # The varying coefficients add harmonics of the speed, about 1.5 of them, to the frozen rates.
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
@@ -80,15 +80,15 @@ def grid_sizes(steps: Array) -> Array:
     return (spacing * np.ceil(steps / spacing)).astype(int)
 
 
-def unresolved_remainder(method: Method, modes: Frozen, steps: int, allowed: Array) -> Array:
+def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed: Array) -> Array:
     """Remainder (P,) of a unit disturbance after a period in modes that the steps do not resolve.
 
     Parameters
     ----------
     method : Method
         With a stability function, or with a largest angle ω h per step.
-    modes : Frozen
-        Frozen modes of P points.
+    modes : FrozenModes
+        FrozenModes modes of P points.
     steps : int
         Steps per period.
     allowed : (P,)
@@ -102,7 +102,7 @@ def unresolved_remainder(method: Method, modes: Frozen, steps: int, allowed: Arr
         modes.
     """
     limit = _resolved_angle(method, steps) * steps / modes.period
-    remainder, rows = np.zeros(len(modes)), np.flatnonzero(~modes.within(limit))
+    remainder, rows = np.zeros(len(modes)), np.flatnonzero(~modes.is_within(limit))
     for few_phases in (True, False):
         if len(rows):
             subset = modes[rows]
@@ -118,7 +118,7 @@ def _remainder(method: Method, rates: Array, period: float, steps: int, limit: f
     if method.stages is not None:
         return _collocation_remainder(method.stages, rates, period / steps, steps)
     is_unresolved = np.abs(rates).max(axis=(1, 2)) > limit
-    remainder = surviving(rates, period, limit * period) if method.l_stable else np.inf
+    remainder = residual_amplitude(rates, period, limit * period) if method.l_stable else np.inf
     return np.where(is_unresolved, remainder, 0.0)
 
 

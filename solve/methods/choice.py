@@ -41,7 +41,7 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     """Gauss where ω_max T, the angle that the fastest frozen mode turns in one period, is at most 512:
     then 512 steps have ω_max h ≤ 1. Radau IIA otherwise, which keeps no mode that it does not resolve; of
     order 13 where the stages of a step are few equations, which take half the steps and less time."""
-    stiff = frozen(points, _PHASES).faster(RESOLVABLE / points.period)
+    stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
     damping = Radau(13) if points.n <= _FEW else Radau()
     for method, chosen in ((damping, stiff), (Gauss(), ~stiff)):
         if chosen.any():

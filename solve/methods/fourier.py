@@ -13,8 +13,8 @@ from solve.errors import MatricesError
 from solve.kernel.engines import NUMPY
 from solve.methods.method import Method, Solutions, no_orbit, one_by_one
 from solve.period.curve import FourierCurve
+from solve.period.eigenvalues import balance_matrices
 from solve.period.grid import Grid
-from solve.period.multipliers import scaled_alike
 from solve.period.points import Points, matrices, state_rate
 from solve.threads import interruptible
 
@@ -117,7 +117,7 @@ def in_balance(sizes: Array) -> tuple[Array, Array]:
     """Factors of equations and units of coordinates (n,) in which the coefficients, of such sizes (n, n), are
     1 on the diagonal and alike beside it."""
     own = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
-    units = scaled_alike(sizes / own[:, None])[1]
+    units = balance_matrices(sizes / own[:, None])[1]
     return 1.0 / (own * units), units
 
 

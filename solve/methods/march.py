@@ -10,7 +10,7 @@ from solve.errors import StepsError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
 from solve.methods.method import Discretisation, OneStep, Solutions, one_by_one
 from solve.methods.newmark import Newmark
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, affine_period, monodromy, periodic_states, states_from
 from solve.period.points import Points
@@ -45,7 +45,7 @@ class March(OneStep):
             warnings=base.warnings,
         )
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         return self.base.least_steps(modes)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:

@@ -14,9 +14,10 @@ from solve.arrays import Array, across, whole
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.frozen import Frozen
+from solve.period.eigenvalues import multiplier_roundoff
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers, rounding_errors
+from solve.period.multipliers import Multipliers
 from solve.period.period_map import SINGULAR, Steps, monodromy, period
 from solve.period.points import Points, affine, matrices
 from solve.period.rigid_body import Free
@@ -114,7 +115,7 @@ class Solutions:
     @cached_property
     def multiplier_rounding(self) -> Array:
         """Errors of the multipliers (P,) that rounding leaves."""
-        found = rounding_errors(self.Phi, self.units, self.engine, self.grid.steps)
+        found = multiplier_roundoff(self.Phi, self.units, self.engine, self.grid.steps)
         return np.maximum(found, 8 * self.rounding)
 
 
@@ -178,7 +179,7 @@ class Method:
             return np.full(np.shape(steps), np.inf)
         return steps * (error / (self.phase_constant * steps)) ** (1 / (self.order + 1))
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         """Steps a period (P,) below which the method cannot be stable, from the frozen modes of points;
         1 where it has no limit."""
         return np.ones(len(modes), dtype=int)

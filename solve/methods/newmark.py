@@ -15,7 +15,7 @@ from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.method import MOST_STEPS, Discretisation, OneStep
 from solve.period.curve import Curve
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
 from solve.period.points import Points, affine, matrices
@@ -49,7 +49,7 @@ class Newmark(OneStep):
                 )
             )
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         """From the limit of the undamped oscillator.
 
         For γ < 1/2 it is unstable at any step, so that no number of steps is refused here; a warning says
@@ -58,7 +58,7 @@ class Newmark(OneStep):
         limit = stability_limit(self.gamma, self.beta)
         if self.gamma < 0.5 or np.isinf(limit):
             return super().least_steps(modes)
-        reach = np.where(np.isfinite(modes.reach), modes.reach, 0.0)
+        reach = np.where(np.isfinite(modes.phase_advance), modes.phase_advance, 0.0)
         return np.ceil(np.clip(reach / limit, 1, MOST_STEPS)).astype(int)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:

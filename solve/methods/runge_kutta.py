@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.methods.method import MOST_STEPS, Discretisation, OneStep
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.points import Points, state_rate
 
@@ -25,7 +25,7 @@ class RungeKutta4(OneStep):
     # Well inside the stability limit, where RK4 damps a mode that has no damping.
     follows = 0.5
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         """Least steps with |R(hλ)| ≤ 1 for every frozen eigenvalue λ that decays or stays.
 
         R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.

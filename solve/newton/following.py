@@ -19,8 +19,8 @@ from solve.newton.parameter import ContinuationParameter
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.period.orbit_figures import orbit_figures, output_changes, repeats_early
 from solve.period.points import OnePoint
+from solve.period.quantities import orbit_figures, output_changes, repeats_early
 from solve.period.rigid_body import Free
 from solve.results.orbit import Orbit
 from solve.system import PeriodicSystem

@@ -98,7 +98,7 @@ class _Turn:
     @cached_property
     def reach(self) -> float:
         """Angle that the fastest mode turns in the turn."""
-        return float(frozen(self._point, _LOOKS).reach[0]) if self._mean else 0.0
+        return float(frozen(self._point, _LOOKS).phase_advance[0]) if self._mean else 0.0
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)

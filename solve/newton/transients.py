@@ -16,8 +16,8 @@ from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
 from solve.newton.stepping import METHOD, StepMarcher
+from solve.period.curve import interpolation_error, interpolation_tolerance
 from solve.period.grid import Grid
-from solve.period.states import interpolation_error, interpolation_tolerance
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic

@@ -1,8 +1,7 @@
 """Floquet modes along the turn: which order of the rotation a mode mostly vibrates with.
 
 A multiplier tells the frequency of its mode only modulo 2π/T. The mode is p(φ) exp(λt) with a periodic p, and
-the order k with the largest part of p tells the frequency that is measured, |Im λ + 2πk/T|.
-"""
+the order k with the largest part of p tells the frequency that is measured, |Im λ + 2πk/T|."""
 
 import math
 from collections.abc import Sequence

@@ -4,15 +4,14 @@ The maps of neighbouring steps are multiplied pairwise, level by level, with one
 level: a tree of about 2 m products instead of a loop over m steps. At most `BLOCKS` blocks are left;
 their cyclic system is solved by structured orthogonal factorisation (S. J. Wright, SIAM J. Sci. Stat.
 Comput. 13 (1992) 742-764), which keeps the digits that single shooting, chapter Eqs. (21), (40),
-loses where a solution of the homogeneous system grows over the period.
-"""
+loses where a solution of the homogeneous system grows over the period."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.period.multipliers import EPS, accumulated, scaled_alike
+from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
 from solve.sizes import SMALL
 
 BLOCKS = 32
@@ -130,10 +129,10 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
             x, condition, left = _at_nodes(A, b, unit)
             acting = _acting(A, b, x)
-        rounding = EPS * accumulated(steps.A.shape[-3]) * condition
+        rounding = EPS * roundoff_growth(steps.A.shape[-3]) * condition
         cancels = _cancels(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
-    condition = np.fmax(condition, np.minimum(left / (EPS * accumulated(steps.A.shape[-3])), REGULAR))
+    condition = np.fmax(condition, np.minimum(left / (EPS * roundoff_growth(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
     x = np.concatenate((x, x[..., :1, :, :]), axis=-3)
@@ -145,7 +144,7 @@ def _units(A: Array) -> Array:
     treats all states alike, so that a metre beside a milliradian would cost the small one its digits."""
     size = np.abs(A).sum(axis=-3)
     size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
-    return scaled_alike(size)[1]
+    return balance_matrices(size)[1]
 
 
 def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:

@@ -1,8 +1,7 @@
 """Points solved side by side: systems that differ by numbers, each at a speed, given by samples.
 
 An entry is one of those of Ω²M, ΩC, K by rows and d, the matrices of derivatives by the phase:
-3n² + n of them.
-"""
+3n² + n of them."""
 
 from dataclasses import dataclass, field
 from typing import Protocol

@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.orbit_figures import repeats_early
+from solve.period.quantities import repeats_early
 from solve.results.contents import Facts
 from solve.results.orbit import Orbit, QuasiStatic
 

@@ -12,8 +12,7 @@ from solve.arrays import Array
 from solve.certify.correction import equation_residual, linearisation_error
 from solve.errors import ValueOutOfBoundsError
 from solve.period.curve import PeriodicCurve
-from solve.period.orbit_figures import compiled_output_figures, coordinate_figures
-from solve.period.quantities import Signal, samples_a_step
+from solve.period.quantities import Signal, compiled_output_figures, coordinate_figures, samples_a_step
 from solve.results.contents import (
     MOST_SHOWN,
     Column,

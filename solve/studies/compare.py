@@ -89,7 +89,7 @@ def compare(
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
     """Four numbers of the series 1, 2, 5, 10 … about ω_max T, the steps with ω_max h = 1."""
-    reach = max(float(frozen(OnePoint(system, speed)).reach[0]), 100.0)
+    reach = max(float(frozen(OnePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * reach)
     return series[first : first + 4]
@@ -185,7 +185,7 @@ class _AgainstReference:
     @property
     def _reach(self) -> float:
         """ω_max T."""
-        return float(self.solver.modes.reach[0])
+        return float(self.solver.modes.phase_advance[0])
 
     def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:
         """The solution and the shortest of the times that repeated runs take."""
