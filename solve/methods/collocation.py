@@ -3,8 +3,7 @@
 The stage accelerations a_i at the fractions c_i of a step of length h satisfy, with stage values
 v_i = v + h Σ A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j, the equation of motion at each stage:
 one linear system of order s n a step, with no inverse of M (E. Hairer, G. Wanner, Solving Ordinary
-Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly).
-"""
+Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly)."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
