@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solve.period import frozen as module
+from solve.period import pencils
 from solve.period.frozen import FrozenModes
 from solve.period.points import Tables
 
@@ -20,7 +21,7 @@ def frozen_system(n, seed):
 def test_ratios_to_the_inertia(n, monkeypatch):
     found = {}
     for most in (0, 100):
-        monkeypatch.setattr(module, "_LOOPED", most)
+        monkeypatch.setattr(pencils, "LOOPED", most)
         found[most] = frozen_system(n, n)[0]._ratios()
     for ours, theirs in zip(found[0], found[100], strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
@@ -28,7 +29,7 @@ def test_ratios_to_the_inertia(n, monkeypatch):
 
 @pytest.mark.parametrize("most", [0, 100])
 def test_inertia_that_dips_or_changes_its_sign_is_not_steady(most, monkeypatch):
-    monkeypatch.setattr(module, "_LOOPED", most)
+    monkeypatch.setattr(module, "LOOPED", most)
     modes, M = frozen_system(12, 3)
     entries = np.concatenate((M.reshape(2, 6, -1), np.ones((2, 6, 2 * 144 + 12))), axis=-1)
     for factor in (1e-3, -1.0, 0.0):
