@@ -120,8 +120,7 @@ class Spectrum:
             blocks, eigenvalues = self._factored
             solutions, order = self._solutions, self._order
             assert solutions.steps is not None
-            # The mean of M over 32 phases.
-            phases = np.arange(32) * (self.point.period / 32)
+            phases = np.arange(32) * (self.point.period / 32)  # for the mean of M
             mass = matrices(self.point, phases)[0][0].mean(axis=0)
             maps = solutions.steps.A[0]
             with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
