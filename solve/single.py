@@ -1,8 +1,13 @@
 """Periodic solution of a system at one speed, or its stability alone."""
 
-from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
-from solve.certify.certified import Certified, Failed, Request
-from solve.certify.reduction import judged_by_enriched
+from solve.certify.all_multipliers import (
+    Spectrum,
+    refined_multipliers,
+    require_step_maps,
+    rigid_multipliers,
+)
+from solve.certify.certified import Certified, Failed, SolveRequest
+from solve.certify.reduction import with_reduction_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
@@ -134,14 +139,18 @@ def floquet(
     return Stability(system, omega, *_solve(system, omega, method, solve_request, all_multipliers), notes)
 
 
-def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
-    """Request for the solution of points by engine COMPILED or NUMPY, with the methods that check the results
-    of others. Raises ValueOutOfBoundsError."""
-    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
+    """Request for the solution of points by engine COMPILED or NUMPY, with the methods that check the
+    results of others. Raises ValueOutOfBoundsError."""
+    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 
 def _solve(
-    system: PeriodicSystem, omega: float, method: str | Rule, solve_request: Request, all_multipliers: bool
+    system: PeriodicSystem,
+    omega: float,
+    method: str | Rule,
+    solve_request: SolveRequest,
+    all_multipliers: bool,
 ) -> tuple[Certified, Spectrum]:
     """Certified solution of a point, and its multipliers, each to the tolerance if `all_multipliers`."""
     rule = chosen(method)
@@ -150,14 +159,14 @@ def _solve(
     with one_thread(system.n):
         ((method_used, _),) = chosen_for(rule, point)
         if all_multipliers:
-            checked_maps(method_used)
+            require_step_maps(method_used)
         with progress.task(STEPS):
             (result,) = certified(point, method_used, solve_request)
         if isinstance(result, Failed):
             raise result.reason
-        result = judged_by_enriched(result, lambda _: (system, omega))
+        result = with_reduction_errors(result, lambda _: (system, omega))
         refined_spectrum = None
         if all_multipliers:
             rigid = rigid_multipliers(result)
-            refined_spectrum = refined(point, method_used, solve_request, result.steps, rigid)
+            refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
     return result, Spectrum(point, result, refined_spectrum)

@@ -10,7 +10,7 @@ from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family
 from solve.batch.tables import Sampled, Separated, Separation, training
-from solve.certify.certified import Certified, Failed, Request
+from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
@@ -29,7 +29,7 @@ _MIN_GROUP = 4
 class Batch:
     """Solution of points of a family by a method, with shared tables."""
 
-    def __init__(self, family: Family, region: Array, method: Rule, request: Request):
+    def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
         """region: points (T, v) that span those to be solved; the shared tables are computed from them."""
         self.family, self.method, self.request = family, method, request
         self.region = region

@@ -8,12 +8,12 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
-from solve.certify.reduction import judged_by_enriched
+from solve.certify.reduction import with_reduction_errors
 from solve.contracts import Statistics
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
-from solve.period.multipliers import UNDETERMINED, roughly
+from solve.period.multipliers import UNDETERMINED, verdicts_by_moduli
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
 from solve.system import PeriodicSystem
@@ -88,12 +88,14 @@ class _ResultWriter:
         """Write the results of points solved on the same grid."""
         at, results, solutions = self.start + found.positions, self.results, found.solutions
         if results.kept.warnings:
-            found = judged_by_enriched(found, self._system_of(found))
+            found = with_reduction_errors(found, self._system_of(found))
             for place, error in zip(at, found.reduction, strict=False):
                 results.reductions[place] = error.orbit, error.multipliers
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
-        results.verdicts[at] = found.verdicts if results.kept.meetings else roughly(rho, found.absolute)
+        results.verdicts[at] = (
+            found.verdicts if results.kept.meetings else verdicts_by_moduli(rho, found.absolute)
+        )
         if solutions.free is not None:
             results.rigid[at] = solutions.free.modes.multiplicity
         results.steps[at], results.methods[at] = found.steps, found.method.name

@@ -24,7 +24,7 @@ from solve.batch.family import Family
 from solve.batch.gathering import gathered
 from solve.batch.store import Store, opened
 from solve.batch.tables import training
-from solve.certify.certified import Request
+from solve.certify.certified import SolveRequest
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError, WorkersError
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen
@@ -47,7 +47,7 @@ class Task:
 
     family: Family
     method: Rule
-    request: Request
+    request: SolveRequest
     kept: Kept
 
     def batch(self, points: Array) -> Batch:

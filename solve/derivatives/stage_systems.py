@@ -13,7 +13,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.stages import factorised
 from solve.methods.collocation import Collocation
 from solve.methods.method import no_orbit
-from solve.period.frozen import Frozen, some_phases
+from solve.period.frozen import FrozenModes, entry_phases
 from solve.period.period_map import SINGULAR, Steps, periodic_states, states_from
 from solve.period.points import Tables, parted
 
@@ -64,8 +64,8 @@ class ScaledStageSystems:
 def stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
     """Stage systems of steps of lengths h (m,), from tables at the same number of phases in each, of which
     the positions `at` are the stages. Raises MemoryError."""
-    some = tables.table[..., some_phases(tables.table.shape[-2]), :]
-    factors = Frozen(replace(tables, table=some), float(h.sum())).equation_factors()
+    some = tables.table[..., entry_phases(tables.table.shape[-2]), :]
+    factors = FrozenModes(replace(tables, table=some), float(h.sum())).equation_factors()
     if factors is None:
         return _stage_systems(rule, h, tables, at, engine)
     return ScaledStageSystems(_stage_systems(rule, h, tables.multiplied(factors), at, engine), factors[0])

@@ -10,7 +10,7 @@ from solve.errors import MatricesError, UnbalancedLoadError
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
 from solve.period.curve import PeriodicCurve, without_drift
-from solve.period.frozen import Frozen, frozen
+from solve.period.frozen import FrozenModes, frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
@@ -36,7 +36,7 @@ _MOST_SHOWN = 8
 _SMALLEST = float(np.finfo(float).tiny)
 
 
-def free(points: Points, modes: Frozen | None = None) -> Free | None:
+def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
     """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)

@@ -1,5 +1,5 @@
-"""Modal uncoupling with the modes of each position (A. Midha, A. G. Erdman, D. A. Frohrib, J. Mech. Des.
-101 (1979) 154-162; thesis 6.3): the approximation that it is."""
+"""Modal decoupling with the modes of each position (A. Midha, A. G. Erdman, D. A. Frohrib, J. Mech. Des. 101
+(1979) 154-162; thesis 6.3), an approximation."""
 
 from dataclasses import dataclass
 
@@ -16,8 +16,10 @@ from solve.period.points import Points, Tables, matrices
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """In every step the modes are those of its middle, each of unit modal mass; the damping between them is
-    left out, and each modal coordinate is carried over to the next step as if the modes did not turn."""
+    """Modal coordinates in every step, with the modes of its middle and unit modal masses.
+
+    Damping between modes is neglected, and each modal coordinate continues in the next step as if the modes
+    were constant."""
 
     name = "modal"
     order = 0
@@ -53,9 +55,10 @@ class Modal(OneStep):
 
 
 class _Uncoupled:
-    """The points in modal coordinates at phases (k,), rising: I, diag δ, diag ω², loads; and modes
-    (P, k, n, n), sorted by frequency, φᵀMφ = 1 (thesis (6.12)), signs continued. NaN at points with
-    `complex` (P,) modes."""
+    """Points in modal coordinates at ascending phases (k,): I, diag δ, diag ω², and loads.
+
+    Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis (6.12)) and continuous signs. They are
+    NaN at points with `complex` (P,) modes."""
 
     breaks = ()
     bytes_a_phase = 0

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.scale import CoordinateScale
+from solve.certify.correction import CoordinateScale
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.formulas import columns_by
 from solve.methods.free import free, solutions_on
@@ -19,8 +19,8 @@ from solve.newton.iteration import on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.period.orbit_figures import orbit_figures, output_changes, repeats_early
 from solve.period.points import OnePoint
+from solve.period.quantities import orbit_figures, output_changes, repeats_early
 from solve.period.rigid_body import Free
 from solve.results.orbit import Orbit
 from solve.system import PeriodicSystem

@@ -11,8 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import corrected, correction
-from solve.certify.scale import CoordinateScale
+from solve.certify.correction import CoordinateScale, corrected, correction
 from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
@@ -20,7 +19,7 @@ from solve.methods.collocation import Collocated, Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.points import Multiplied, OnePoint, Points
 from solve.period.rigid_body import RigidBodyModes
@@ -285,7 +284,7 @@ class Newton(Method):
     def corrector(self) -> Collocated:
         return self.task.method
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         """Coarser grids than that of the first start may have no orbit near it."""
         return np.full(len(modes), int(self.first / 1.2))
 

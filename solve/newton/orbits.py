@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from solve.arguments import require_integer
-from solve.certify.all_multipliers import Spectrum, refined, rigid_multipliers
+from solve.certify.all_multipliers import Spectrum, refined_multipliers, rigid_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
@@ -207,7 +207,9 @@ class _Search:
             raise result.reason
         assert result.solutions.curve is not None
         spectrum = (
-            refined(newton.point(), newton, solve_request, result.steps, rigid_multipliers(result))
+            refined_multipliers(
+                newton.point(), newton, solve_request, result.steps, rigid_multipliers(result)
+            )
             if self.all_multipliers
             else None
         )

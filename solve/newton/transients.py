@@ -18,10 +18,10 @@ from solve.methods.radau import Radau
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
+from solve.period.curve import interpolation_error, interpolation_tolerance
 from solve.period.frozen import frozen
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.period.states import interpolation_error, interpolation_tolerance
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
@@ -367,7 +367,7 @@ class _PeriodSteps:
     @cached_property
     def phase_advance(self) -> float:
         """Angle by which the fastest mode rotates in the period, ω_max T."""
-        return float(frozen(self._point, _PHASES).reach[0]) if self._mean else 0.0
+        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean else 0.0
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.checks import equation_residual
-from solve.certify.correction import linearisation_error
+from solve.certify.correction import equation_residual, linearisation_error
 from solve.results.contents import (
     MOST_SHOWN,
     Column,
@@ -127,7 +126,7 @@ class Orbit(Stability, SolvedMotion):
     def linearisation_error(self) -> Mapping[str, float] | None:
         """Estimated max|difference| of each coordinate from the nonlinear orbit, relative to its scale.
 
-        The scale (see `solve.certify.scale`) is max|q| unless the forces on the coordinate cancel. The
+        The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
         estimate is the size of one correction of Newton's method on the same grid, and accurate while it is
         small. NaN if this correction has no solution, None for linear systems.
         """

@@ -12,10 +12,11 @@ from solve.certify.certified import Certified
 from solve.contracts import Statistics
 from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
 from solve.period.curve import PeriodicCurve
-from solve.period.orbit_figures import compiled_output_figures, coordinate_figures
 from solve.period.quantities import (
     LEAST_SAMPLES,
     Signal,
+    compiled_output_figures,
+    coordinate_figures,
     enough_samples,
     figures,
     harmonics,

@@ -12,8 +12,7 @@ from solve.certify.correction import corrected
 from solve.contracts import Statistics
 from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.orbit_figures import repeats_early
-from solve.period.quantities import LEAST_SAMPLES
+from solve.period.quantities import LEAST_SAMPLES, repeats_early
 from solve.results.contents import HeaderRows
 from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, ReductionError
-from solve.certify.checks import liouville_defect
+from solve.certify.correction import liouville_defect
 from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers

@@ -9,8 +9,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics, driven
+from solve.period.curve import curves_through, interpolation_tolerance, sufficient_strides
 from solve.period.quantities import Quantities
-from solve.period.states import curves_through, interpolation_tolerance, sufficient_strides
 from solve.results.contents import (
     FileContents,
     HeaderRows,

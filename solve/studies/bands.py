@@ -20,7 +20,7 @@ from solve.errors import NoResultError
 from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.free import free
 from solve.methods.radau import Radau
-from solve.period.frozen import frozen, surviving
+from solve.period.frozen import frozen, residual_amplitude
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.points import OnePoint
 from solve.results.bands import Band, Bands
@@ -325,7 +325,7 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
     values = frozen(OnePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
     fast = int((np.sort(reach)[::2] > _MAX_PHASE_ADVANCE).sum())
-    survives = float(surviving(values, system.period, RESOLVABLE)) > _RESIDUAL
+    survives = float(residual_amplitude(values, system.period, RESOLVABLE)) > _RESIDUAL
     needed = method is auto and reach.max() > RESOLVABLE and survives
     return fast if needed and fast < system.n else 0
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from solve.arguments import require_integer
 from solve.arrays import Array
-from solve.certify.certified import unresolved_modes, verdicts_of
+from solve.certify.certified import unresolved_modes_warning, verdicts_of
 from solve.certify.estimates import differences
-from solve.certify.solving import Solving
+from solve.certify.point_solver import PointSolver
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
 from solve.methods.choice import METHODS, Rule, chosen, chosen_for
@@ -108,7 +108,7 @@ def compare(
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
     """Four numbers of the series 1, 2, 5, 10 … around ω_max T, the number of steps with ω_max h = 1."""
-    phase_advance = max(float(frozen(OnePoint(system, speed)).reach[0]), 100.0)
+    phase_advance = max(float(frozen(OnePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
     return series[first : first + 4]
@@ -132,24 +132,24 @@ class _AgainstReference:
         ((self.method, _),) = chosen_for(rule, self.point)
         self.name = label(self.method)
         solve_request = request(None, _REFERENCE_RTOL, NUMPY, orbit=True)
-        self.solving = Solving(self.point, self.method, solve_request)
+        self.solver = PointSolver(self.point, self.method, solve_request)
 
     @property
     def least(self) -> int:
         """Least number of steps of the method."""
-        return max(1, len(self.point.breaks), int(self.solving.least[0]))
+        return max(1, len(self.point.breaks), int(self.solver.min_steps[0]))
 
     def measured(self, steps: int, at: str, target: float | None = None, repeats: int = _REPEATS) -> Row:
         """Row with errors and time for a number of steps, or with the reason of a failure."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
-        if steps > self.solving.most:
+        if steps > self.solver.max_steps:
             return replace(blank, reason=self._limit)
         try:
             solution, seconds = self._timed(steps, repeats)
         except (SolveError, np.linalg.LinAlgError) as refusal:
             return replace(blank, reason=self._unnamed(str(refusal)))
         ((orbit_error, multiplier_error),) = self._differences(solution)
-        unresolved = unresolved_modes(self.method, self._phase_advance, solution.grid.steps)
+        unresolved = unresolved_modes_warning(self.method, self._phase_advance, solution.grid.steps)
         return replace(
             blank,
             steps=solution.grid.steps,
@@ -166,7 +166,7 @@ class _AgainstReference:
         end."""
         steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
-        while steps <= self.solving.most:
+        while steps <= self.solver.max_steps:
             row = self.measured(steps, "doubled steps")
             trace.append(row)
             if row.error(self.judged_by) <= goal or 2 * row.time > _MAX_SECONDS or self._stalled(trace):
@@ -191,14 +191,14 @@ class _AgainstReference:
         return self.measured(high, "equal accuracy", goal)
 
     def _differences(self, solution: Solutions) -> Array:
-        return differences(solution, self.reference, self.solving.burdens(np.zeros(1, dtype=int)))
+        return differences(solution, self.reference, self.solver.load_scale(np.zeros(1, dtype=int)))
 
     def _solved(self, steps: int) -> Solutions:
-        for failure in self.solving.unusable(steps, np.zeros(1, dtype=int)):
+        for failure in self.solver.unstable_points(steps, np.zeros(1, dtype=int)):
             raise failure.reason
         # The errors of a method that grows without bound show this; overflow warnings are not needed.
         with np.errstate(all="ignore"):
-            solution = self.solving.solved(steps, np.zeros(1, dtype=int))
+            solution = self.solver.solve(steps, np.zeros(1, dtype=int))
         for reason in solution.failures.values():
             raise reason
         return solution
@@ -206,7 +206,7 @@ class _AgainstReference:
     @property
     def _phase_advance(self) -> float:
         """ω_max T."""
-        return float(self.solving.modes.reach[0])
+        return float(self.solver.modes.phase_advance[0])
 
     def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:
         """Solution and shortest time of repeated runs."""
@@ -230,7 +230,7 @@ class _AgainstReference:
 
     @property
     def _limit(self) -> str:
-        return f"takes at most {self.solving.most} steps a period for n = {self.point.n}"
+        return f"takes at most {self.solver.max_steps} steps a period for n = {self.point.n}"
 
     def _obstacle(self, goal: float, trace: list[Row]) -> str:
         done = [row for row in trace if row.reason is None]

@@ -11,8 +11,9 @@ from solve.batch import tables
 from solve.batch.family import BuiltFamily, over_speed
 from solve.batch.tables import Separated, Separation
 from solve.errors import UnknownNameError
-from solve.period.frozen import Frozen
-from solve.period.multipliers import VERDICTS, Multipliers, rounding_errors, verdicts
+from solve.period.eigenvalues import multiplier_roundoff
+from solve.period.frozen import FrozenModes
+from solve.period.multipliers import VERDICTS, Multipliers, verdicts
 from solve.period.points import Tables
 from solve.terminal import progress
 from tests.solve import systems
@@ -207,7 +208,7 @@ class NothingDrifts:
     def __init__(self, n):
         self.n = n
 
-    def drifts(self, points, Phi, errors):
+    def rigid_body_drift(self, points, Phi, errors):
         return np.zeros(len(points), dtype=bool)
 
     def units(self, points):
@@ -220,7 +221,7 @@ def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
     rng = np.random.default_rng(seed)
     Phi = rng.standard_normal((12, N, N)) @ np.diag(10.0 ** -np.linspace(0, decades, N))
     ours, finer = Multipliers.of(Phi), Multipliers.of(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape)))
-    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), NothingDrifts(N // 2)), rounding_errors(Phi)
+    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), NothingDrifts(N // 2)), multiplier_roundoff(Phi)
     differences = ours.difference(finer)
     for k, matrix in enumerate(Phi):
         alone = Multipliers.of(matrix)
@@ -236,7 +237,7 @@ def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
         assert judged[k] == verdicts(Phi[one], ours[one], np.full(1, 1e-9), NothingDrifts(N // 2))[0]
         assert VERDICTS[judged[k]] in VERDICTS
         assert differences[k] == alone.difference(finer[k])
-        assert errors[k] == rounding_errors(matrix)
+        assert errors[k] == multiplier_roundoff(matrix)
 
 
 def eigenvalue_condition(matrix):
@@ -263,7 +264,7 @@ def eigenvalue_condition(matrix):
 )
 def test_rounding_of_defective_and_semisimple_multipliers(matrix):
     alone = eigenvalue_condition(matrix)
-    assert 0.3 * alone <= rounding_errors(matrix) <= 3 * alone
+    assert 0.3 * alone <= multiplier_roundoff(matrix) <= 3 * alone
 
 
 @settings(max_examples=25, deadline=None)
@@ -283,11 +284,11 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
     shared = Separated(separation, coefficients).tables(phase)
     found = []
     for made in (Tables.of(family.entries(phase, speeds[:, None]), n), shared):
-        modes = Frozen(made, system.period)
-        assert modes.faster(rate).tolist() == (fastest > rate).tolist()
-        found.append(modes.within(rate))
+        modes = FrozenModes(made, system.period)
+        assert modes.exceeds_rate(rate).tolist() == (fastest > rate).tolist()
+        found.append(modes.is_within(rate))
         assert not (found[-1] & (alone > rate * (1 + 1e-12))).any()
-        np.testing.assert_allclose(modes.reach, alone * system.period, rtol=1e-9)
+        np.testing.assert_allclose(modes.phase_advance, alone * system.period, rtol=1e-9)
     assert (found[0] == found[1]).all(), "ranges of shared terms tell more or less than the phases"
 
 
