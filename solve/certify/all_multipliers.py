@@ -13,9 +13,8 @@ from solve.certify.certified import Certified, Request
 from solve.certify.estimates import NO_DIGIT
 from solve.errors import StepsError
 from solve.kernel import slicot
-from solve.methods.free import free, solutions_on
+from solve.methods.free import anchored_for, free, solutions_on
 from solve.methods.method import Method, OneStep, Solutions
-from solve.period.anchored import Anchored
 from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
@@ -358,7 +357,7 @@ def _blocks_on_steps(
         if len(parts) == 1:
             return _blocks(_solutions(point, method, request, steps, held), loss)
         assert isinstance(method, OneStep)
-        taken, anchored = [], None if held is None else Anchored(point, held.modes)
+        taken, anchored = [], None if held is None else anchored_for(method, point, held)
         for part in parts:
             with np.errstate(all="ignore"):
                 A = method.discretise(anchored or point, part).steps.A
