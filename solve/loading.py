@@ -1,5 +1,6 @@
 """From the name of a model, the path of its mechanism, or the mechanism itself to a periodic system."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -104,6 +105,16 @@ def case_numbers(
     fit together is not looked at. Raises as `load` does."""
     module, chosen = _chosen(model, case, cases, parameters or {})
     return replace(chosen, parameters=checked_parameters(module, chosen.parameters))
+
+
+def missing_parameters(
+    model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
+) -> list[str]:
+    """Parameters of a model to which neither its case nor `parameters` gives a value. Raises as `load`
+    does."""
+    unset = dict.fromkeys(parameter_units(model), math.nan)
+    _, chosen = _chosen(model, case, cases, parameters, unset)
+    return [name for name in unset if chosen.parameters[name] is math.nan]
 
 
 def parameter_units(model: str) -> dict[str, str]:

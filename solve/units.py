@@ -299,7 +299,7 @@ def spaced(low: float, high: float, count: int) -> list[float]:
     """So many numbers from the first to the last, both included, at equal distances. Raises
     ValueOutOfBoundsError for more than can be held."""
     require_size("values in one range", count, NUMBERS_A_POINT)
-    return [low + (high - low) * i / (count - 1) for i in range(count)]
+    return [*(low + (high - low) * i / (count - 1) for i in range(count - 1)), high]
 
 
 def is_number(text: str) -> bool:

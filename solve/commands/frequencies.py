@@ -39,5 +39,6 @@ def frequencies(
         if position is None and model.moves:
             at = study.turn(model, turn or study.TURN)
         variation = study.frequencies_over(model, *varied, at, count)
-    result = Findings(here, whole_turn, variation, here.shapes() if modes else ())
+    first = [name for name in varied[:1] if name in problem.unset(problem.model)] if varied else []
+    result = Findings(here, whole_turn, variation, here.shapes() if modes else (), first)
     deliver_result(results, result, problem.choices)

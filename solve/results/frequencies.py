@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import ModeShape
+from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
 from solve.results.contents import Column, Columns, Contents, Facts, known, model_record, plain
 from solve.results.quantities import fixed, headed
@@ -241,12 +242,14 @@ class Variation(Roots):
 
 @dataclass(frozen=True)
 class Findings(Result):
-    """Frequencies at a position; where asked for, over the turn and over a parameter, and mode shapes."""
+    """Frequencies at a position; where asked for, over the turn and over a parameter, and mode shapes. first:
+    parameters that have the first possible value of their range, except in `variation`."""
 
     here: Frequencies
     turn: Frequencies | None = None
     variation: Variation | None = None
     shapes: Sequence[ModeShape] = ()
+    first: Sequence[str] = ()
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -291,7 +294,14 @@ class Findings(Result):
 
     def facts(self) -> Facts:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
-        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves]
+        system = self.system
+        values = {
+            name: measured(system.parameters[name], system.parameter_labels[name][0]) for name in self.first
+        }
+        at = [
+            ("at", f"{name}={value}, the first possible value of the range") for name, value in values.items()
+        ]
+        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves, *at]
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]

@@ -171,6 +171,8 @@ def test_its_animation(crank, tmp_path):
         lambda model: solve.report(model, OMEGA),
         lambda model: solve.state_space(model, OMEGA),
         lambda model: solve.periodic(model, OMEGA).quasi_static,
+        lambda model: solve.prove(model, OMEGA),
+        lambda model: solve.prove(solve.periodic(model, OMEGA)),
     ],
 )
 def test_vibration_requests_are_refused(crank, work):
