@@ -11,7 +11,7 @@ import sympy
 from sympy.core.relational import Relational
 
 from derive.declarations import Condition
-from derive.domains import Signs
+from derive.domains import Signs, substituted
 from derive.errors import ExpansionError
 from derive.pieces import at_rest, is_finite, margin_of
 from derive.switches import (
@@ -37,7 +37,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
     jacobian: derivatives of the residual with respect to all moving symbols, away from the switches.
     """
     for switch in switches(residual, moving):
-        at_rest = switch.xreplace(resting(moving))
+        at_rest = substituted(switch, resting(moving))
         if vanishes(at_rest):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 all along it"
         elif PHASE in at_rest.free_symbols:
@@ -65,11 +65,11 @@ def open_clearances(
     there."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
-    values = [part.xreplace(rest) for part in parts]
+    values = [substituted(part, rest) for part in parts]
     pairs = zip(parts, values, strict=True)
     linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
     for switch in switches(residual, moving):
-        still = switch.xreplace(rest)
+        still = substituted(switch, rest)
         held = in_order(still)
         if held and PHASE not in held and any(jumps(linear, still, symbol) for symbol in held):
             meaning = (
@@ -87,10 +87,10 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
     at_switch = [
         node
         for node in matrix.atoms(sympy.Heaviside, sympy.sign, Relational)
-        if _argument(node).free_symbols & {*moving} and vanishes(_argument(node).xreplace(rest))
+        if _argument(node).free_symbols & {*moving} and vanishes(substituted(_argument(node), rest))
     ]
     beside = matrix.xreplace({node: _chosen(node, moving) for node in at_switch})
-    made = beside.xreplace(rest)
+    made = beside.applyfunc(lambda entry: substituted(entry, rest))
     return made if is_finite(made) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
 
 
@@ -99,7 +99,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
     inactive there. Signs of parameters that guarantee this make a condition unnecessary."""
     rest = resting(moving)
     for part in parts:
-        if is_finite(part.xreplace(rest)):
+        if is_finite(substituted(part, rest)):
             continue
         for condition in at_rest(part, rest, signs)[1]:
             margin = margin_of(condition)

@@ -11,7 +11,18 @@ from typing import Any
 
 import sympy
 
-from derive.domains import NOT_ZERO, POSITIVE, Signs, branches, gate, is_met, need
+from derive.domains import (
+    NOT_ZERO,
+    POSITIVE,
+    Signs,
+    branches,
+    gate,
+    is_met,
+    limit,
+    need,
+    rebuilt,
+    substituted,
+)
 
 STEPS = (sympy.Abs, sympy.sign, sympy.Heaviside)
 PIECEWISE = (sympy.Max, sympy.Min, sympy.Piecewise, *STEPS)
@@ -43,9 +54,16 @@ def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
+        if not part.has(Selected):
+            return substituted(part, rest)
         if not isinstance(part, Selected):
-            return part.func(*map(value, part.args)) if part.has(Selected) else part.xreplace(rest)
+            return rebuilt(part, [value(each) for each in part.args])
         condition, taken, otherwise = map(value, part.args)
+        if not is_finite(condition):
+            condition = limit(part.args[0], {**rest, **signs})
+            if condition not in (sympy.true, sympy.false):
+                return sympy.nan
+            return taken if condition else otherwise
         demand, chosen = sympy.Not(condition), otherwise
         if is_finite(taken):
             demand, chosen = condition, taken

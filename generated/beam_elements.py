@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "ec73fd0e24fff0cb28a794a3d64357de0ef879fc5a912fe9e8d99fa99f11e88f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "844f52f4eaa344f0dd8ae965f723966ba9cb548a7ece26e3b76c98b029963f4a"
+FILE_SHA256 = "4f14d5c3df1dfb0d791115f8c8fd53075a1564caf5a1250c64a2d41880cc12fb"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "ec73fd0e24fff0cb28a794a3d64357de0ef879fc5a912fe9e8d99fa99f11e88f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a859f5a9b791179bf4eaad7b014c4d2c1319fd6de7072e994fa2512259d98b7b"
+FILE_SHA256 = "1fc2970ea46fa108b383f5439f3a48856c4ef408e4957fb30e09c56dba4d6dc4"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

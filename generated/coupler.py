@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e99ac28b13eb72706342d4335bd34cbc50d3586b279b68e881b92fd67a34eaa0"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "ec73fd0e24fff0cb28a794a3d64357de0ef879fc5a912fe9e8d99fa99f11e88f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "395b718a9fa508a5f9bf3f3915e577540f11ea1560136ede6d316b14a67b04e7"
+FILE_SHA256 = "a8134efee67ae3f1a47bb5ec198998f22dfc2b160717a652aee67a7ecb618aba"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "afdfbd0f5aaef41dce9e177a116f431e6b5c0b9c00a56264d2c29d01dea433d6"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "ec73fd0e24fff0cb28a794a3d64357de0ef879fc5a912fe9e8d99fa99f11e88f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "526e33d90c57cd6aeb570c2822402eb28960ee5c31e3b4eb507052d1cf0e8e1c"
+FILE_SHA256 = "0d25a5a665281f25fd8b710a437ccfab1bb067257f3e1ba986e364717d9cec7d"
 NAME = "mathieu"
 TITLE = "Mathieu's equation (thesis 7.2.3)"
 COORDINATES = (

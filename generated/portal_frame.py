@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+DERIVE_SHA256 = "ec73fd0e24fff0cb28a794a3d64357de0ef879fc5a912fe9e8d99fa99f11e88f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4c3d4a3fb4a09fb66255b85697f52e571fd747633acb3b9f44a53a2a9a8670ba"
+FILE_SHA256 = "dc5de09a36549a08b047d7248d3fd2401bc6aa01b0d070ecc8832a5a8048c7c0"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
