@@ -289,8 +289,13 @@ class Findings(Result):
     def summary(self) -> str:
         """The lowest frequencies at the position."""
         where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
-        hertz = ", ".join(self.here.texts(0, ".4g", 1 / (2 * math.pi)))
-        return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
+        omegas, growth_rates = (part[0] for part in self.here._roots)
+        growing = np.isnan(omegas) & np.isfinite(growth_rates)
+        texts = np.array(self.here.texts(0, ".4g", 1 / (2 * math.pi)), dtype=object)[~growing]
+        hertz = f"{', '.join(texts)} Hz" if len(texts) else "none"
+        rates = ", ".join(f"{rate:.4g}" for rate in growth_rates[growing])
+        growth = f" Growth rates: {rates} 1/s." if rates else ""
+        return f"The lowest natural frequencies{where}, standing still: {hertz}.{growth}"
 
     def facts(self) -> Facts:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
