@@ -17,7 +17,7 @@ import sympy
 from sympy.core.relational import Relational
 
 from derive.declarations import Condition
-from derive.domains import Signs, at_rest, is_finite, margin_of
+from derive.domains import Signs, at_rest, is_finite, margin_of, substituted
 from derive.errors import ExpansionError, UnsupportedExpressionError
 from derive.printer import CasadiPrinter
 from derive.switches import (
@@ -46,7 +46,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
     jacobian: derivatives of the residual with respect to all moving symbols, away from the switches.
     """
     for switch in switches(residual, moving):
-        at_rest = switch.xreplace(resting(moving))
+        at_rest = substituted(switch, resting(moving))
         if vanishes(at_rest):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 throughout it"
         elif PHASE in at_rest.free_symbols:
@@ -73,11 +73,11 @@ def open_clearances(
     """Conditions on parameters: clearances with different slopes on both sides are not exactly zero."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
-    values = [part.xreplace(rest) for part in parts]
+    values = [substituted(part, rest) for part in parts]
     pairs = zip(parts, values, strict=True)
     linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
     for switch in switches(residual, moving):
-        clearance = switch.xreplace(rest)
+        clearance = substituted(switch, rest)
         symbols = in_order(clearance)
         if symbols and PHASE not in symbols and any(jumps(linear, clearance, symbol) for symbol in symbols):
             meaning = (
@@ -98,10 +98,10 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
     at_switch = [
         node
         for node in matrix.atoms(sympy.Heaviside, sympy.sign, Relational)
-        if _argument(node).free_symbols & {*moving} and vanishes(_argument(node).xreplace(rest))
+        if _argument(node).free_symbols & {*moving} and vanishes(substituted(_argument(node), rest))
     ]
     beside = matrix.xreplace({node: _chosen(node, moving) for node in at_switch})
-    value = beside.xreplace(rest)
+    value = beside.applyfunc(lambda entry: substituted(entry, rest))
     return value if is_finite(value) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
 
 
@@ -112,7 +112,7 @@ def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Itera
     """
     rest = resting(moving)
     for part in parts:
-        if is_finite(part.xreplace(rest)):
+        if is_finite(substituted(part, rest)):
             continue
         for condition in at_rest(part, rest, signs)[1]:
             margin = margin_of(condition)

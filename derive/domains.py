@@ -82,10 +82,39 @@ def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
 
 def is_met(need: Need, signs: Signs) -> bool:
     """Whether the signs of the symbols alone guarantee that a function is real and finite."""
-    margin = sympy.sympify(need.margin).xreplace(dict(signs))
+    margin = substituted(sympy.sympify(need.margin), dict(signs))
     if need.relation == NOT_ZERO:
         return bool(margin.is_nonzero)
     return bool(margin.is_positive if need.relation == POSITIVE else margin.is_nonnegative)
+
+
+def substituted(part: Any, rest: Mapping[Any, Any]) -> Any:
+    """Expression evaluated at the values `rest` of symbols. Where SymPy cannot compare log(0) or 1/0, their
+    limits are used; the result is NaN if the sign of a limit is unknown."""
+    try:
+        return part.xreplace(rest)
+    except (TypeError, ValueError):
+        return limit(part, rest)
+
+
+def limit(part: Any, rest: Mapping[Any, Any]) -> Any:
+    """Expression evaluated at the values `rest` of symbols, with the limits of log(0) and 1/0."""
+    if not part.args:
+        return part.xreplace(rest)
+    args = [limit(each, rest) for each in part.args]
+    if isinstance(part, sympy.log) and args[0] == 0:
+        return -sympy.oo
+    if isinstance(part, sympy.Pow) and args[0] == 0 and args[1].is_negative:
+        return sympy.oo if part.base.is_nonnegative or not args[1].is_integer else sympy.zoo
+    return rebuilt(part, args)
+
+
+def rebuilt(part: Any, args: Iterable[Any]) -> Any:
+    """Expression with other arguments; NaN if they cannot be compared."""
+    try:
+        return part.func(*args)
+    except (TypeError, ValueError):
+        return sympy.nan
 
 
 def gate(factor: Any) -> Any:
@@ -166,9 +195,16 @@ def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
+        if not part.has(Selected):
+            return substituted(part, rest)
         if not isinstance(part, Selected):
-            return part.func(*map(value, part.args)) if part.has(Selected) else part.xreplace(rest)
+            return rebuilt(part, [value(each) for each in part.args])
         condition, taken, otherwise = map(value, part.args)
+        if not is_finite(condition):
+            condition = limit(part.args[0], {**rest, **signs})
+            if condition not in (sympy.true, sympy.false):
+                return sympy.nan
+            return taken if condition else otherwise
         demand, chosen = sympy.Not(condition), otherwise
         if is_finite(taken):
             demand, chosen = condition, taken

@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Protocol
 
 import sympy
 
+from derive.domains import substituted
 from derive.symbols import PHASE, Moving, primed
 from derive.units import Dimension, parse
 
@@ -171,7 +172,7 @@ def lower_orders(orders: Iterable[Order]) -> list[Order]:
 def at_desired_motion(expression: Any) -> Any:
     """The expression at the fundamental motion: all moving symbols except the phase are zero."""
     moving = expression.atoms(Moving) - {PHASE}
-    return expression.xreplace(dict.fromkeys(moving, sympy.S.Zero))
+    return substituted(expression, dict.fromkeys(moving, sympy.S.Zero))
 
 
 def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loop:

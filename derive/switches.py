@@ -244,12 +244,17 @@ class Numbers:
         """exact: to `_DIGITS` digits, otherwise in floating point, which is faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
         made = [_stood_in(sympy.sympify(each)) for each in expressions]
+        self._undefined = any(each.has(sympy.zoo, sympy.nan) for each in made)
+        if self._undefined:
+            return
         modules = [_STEPS, "mpmath" if exact else "math"]
         # Dummies, since a symbol may have the name of a function.
         self._function = sympy.lambdify(symbols, made, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
         """Values at a point of all symbols."""
+        if self._undefined:
+            return None
         with mpmath.workdps(_DIGITS):
             try:
                 return self._function(*(self._kind(point[symbol]) for symbol in self._symbols))

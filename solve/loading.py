@@ -1,5 +1,6 @@
 """Loading of models by name, by the path of a mechanism file, or from a mechanism in memory."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -181,6 +182,16 @@ def case_numbers(
     """
     module, chosen = _module_and_case(model, case, cases, parameters or {})
     return replace(chosen, parameters=checked_parameters(module, chosen.parameters))
+
+
+def missing_parameters(
+    model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
+) -> list[str]:
+    """Parameters of a model to which neither its case nor `parameters` gives a value. Raises as `load`
+    does."""
+    unset = dict.fromkeys(parameter_units(model), math.nan)
+    _, chosen = _module_and_case(model, case, cases, parameters, unset)
+    return [name for name in unset if chosen.parameters[name] is math.nan]
 
 
 def parameter_units(model: str) -> dict[str, str]:

@@ -304,7 +304,7 @@ def spaced(low: float, high: float, count: int) -> list[float]:
     """Equidistant numbers from `low` to `high`, both included. Raises ValueOutOfBoundsError beyond the memory
     limit."""
     require_size("values in one range", count, NUMBERS_A_POINT)
-    return [low + (high - low) * i / (count - 1) for i in range(count)]
+    return [*(low + (high - low) * i / (count - 1) for i in range(count - 1)), high]
 
 
 def is_number(text: str) -> bool:

@@ -15,9 +15,8 @@ from solve.certify.certified import Certified, SolveRequest
 from solve.certify.estimates import NO_DIGIT
 from solve.errors import StepsError
 from solve.kernel import slicot
-from solve.methods.free import free, solutions_on
+from solve.methods.free import anchored_for, free, solutions_on
 from solve.methods.method import Method, OneStep, Solutions
-from solve.period.anchored import Anchored
 from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
@@ -359,7 +358,7 @@ def _blocks_on_steps(
             return balanced_blocks(maps.A, loss=loss)
         assert isinstance(method, OneStep)
         blocks, first = [], 0
-        anchored = None if rigid is None else Anchored(point, rigid.modes)
+        anchored = None if rigid is None else anchored_for(method, point, rigid)
         for chunk in chunks:
             with np.errstate(all="ignore"):
                 A = method.discretise(anchored or point, chunk).steps.A

@@ -6,7 +6,7 @@ A command takes groups as parameters. `flattened` makes their fields flags of th
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type
 import typer
 
 from solve.arguments import MOST, limited
-from solve.commands.parse import assignments, integer, number, quantities
+from solve.commands.parse import assignments, integer, number, quantities, spread
 from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
-from solve.loading import case_numbers, model_of, parameter_units, setup_of
+from solve.loading import case_numbers, missing_parameters, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import REDUCE, measured
 from solve.model.cases import Case
@@ -67,6 +67,11 @@ Varied = Mapping[str, Sequence[float | str]]
 """Values of parameters, or of the speed, by name."""
 
 _NONE: Varied = MappingProxyType({})
+_NO_VALUES: Mapping[str, float | str] = MappingProxyType({})
+
+_MOST_TRIALS = 4096
+"""Largest number of combinations of varied parameters that are tried as the values of the model: a choice,
+which limits the time until a study is refused."""
 
 
 @dataclass(frozen=True)
@@ -103,21 +108,38 @@ class Numbers(CaseNumbers):
     def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
         """Model of that name. Raises NoMotionError for a model without equations of motion and
         NoVibrationError for a rigid one, unless the study allows them."""
-        model = model_of(self.setup(name, varied))
+        model = self._first_model(name, varied)
         if not still and (model.vibrates or not rigid):
             model.require_motion()
         return model
 
-    def setup(self, name: str, varied: Varied = _NONE) -> Setup:
-        """Setup of the model of that name. A varied parameter has its first value unless the case or --set
-        gives one. Raises SolveError subclasses for bad input."""
+    def _first_model(self, name: str, varied: Varied) -> Model:
+        """Model with the first values of the varied parameters that it allows. Raises the error of the first
+        values if it allows none."""
+        try:
+            return model_of(self.setup(name, {each: values[0] for each, values in varied.items()}))
+        except (ValueOutOfBoundsError, DesiredMotionError):
+            unset = self.unset(name)
+            ranges = {each: values for each, values in varied.items() if each in unset}
+            for trial in spread(ranges, _MOST_TRIALS):
+                with suppress(ValueOutOfBoundsError, DesiredMotionError):
+                    return model_of(self.setup(name, trial))
+            raise
+
+    def unset(self, name: str) -> list[str]:
+        """Parameters of the model of that name to which neither the case nor --set gives a value."""
+        return missing_parameters(name, self.case, self.cases, self.parameters)
+
+    def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
+        """Setup of the model of that name; values: of parameters that neither the case nor --set gives.
+        Raises SolveError subclasses for bad input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
                 raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
             options[REDUCE] = self.reduce
-        first = {parameter: values[0] for parameter, values in varied.items() if parameter != SPEED}
-        return setup_of(name, self.case, self.cases, options, self.parameters, first)
+        others = {parameter: value for parameter, value in values.items() if parameter != SPEED}
+        return setup_of(name, self.case, self.cases, options, self.parameters, others)
 
     @property
     def choices(self) -> list[str]:

@@ -119,5 +119,6 @@ def frequencies(
         if position is None and model.moves:
             positions = study.turn(model, turn or study.TURN)
         variation = study.frequencies_over(model, *varied, positions, count)
-    result = Findings(here, revolution, variation, here.shapes() if modes else ())
+    first = [name for name in varied[:1] if name in problem.unset(problem.model)] if varied else []
+    result = Findings(here, revolution, variation, here.shapes() if modes else (), first)
     deliver_result(results, result, problem.choices)

@@ -1,6 +1,7 @@
 """Values of flags from the texts of the command line."""
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,24 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
     """
     ((name, range_),) = assignments(flag, [text], "NAME=A:B:N").items()
     return name, evenly(range_, f"{flag} {name}")
+
+
+def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
+    """Combinations of values by name, up to `most`: in order for one name, spread over all for several.
+
+    >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
+    [{'x': 0, 'y': 0}, {'x': 1, 'y': 1}, {'x': 0, 'y': 1}]
+    """
+    total = math.prod(map(len, ranges.values())) if ranges else 0
+    step = 1 if len(ranges) == 1 else round(total * (math.sqrt(5) - 1) / 2)
+    while total > 1 and math.gcd(step, total) > 1:
+        step += 1
+    for k in range(min(total, most)):
+        combination, place = {}, k * step % total
+        for name, values in ranges.items():
+            place, at = divmod(place, len(values))
+            combination[name] = values[at]
+        yield combination
 
 
 def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) -> Path:

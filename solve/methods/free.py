@@ -77,8 +77,7 @@ def solutions_on(
     the modes."""
     if held is None:
         return method.solutions(points, grid, orbit, engine)
-    weights = held.modes.weighted(held.mass) if method.symmetric else None
-    anchored = Anchored(points, held.modes, weights=weights)
+    anchored = anchored_for(method, points, held)
     if orbit and held.modes.conserving.any():
         return _conserving(method, anchored, grid, held)
     with np.errstate(all="ignore"):
@@ -99,6 +98,12 @@ def solutions_on(
     return replace(
         found, Phi=Phi, curve=curve, steps=steps, units=None, free=held, secular=secular, driven=driven
     )
+
+
+def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
+    """The points with anchored rigid-body modes; their matrices stay symmetric if the method requires it."""
+    weights = held.modes.weighted(held.mass) if method.symmetric else None
+    return Anchored(points, held.modes, weights=weights)
 
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:

@@ -28,6 +28,10 @@ _STATES, _RTOL = 128, 1e-6
 """States per period and tolerance of the motion from a given state; Newton's iteration corrects the rest."""
 
 
+class _NotRealError(TypeError):
+    """Values that are not real numbers."""
+
+
 def motion_of(start: Start, task: Task) -> Motion:
     """Motion of a start of `solve.nonlinear`. Raises ValueOutOfBoundsError for an invalid start, FileError,
     and TransientError for states from which the motion cannot be integrated."""
@@ -95,22 +99,30 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
     shape = task.system.n, len(phase) - 1
     try:
         values = _real(function(phase[:-1]))
+    except _NotRealError as reason:
+        raise ValueOutOfBoundsError(f"start returns {reason}; it must return finite q {shape}") from None
     except Exception as reason:  # A user function may raise any exception.
         raise ValueOutOfBoundsError(
             f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q {shape}"
         ) from None
-    if values.shape != shape or not np.isfinite(values).all():
+    if values.shape != shape:
         raise ValueOutOfBoundsError(
             f"start returns shape {values.shape} for {shape[1]} phases; it must return finite q {shape}"
         )
+    if not np.isfinite(values).all():
+        raise ValueOutOfBoundsError(f"start returns NaN or infinite values; it must return finite q {shape}")
     spline = CubicSpline(phase, np.column_stack((values, values[:, 0])), axis=1, bc_type="periodic")
     q, v, a = (spline(phase, order).T for order in range(3))
     return Curve.quintic(phase, q, v, a[:-1], a[1:])
 
 
 def _real(values: Any) -> Array:
-    """Values as floats. Raises TypeError for complex numbers and ValueError for what is not an array."""
-    return np.asarray(values).astype(float, casting="same_kind")
+    """Values as floats. Raises _NotRealError for complex numbers and what is not an array of numbers, and
+    ValueError for rows of different lengths."""
+    array = np.asarray(values)
+    if not np.can_cast(array.dtype, float, casting="same_kind"):
+        raise _NotRealError(reprlib.repr(values))
+    return array.astype(float)
 
 
 def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
@@ -120,9 +132,13 @@ def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
         q, qd = map(_real, given)
     except (TypeError, ValueError):
         raise _refused(given, allowed) from None
-    if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
+    if q.shape != (n,) or qd.shape != (n,):
         raise ValueOutOfBoundsError(
             f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
+        )
+    if not np.isfinite([q, qd]).all():
+        raise ValueOutOfBoundsError(
+            f"the start has NaN or infinite values; give finite q and q̇ of shape ({n},) each"
         )
     return q, qd
 

@@ -71,7 +71,8 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
         "rms": np.sqrt(np.mean(values**2, axis=-1)),
     }
     found = np.stack([made[name] for name in FIGURES], axis=-1)
-    return np.where(np.isnan(values[..., :1]), np.nan, found)
+    # Without −0.0, which records would show.
+    return np.where(np.isnan(values[..., :1]), np.nan, found) + 0.0
 
 
 def _known(values: Array) -> Array:

@@ -86,9 +86,11 @@ HeaderRows = Sequence[tuple[str, str]]
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
     """Function that formats a number, multiplied by a factor.
 
-    >>> digits(".2f", 1e3)(0.5)
-    '500.00'
+    >>> digits(".2f", 1e3)(0.5), digits(".3g")(-0.0)
+    ('500.00', '0')
     """
+    # Without the sign of values that round to zero.
+    form = f"z{form}" if form.startswith(".") else form
     return lambda value: f"{value * factor:{form}}"
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import ModeShape
+from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, known, model_info, to_json
 from solve.results.formatting import fixed, headed
@@ -256,12 +257,13 @@ class Variation(Roots):
 @dataclass(frozen=True)
 class Findings(Result):
     """Natural frequencies at a position and, if requested, over the revolution and a parameter, with mode
-    shapes."""
+    shapes. first: parameters with the first possible value of their range, except in `variation`."""
 
     here: Frequencies
     turn: Frequencies | None = None
     variation: Variation | None = None
     shapes: Sequence[ModeShape] = ()
+    first: Sequence[str] = ()
 
     @stored_property
     def warnings(self) -> list[str]:
@@ -301,12 +303,24 @@ class Findings(Result):
     def summary(self) -> str:
         """Sentence on the lowest frequencies at the position."""
         where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
-        hertz = ", ".join(self.here.texts(0, ".4g", 1 / (2 * math.pi)))
-        return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
+        omegas, growth_rates = (part[0] for part in self.here._roots)
+        growing = np.isnan(omegas) & np.isfinite(growth_rates)
+        texts = np.array(self.here.texts(0, ".4g", 1 / (2 * math.pi)), dtype=object)[~growing]
+        hertz = f"{', '.join(texts)} Hz" if len(texts) else "none"
+        rates = ", ".join(f"{rate:.4g}" for rate in growth_rates[growing])
+        growth = f" Growth rates: {rates} 1/s." if rates else ""
+        return f"The lowest natural frequencies{where}, standing still: {hertz}.{growth}"
 
     def header_rows(self) -> HeaderRows:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
-        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves]
+        system = self.system
+        values = {
+            name: measured(system.parameters[name], system.parameter_labels[name][0]) for name in self.first
+        }
+        at = [
+            ("at", f"{name}={value}, the first possible value of the range") for name, value in values.items()
+        ]
+        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves, *at]
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]

@@ -9,6 +9,7 @@ from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import (
+    DesiredMotionError,
     MatricesError,
     NoMotionError,
     NoResultError,
@@ -89,7 +90,18 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
-    """M, C, K, d at positions (m,). Raises MatricesError that names speed 0 if it is the only cause."""
+    """M, C, K, d at positions (m,). Raises DesiredMotionError if the desired motion is undefined at speed 0,
+    and MatricesError that names speed 0 if it is the only cause."""
+    unit = system.speed_unit
+    elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
+    try:
+        system.require_desired_motion(np.zeros(1))
+    except DesiredMotionError as error:
+        cause, _, _ = str(error).partition("; change ")
+        raise DesiredMotionError(
+            f"natural frequencies are evaluated at speed 0, where there is no desired motion: {cause}; "
+            f"{elsewhere}"
+        ) from None
     try:
         return system.at(positions, 0.0)
     except (MatricesError, ZeroDivisionError) as error:
@@ -99,11 +111,9 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
             system.at(positions, running)
         except (SolveError, ZeroDivisionError):
             raise error from None
-        unit = system.speed_unit
         raise MatricesError(
             f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are evaluated, but "
-            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; for mean "
-            f'frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
+            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; {elsewhere}"
         ) from None
 
 
