@@ -1,7 +1,7 @@
-"""From the energies of a mechanism to CasADi code of its equations of motion.
+"""Derivation of CasADi code for the equations of motion from the energies of a mechanism.
 
-A mechanism file imports what it needs from here: `Mechanism`, `Structure`, `rate` and SymPy's
-elementary functions. SymPy is loaded at the first use, so that the command answers at once.
+A mechanism file imports from here: `Mechanism`, `Structure`, `rate` and SymPy's elementary functions. SymPy
+is imported at the first use, for a short start-up of the command.
 """
 
 import importlib

@@ -12,7 +12,7 @@ def main() -> None:
 
 
 def _run(arguments: Sequence[str]) -> int | None:
-    # Loaded within: an interruption may come while Python still reads the packages.
+    # Imported here, where an interruption during the import is handled.
     from derive.command import run
 
     return run(arguments)

@@ -1,34 +1,36 @@
-"""Matrices of beam elements from their shape functions; a family of elements is a declaration.
+"""Beam elements: matrices from shape functions, and the text of their generated module.
 
-A family is a polynomial in ξ = x/L with as many coefficients as it has freedoms; a freedom is the
-polynomial's derivative of some order at some ξ. All else follows by exact integration: mass,
-stiffness, geometric stiffness, load, strain, and the coupling of axial with transverse displacement
-that rotation brings in (thesis 4.2, Appendix A).
+A family is a polynomial in ξ = x/L with as many coefficients as freedoms. A freedom is the derivative of the
+polynomial of some order at some ξ. Exact integration gives mass, stiffness, geometric stiffness, load and
+strain, and the coupling of axial with transverse displacement by rotation (thesis 4.2, Appendix A).
 """
 
+import json
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import sympy
 
+from derive.freshness import hashed_module
+
 XI = sympy.Symbol("xi", real=True)
 
 HALF = sympy.Rational(1, 2)
 
 AXIAL, BENDING = 1, 2
-"""Order of the derivative that the strain energy holds: elongation u′, curvature v″."""
+"""Order of the derivative in the strain energy: elongation u′, curvature v″."""
 
 LOADS = (0, 1)
-"""Powers of ξ by which a distributed load may vary along the element."""
+"""Powers of ξ of a distributed load along the element."""
 
 
 @dataclass(frozen=True)
 class Family:
     """Shape functions that interpolate `freedoms`: pairs (order of the derivative, ξ).
 
-    `strain` is AXIAL or BENDING. Derivatives by x = Lξ make row i of every table carry L to the power of
-    its freedom's order.
+    `strain` is AXIAL or BENDING. As x = Lξ, row i of every table has the factor L to the power of the order
+    of its freedom.
     """
 
     name: str
@@ -105,3 +107,64 @@ ELEMENTS = (
     Element("internal", QUADRATIC, QUINTIC_NODE),
     Element("curvature", LINEAR, QUINTIC_CURVATURE),
 )
+
+
+TITLE = "Beam elements of unit length"
+FACTORS = """\
+# ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
+# Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
+# mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
+# loads[k] L, for a load per length that varies as ξᵏ; coupling[i][j] ρA L, axial freedom i by bending
+# freedom j; strains 1/L (elongation u′) or 1/L² (curvature v″), where row i of shapes and strains holds
+# the coefficients of 1, ξ, ξ², …."""
+
+
+def beam_elements_text(source_sha256: str, command: str) -> str:
+    """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
+    families = "".join(f'    "{family.name}": {_dict(_family(family), 4)},\n' for family in FAMILIES)
+    elements = "".join(f'    "{element.name}": {_dict(_element(element), 4)},\n' for element in ELEMENTS)
+    body = f"{FACTORS}\n\nFAMILIES = {{\n{families}}}\n\nELEMENTS = {{\n{elements}}}\n"
+    return hashed_module(TITLE, command, source_sha256, body, imports="")
+
+
+def _family(family: Family) -> dict[str, str]:
+    tables = {
+        "shapes": _coefficients(family.shape),
+        "strains": _coefficients(family.strains),
+        "mass": family.mass,
+        "stiffness": family.stiffness,
+        "loads": family.loads,
+    }
+    if family.strain == BENDING:
+        tables["geometric"] = family.geometric
+    texts = {name: _rows(table) for name, table in tables.items()}
+    return {"strain": str(family.strain), "freedoms": _tuple(map(_tuple, family.freedoms)), **texts}
+
+
+def _element(element: Element) -> dict[str, str]:
+    names = {"axial": json.dumps(element.axial.name), "bending": json.dumps(element.bending.name)}
+    return {**names, "coupling": _rows(element.coupling)}
+
+
+def _coefficients(functions: sympy.Matrix) -> sympy.Matrix:
+    """Coefficients of polynomials in ξ, one row each, lowest power first."""
+    rows = [sympy.Poly(each, XI).all_coeffs()[::-1] for each in functions]
+    width = max(map(len, rows))
+    return sympy.Matrix([row + [sympy.S.Zero] * (width - len(row)) for row in rows])
+
+
+def _rows(table: sympy.Matrix) -> str:
+    rows = "".join(f"    {_tuple(table.row(i))},\n" for i in range(table.rows))
+    return f"(\n{rows})"
+
+
+def _tuple(entries) -> str:
+    texts = [str(entry) for entry in entries]
+    return f"({', '.join(texts)}{',' if len(texts) == 1 else ''})"
+
+
+def _dict(entries: dict[str, str], indent: int) -> str:
+    margin = " " * indent
+    lines = [f'{margin}    "{name}": {text},' for name, text in entries.items()]
+    text = "\n".join(line.replace("\n", f"\n{margin}    ") for line in lines)
+    return f"{{\n{text}\n{margin}}}"

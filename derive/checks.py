@@ -1,4 +1,4 @@
-"""What a complete statement of a mechanism must satisfy before anything is derived from it."""
+"""Checks of the statement of a mechanism before the derivation."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Set
@@ -7,14 +7,13 @@ from typing import Any
 
 import sympy
 
+from derive.declarations import AROUND, METRE
 from derive.errors import DeclarationError, DeriveError, UnitError, UnknownSymbolError, UnusedParameterError
-from derive.kinematics import LoopFunction
+from derive.functions import LoopFunction, PeriodicFunction
 from derive.mechanism import MechanismStatement
-from derive.sketch import AROUND, METRE
 from derive.structure import StructureStatement
 from derive.switches import switches
 from derive.symbols import ACCELERATION, PHASE, SPEED
-from derive.transmission import PeriodicFunction
 from derive.units import ONE, SECOND, Dimension, dimension_of, parse, require, require_coherent, short
 
 Dimensions = Mapping[sympy.Symbol, Dimension]
@@ -22,40 +21,40 @@ Dimensions = Mapping[sympy.Symbol, Dimension]
 
 @dataclass(frozen=True)
 class _Statement:
-    """An expression that the author gave, the unit that it must have, symbols that it must not contain."""
+    """A stated expression with its required unit and its forbidden symbols."""
 
     what: str
     expression: sympy.Expr
     unit: str | None
-    """None where any will do, as long as it is one."""
+    """None for any consistent unit."""
     forbidden: Set[Any] = frozenset()
     own: Mapping[Any, Dimension] = field(default_factory=dict)
-    """Dimensions of symbols that it alone may hold."""
+    """Dimensions of symbols that only this expression may contain."""
 
 
 def check(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
     if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
-        statements = [_Statement(*each) for each in mechanism.numbers()]
-        for each in statements:
-            if switches(each.expression, (PHASE,)):
+        statements = [_Statement(*statement) for statement in mechanism.numbers()]
+        for statement in statements:
+            if switches(statement.expression, (PHASE,)):
                 raise DeclarationError(
-                    f"{each.what} has a step or kink in the phase: {short(each.expression)}; the links of a "
-                    "structure need smooth motions"
+                    f"{statement.what} has a step or kink in the phase: {short(statement.expression)}; the "
+                    "links of a structure need smooth motions"
                 )
     else:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))
     statements += [*_kinematic_statements(mechanism), *_sketches(mechanism)]
     known = dimensions(mechanism)
-    for each in statements:
+    for statement in statements:
         try:
-            _require(each, {**known, **each.own})
+            _require(statement, {**known, **statement.own})
         except DeriveError as error:
-            error.about = each.expression
+            error.about = statement.expression
             raise
-    _require_use(mechanism, [each.expression for each in statements])
+    _require_use(mechanism, [statement.expression for statement in statements])
 
 
 def _require(statement: _Statement, known: Dimensions) -> None:
@@ -70,12 +69,11 @@ def _require(statement: _Statement, known: Dimensions) -> None:
     except UnitError as error:
         if METRE not in statement.own:
             raise
-        raise UnitError(f"{error}; a size that is no parameter is a number times metre") from None
+        raise UnitError(f"{error}; a size that is not a parameter is a number times metre") from None
 
 
 def _require_equations(mechanism: MechanismStatement) -> None:
-    """Require coordinates, or outputs of a rigid mechanism, or a drive torque that follows from the energies
-    and is not declined."""
+    """Raise DeclarationError for a mechanism without results, or with conflicting declarations."""
     energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *mechanism.forces)
     moved = any(each != 0 for each in energies) and not mechanism.no_drive_torque
     if not (mechanism.declared_coordinates or mechanism.declared_outputs or moved):
@@ -87,15 +85,14 @@ def _require_equations(mechanism: MechanismStatement) -> None:
     ratios, modes = len(mechanism.damping_ratios), len(mechanism.declared_coordinates)
     if ratios > modes:
         raise DeclarationError(
-            f"{ratios} damping ratios for {modes} coordinate{'s'[: modes > 1]}; give one a mode at most"
+            f"{ratios} damping ratios for {modes} coordinate{'s'[: modes > 1]}; give at most one per mode"
         )
     for loop in mechanism.declared_loops:
         for unknown, unit in zip(loop.unknowns, loop.units, strict=True):
             require_coherent(unknown.name, unit)
     if mechanism.energy != "J" and not mechanism.no_drive_torque:
         raise DeclarationError(
-            f"energies in {mechanism.energy} give no drive torque in N m; "
-            "state so with decline_drive_torque(reason)"
+            f"energies in {mechanism.energy} give no drive torque in N m; call decline_drive_torque(reason)"
         )
     if not mechanism.no_drive_torque and "drive_torque" in {each.name for each in mechanism.declared_outputs}:
         raise DeclarationError(
@@ -164,7 +161,7 @@ def _period(mechanism: MechanismStatement) -> sympy.Expr:
 
 
 def _expression(what: str, given: Any) -> sympy.Expr:
-    """What the author set, as an expression; texts are none."""
+    """The stated value as an expression. Raises DeclarationError for text."""
     try:
         expression = sympy.sympify(given, strict=True)
     except sympy.SympifyError:
@@ -186,7 +183,7 @@ def _require_last_piece(statement: _Statement) -> None:
         if pieces.args[-1].args[1] != sympy.true:
             raise DeclarationError(
                 f"{statement.what} has no value where no condition of {short(pieces)} holds; end it with a "
-                "piece for all else, such as (0, True)"
+                "default piece, such as (0, True)"
             )
 
 
@@ -213,17 +210,17 @@ def _require_known(statement: _Statement, known: Dimensions) -> None:
     for symbol in sorted(statement.expression.free_symbols - (set(known) - statement.forbidden), key=str):
         if symbol in statement.forbidden:
             raise UnknownSymbolError(
-                f"{statement.what} holds {symbol}, which cannot stand there; drop it, or state the term by "
-                "another energy, a dissipation or a force"
+                f"{statement.what} contains {symbol}, which is not allowed there; remove it, or state the "
+                "term by another energy, a dissipation or a force"
             )
         if str(symbol) in names:
             raise UnknownSymbolError(
-                f"{statement.what} holds a symbol named {symbol} that is not the declared one; "
+                f"{statement.what} contains a symbol named {symbol} other than the declared one; "
                 "use the symbols that coordinates(...) and parameters(...) return"
             )
         nearest = difflib.get_close_matches(str(symbol), names, 1)
         hint = f"; did you mean {nearest[0]}?" if nearest else "; declare it with parameters(...)"
-        raise UnknownSymbolError(f"{statement.what} holds {symbol}, which is not declared{hint}")
+        raise UnknownSymbolError(f"{statement.what} contains {symbol}, which is not declared{hint}")
 
 
 def _require_use(mechanism: MechanismStatement, expressions: list[sympy.Expr]) -> None:
@@ -234,10 +231,10 @@ def _require_use(mechanism: MechanismStatement, expressions: list[sympy.Expr]) -
         symbols |= set(unknown.loop.parameters)
     for parameter in mechanism.declared_parameters:
         if parameter.symbol not in symbols:
-            unused = f"parameter {parameter.symbol} is never used; use it or drop it"
+            unused = f"parameter {parameter.symbol} is not used; use it or remove it"
             raise UnusedParameterError(unused, parameter.symbol)
     for option in mechanism.declared_options:
         if mechanism.declared_field and option.name == mechanism.declared_field.modes:
             continue
         if not symbols & set(option.indicators):
-            raise UnusedParameterError(f"option {option.name} is never used; use it or drop it")
+            raise UnusedParameterError(f"option {option.name} is not used; use it or remove it")

@@ -24,11 +24,11 @@ app = typer.Typer(
 
 
 class _Command(UniqueOptions, TyperCommand):
-    """Command that refuses a second value for a single-value option."""
+    """Command that rejects a second value of a single-value option."""
 
 
 def run(arguments: Sequence[str]) -> int | None:
-    """Carry out the command; 1 where a check fails."""
+    """Run the command and return its exit status: 1 if a check fails."""
     with progress.show_progress("derive"):
         return app(list(arguments), prog_name="derive", standalone_mode=False)
 
@@ -38,28 +38,26 @@ def derive(
     models: Annotated[
         list[str] | None, Argument(metavar="MODEL...", help="Names, or paths that end in .py.")
     ] = None,
-    every: Annotated[bool, Option("--all", help="All mechanisms that come with the package.")] = False,
-    out: Annotated[
-        Path | None, Option(metavar="DIR", help="Where the modules are written or checked.")
-    ] = None,
+    every: Annotated[bool, Option("--all", help="All mechanisms of the package.")] = False,
+    out: Annotated[Path | None, Option(metavar="DIR", help="Folder of the generated modules.")] = None,
     check: Annotated[
         bool,
-        Option("--check", help="Compare hashes only, of all modules by default; exit 1 where one is stale."),
+        Option("--check", help="Compare hashes only, by default of all modules; exit 1 if one is stale."),
     ] = False,
     full: Annotated[bool, Option("--full", help="With --check: regenerate and show the difference.")] = False,
     show: Annotated[
         bool, Option("--show", help="Print the linearised equations as LaTeX; write nothing.")
     ] = False,
     numbers: Annotated[
-        str | None, Option(metavar="CASE", help="With --show: put in the numbers of a case.")
+        str | None, Option(metavar="CASE", help="With --show: insert the parameters of a case.")
     ] = None,
     debug: Annotated[bool, Option("--debug", help="Show the traceback of an internal error.")] = False,
 ) -> None:
     """Derive the equations of motion and generate CasADi code for them."""
     if (full and not check) or (show and check):
-        raise UsageError("--full goes with --check, and --show with neither")
+        raise UsageError("--full requires --check, and --show excludes both")
     if numbers is not None and not show:
-        raise UsageError("--numbers goes with --show")
+        raise UsageError("--numbers requires --show")
     sources = _sources(models or [], every or (check and not models), out)
     if show:
         _show(sources, numbers)
@@ -76,28 +74,26 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """The generated module as it should be; SymPy is loaded here and not before. report: is called with what
-    of the statement the equations ignore."""
+    """Derived text of the generated module; SymPy is imported here and not before.
+
+    report: callback for each sentence on terms of the statement that the equations ignore.
+    """
     if source.name == loader.BEAM_ELEMENTS:
-        from derive.beam_text import beam_elements_text
+        from derive.beam import beam_elements_text
 
         return beam_elements_text(source.sha256, source.command)
-    from derive.emit import module_text
-    from derive.structure import StructureStatement
-    from derive.structure_text import structure_text
+    from derive.structure_text import generated_text
 
     mechanism = loader.load(source)
     with loader.located(source, mechanism):
-        if isinstance(mechanism, StructureStatement):
-            return structure_text(mechanism, source.sha256, source.command)
-        return module_text(mechanism, source.sha256, source.command, report)
+        return generated_text(mechanism, source.sha256, source.command, report)
 
 
 def _write(sources: list[Source]) -> None:
     for source in sources:
         if source.installed:
             raise UsageError(
-                f"{source.name} came with the installed package, whose files stay as they are; give "
+                f"{source.name} belongs to the installed package, whose files are not changed; give "
                 "--out DIR, or work in a checkout"
             )
     for source in _reported(sources):
@@ -106,7 +102,7 @@ def _write(sources: list[Source]) -> None:
 
 
 def _reported(sources: list[Source]) -> Iterator[Source]:
-    """The mechanisms one after the other, reported."""
+    """The mechanisms in sequence, with progress."""
     with progress.task("mechanisms", len(sources)):
         for source in sources:
             with progress.subtask("mechanisms"), progress.task(source.name):
@@ -118,7 +114,7 @@ def _noted(source: Source, sentence: str) -> None:
 
 
 def _is_stale(source: Source, full: bool) -> bool:
-    """Say on standard output whether a generated module is current; `full` compares every byte."""
+    """Whether a generated module is out of date; the reason is printed. full: compare every byte."""
     present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
     why = freshness.staleness(present, source.sha256) if present else "it is missing"
     if full:
@@ -131,8 +127,7 @@ def _is_stale(source: Source, full: bool) -> bool:
 
 
 def _show(sources: list[Source], case: str | None) -> None:
-    from derive.case_numbers import case_numbers
-    from derive.show import elements, equations
+    from derive.show import case_numbers, elements, equations
 
     for source in _reported(sources):
         if source.name == loader.BEAM_ELEMENTS:

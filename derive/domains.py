@@ -1,8 +1,15 @@
-"""Domains of functions: conditions on the arguments of roots, quotients and arccosines, and the pieces of an
-expression to which they apply."""
+"""Domains of functions, and the pieces of expressions to which they apply.
 
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple, Protocol
+A domain is a condition on the argument of a root, quotient or arccosine. Inactive pieces of piecewise
+expressions contribute nothing, even if they are singular: a contact
+`Heaviside(r - gap)*k*(r - gap)*x/r` is 0·(0/0) at r = 0. It becomes a selection of its value or 0. Within the
+value, arguments at which a function or its derivatives would not be finite are replaced while the piece is
+inactive. Values and automatic derivatives of any order are then finite.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import sympy
 
@@ -14,12 +21,14 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Symbols with a known sign, by the symbols in the mechanism, which are only declared real."""
+"""Symbols of known sign, by the real symbols of the mechanism."""
 
 
 class Need(NamedTuple):
-    """Domain of a function: it is real and finite where `margin` satisfies `relation`. safe: value of its
-    first argument at which the function and its derivatives are finite."""
+    """Domain of a function: it is real and finite where `margin` satisfies `relation`.
+
+    safe: value of the first argument at which the function and its derivatives are finite.
+    """
 
     margin: Any
     relation: str
@@ -56,42 +65,63 @@ def _power(base: Any, exponent: Any) -> Need | None:
     return Need(base, NOT_NEGATIVE if exponent.is_positive else POSITIVE, 1)
 
 
-class Bounded(Protocol):
-    """Parameter with a bound."""
-
-    @property
-    def symbol(self) -> Any: ...
-
-    @property
-    def bound(self) -> str: ...
-
-
-def signs_of(parameters: Iterable[Bounded]) -> dict[Any, Any]:
-    """Signs of the speed and of the parameters, from their bounds."""
-    found: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
-    for each in parameters:
-        for clause in filter(None, each.bound.split(", ")):
+def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
+    """Signs of the speed and of the declared parameters, from their bounds."""
+    signs: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
+    for parameter in parameters:
+        for clause in filter(None, parameter.bound.split(", ")):
             relation, _, limit = clause.partition(" ")
             if relation.startswith(">") and (float(limit) > 0 or clause == "> 0"):
-                found[each.symbol] = sympy.Dummy(positive=True)
+                signs[parameter.symbol] = sympy.Dummy(positive=True)
             elif relation == ">=" and float(limit) == 0:
-                found[each.symbol] = sympy.Dummy(nonnegative=True)
+                signs[parameter.symbol] = sympy.Dummy(nonnegative=True)
             elif relation.startswith("<") and (float(limit) < 0 or clause == "< 0"):
-                found[each.symbol] = sympy.Dummy(negative=True)
-    return found
+                signs[parameter.symbol] = sympy.Dummy(negative=True)
+    return signs
 
 
 def is_met(need: Need, signs: Signs) -> bool:
     """Whether the signs of the symbols alone guarantee that a function is real and finite."""
-    margin = sympy.sympify(need.margin).xreplace(dict(signs))
+    margin = substituted(sympy.sympify(need.margin), dict(signs))
     if need.relation == NOT_ZERO:
         return bool(margin.is_nonzero)
     return bool(margin.is_positive if need.relation == POSITIVE else margin.is_nonnegative)
 
 
+def substituted(part: Any, rest: Mapping[Any, Any]) -> Any:
+    """Expression evaluated at the values `rest` of symbols. Where SymPy cannot compare log(0) or 1/0, their
+    limits are used; the result is NaN if the sign of a limit is unknown."""
+    try:
+        return part.xreplace(rest)
+    except (TypeError, ValueError):
+        return limit(part, rest)
+
+
+def limit(part: Any, rest: Mapping[Any, Any]) -> Any:
+    """Expression evaluated at the values `rest` of symbols, with the limits of log(0) and 1/0."""
+    if not part.args:
+        return part.xreplace(rest)
+    args = [limit(each, rest) for each in part.args]
+    if isinstance(part, sympy.log) and args[0] == 0:
+        return -sympy.oo
+    if isinstance(part, sympy.Pow) and args[0] == 0 and args[1].is_negative:
+        return sympy.oo if part.base.is_nonnegative or not args[1].is_integer else sympy.zoo
+    return rebuilt(part, args)
+
+
+def rebuilt(part: Any, args: Iterable[Any]) -> Any:
+    """Expression with other arguments; NaN if they cannot be compared."""
+    try:
+        return part.func(*args)
+    except (TypeError, ValueError):
+        return sympy.nan
+
+
 def gate(factor: Any) -> Any:
-    """Condition under which a factor of a product is nonzero, for Heaviside(x), Max(0, x), Min(0, x) and
-    their powers; None for other factors."""
+    """Condition under which a factor Heaviside(x), Max(0, x), Min(0, x), or a power of these, is nonzero.
+
+    None for other factors.
+    """
     base = factor.base if isinstance(factor, sympy.Pow) and factor.exp.is_positive else factor
     arguments: Any = base.args
     if isinstance(base, sympy.Heaviside):
@@ -111,17 +141,16 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Functions of an expression that have a domain condition, inner ones first, each with its condition
-    where its piece is active."""
-    found: dict[Any, tuple[Any, Need]] = {}
+    """Functions of an expression with their domain conditions where their pieces are active, inner first."""
+    collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
-        needed = need(node)
-        if needed is not None:
-            margin = needed.margin
+        condition = need(node)
+        if condition is not None:
+            margin = condition.margin
             if guards:
                 margin = sympy.Piecewise((margin, sympy.And(*guards)), (sympy.S.One, True))
-            found.setdefault((margin, needed.relation), (node, needed._replace(margin=margin)))
-    return list(found.values())
+            collected.setdefault((margin, condition.relation), (node, condition._replace(margin=margin)))
+    return list(collected.values())
 
 
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
@@ -136,3 +165,184 @@ def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[An
         free = not conditions or gates[position] is not None
         yield from _guarded(each, guards if free else (*guards, *conditions))
     yield part, guards
+
+
+STEPS = (sympy.Abs, sympy.sign, sympy.Heaviside)
+PIECEWISE = (sympy.Max, sympy.Min, sympy.Piecewise, *STEPS)
+
+
+class Selected(sympy.Function):
+    """Selected(condition, value, otherwise)."""
+
+    nargs = 3
+    is_real = True
+
+    @classmethod
+    def eval(cls, *args: Any) -> Any:
+        condition, value, otherwise = args
+        if condition in (sympy.true, sympy.false):
+            return value if condition else otherwise
+        return None
+
+
+def guarded(expression: Any, signs: Signs) -> Any:
+    """The expression with pieces that may be singular replaced by selections finite on both sides."""
+    return _Selection(signs, True).of(sympy.sympify(expression))
+
+
+def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
+    """The expression at values `rest` of the moving symbols, and conditions for inactive singular pieces."""
+    conditions: list[Any] = []
+
+    def value(part: Any) -> Any:
+        if not part.has(Selected):
+            return substituted(part, rest)
+        if not isinstance(part, Selected):
+            return rebuilt(part, [value(each) for each in part.args])
+        condition, taken, otherwise = map(value, part.args)
+        if not is_finite(condition):
+            condition = limit(part.args[0], {**rest, **signs})
+            if condition not in (sympy.true, sympy.false):
+                return sympy.nan
+            return taken if condition else otherwise
+        demand, chosen = sympy.Not(condition), otherwise
+        if is_finite(taken):
+            demand, chosen = condition, taken
+        if is_finite(taken) == is_finite(otherwise) or not _may_hold(demand, signs):
+            return sympy.Piecewise((taken, condition), (otherwise, True))
+        conditions.append(demand)
+        return chosen
+
+    return value(_Selection(signs, False).of(expression)), conditions
+
+
+def is_finite(expression: Any) -> bool:
+    """Whether an expression contains no infinite or undefined value."""
+    return not expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo)
+
+
+def margin_of(condition: Any) -> Any:
+    """Expression that is positive where inequalities hold strictly; None for other conditions."""
+    if isinstance(condition, sympy.And | sympy.Or):
+        margins: Sequence[Any] = [margin_of(each) for each in condition.args]
+        if any(each is None for each in margins):
+            return None
+        return (sympy.Min if isinstance(condition, sympy.And) else sympy.Max)(*margins)
+    return condition.gts - condition.lts if hasattr(condition, "gts") else None
+
+
+def _may_hold(condition: Any, signs: Signs) -> bool:
+    """Whether the signs of the symbols permit the inequalities to hold strictly."""
+    margin = margin_of(condition)
+    return margin is not None and not margin.xreplace(dict(signs)).is_nonpositive
+
+
+@dataclass(frozen=True)
+class _Selection:
+    """Replacement of singular pieces by selections. safe: whether inactive values are made finite."""
+
+    signs: Signs
+    safe: bool
+
+    def of(self, part: Any) -> Any:
+        if not part.has(*PIECEWISE):
+            return part
+        arguments: Any = part.args
+        if isinstance(part, sympy.Piecewise):
+            return self._pieces(arguments, part)
+        if isinstance(part, sympy.Max | sympy.Min):
+            return self._extreme(part)
+        if isinstance(part, sympy.Mul):
+            gates = {each: condition for each in arguments if (condition := gate(each)) is not None}
+            if any(map(self._is_singular, arguments)):
+                if gates:
+                    return self._product(part, gates)
+                whole: Any = next((each for each in arguments if isinstance(each, sympy.Piecewise)), None)
+                if whole is not None:
+                    rest = sympy.Mul(*(each for each in arguments if each is not whole))
+                    return self._pieces([(value * rest, condition) for value, condition in whole.args], part)
+        if isinstance(part, sympy.Mul | sympy.Add) and part.has(*STEPS):
+            split = self._split(part)
+            if split is not None:
+                return split
+        args = [self.of(each) for each in arguments]
+        return part if args == list(arguments) else part.func(*args)
+
+    def _product(self, product: sympy.Mul, gates: Mapping[Any, Any]) -> Any:
+        # Max(0, x) is x where its condition holds.
+        factors = [_opened(each) if each in gates else each for each in product.args]
+        value, condition = sympy.Mul(*map(self.of, factors)), sympy.And(*gates.values())
+        return Selected(condition, self._finite(value, condition), sympy.S.Zero)
+
+    def _split(self, part: Any) -> Any:
+        """Selection for a sum or product that is regular on one side of a step or kink, as in (|x| + x)*y.
+
+        None if there is none.
+        """
+        terms = [each for each in sympy.Add.make_args(part) if self._is_singular(each)]
+        singular, others = (
+            sympy.Add(*terms),
+            [each for each in sympy.Add.make_args(part) if each not in terms],
+        )
+        inner: set[Any] = {node.args[0] for node in singular.atoms(*STEPS)} if terms else set()
+        for x in sorted(inner, key=sympy.default_sort_key):
+            above, below = (
+                singular.xreplace({sympy.Abs(x): s * x, sympy.sign(x): s, sympy.Heaviside(x): (1 + s) / 2})
+                for s in (sympy.S.One, sympy.S.NegativeOne)
+            )
+            for value, other, condition in ((above, below, x > 0), (below, above, x < 0)):
+                left = sympy.expand(other)
+                if not self._is_singular(left):
+                    value = self._finite(self.of(value), condition)
+                    chosen: Any = Selected(condition, value, left)
+                    return sympy.Add(chosen, *map(self.of, others))
+        return None
+
+    def _extreme(self, extreme: Any) -> Any:
+        """Selection that makes singular arguments inactive unless they are the extreme one."""
+        if not any(map(self._is_singular, extreme.args)):
+            return extreme
+        value, *others = map(self.of, sorted(extreme.args, key=sympy.default_sort_key))
+        for other in others:
+            condition = value > other if isinstance(extreme, sympy.Max) else value < other
+            beyond = self._finite(other, sympy.Not(condition))
+            value = Selected(condition, self._finite(value, condition), beyond)
+        return value
+
+    def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
+        """Selections for the pieces of a piecewise function, or of its product with a factor."""
+        if not any(self._is_singular(value) for value, _ in pieces):
+            return stated
+        values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]
+        result = values[-1]
+        for value, (_, condition) in reversed([*zip(values[:-1], pieces[:-1], strict=True)]):
+            result = Selected(condition, value, result)
+        return result
+
+    def _is_singular(self, part: Any) -> bool:
+        """Whether a function in the expression, or a derivative of it, may be singular."""
+        return self._may_fail(part) or any(map(self._is_singular, part.args))
+
+    def _may_fail(self, node: Any) -> bool:
+        needed = need(node)
+        if needed is None or isinstance(node, sympy.exp | sympy.sinh | sympy.cosh):
+            return False
+        relation = NOT_ZERO if needed.relation == NOT_ZERO else POSITIVE
+        return not is_met(needed._replace(relation=relation), self.signs)
+
+    def _finite(self, part: Any, condition: Any) -> Any:
+        """Value under a condition, made finite where the condition does not hold."""
+        if not self.safe or isinstance(part, Selected) or not part.args or condition == sympy.true:
+            return part
+        args, needed = [self._finite(each, condition) for each in part.args], need(part)
+        if needed is not None and self._may_fail(part):
+            args[0] = Selected(condition, args[0], sympy.Integer(needed.safe))
+        return part if args == list(part.args) else part.func(*args)
+
+
+def _opened(factor: Any) -> Any:
+    base, exponent = factor.as_base_exp()
+    if isinstance(base, sympy.Heaviside):
+        return sympy.S.One
+    others = [each for each in base.args if each != 0]
+    return others[0] ** exponent if len(others) == 1 else factor

@@ -1,4 +1,4 @@
-"""The text of a generated module: its constants, and functions that build CasADi functions."""
+"""Text of a generated module: constants, and functions that build CasADi functions."""
 
 import json
 import re
@@ -8,13 +8,11 @@ from typing import Any
 
 import sympy
 
-from derive import lagrange
-from derive.breaks import ANGLES, PASSES, Passage, passages
-from derive.declarations import Condition, Output
-from derive.desired import Demand, conditions, demands
+from derive.declarations import AROUND, RUNNING, Condition, Output
+from derive.discontinuities import ANGLES, PASSES, Passage, passages
+from derive.equations import accelerated, clearances, drive_torque, from_fundamental, linearise, residuals
 from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
-from derive.field_text import along, definitions, field_functions, field_tools
 from derive.freshness import hashed_module
 from derive.function_text import (
     VARYING,
@@ -25,19 +23,14 @@ from derive.function_text import (
     tuple_lines,
     varying_text,
 )
-from derive.galerkin import Projection, project
-from derive.linearise import clearances, linearise
-from derive.loop_text import loop_orders, loop_text
-from derive.losses import idle, losses
-from derive.mathml import mathml
+from derive.functions import PeriodicFunction
+from derive.galerkin import Projection, along, definitions, field_functions, field_tools, project
 from derive.mechanism import MechanismStatement
-from derive.printer import CasadiPrinter
-from derive.reading import Equation, read
-from derive.recurrence import COMPONENTS, FOURIER
-from derive.sketch import AROUND, RUNNING
+from derive.printer import COMPONENTS, FOURIER, CasadiPrinter, loop_orders, loop_text
+from derive.reading import Equation, mathml, read
 from derive.symbols import steady
-from derive.transmission import PeriodicFunction
 from derive.units import size
+from derive.validity import Demand, conditions, demands, idle, losses
 from solve.terminal import progress
 
 CHOICE = '''\
@@ -65,7 +58,7 @@ TOOLS = {
 }
 
 MOST_TO_READ = 2000
-"""Operations of M, C, K and d that are still printed for reading."""
+"""Largest number of operations of M, C, K and d that are printed for reading: a choice, a few pages."""
 
 RIGID = "a mechanism without coordinates has no equations of motion"
 
@@ -79,14 +72,14 @@ ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 
 @dataclass(frozen=True)
 class Equations:
-    """All that a generated module computes.
+    """All results of a generated module.
 
-    residual, outputs: where the speed varies; residual is None where `functions` contain it, or
-    nothing vibrates. definitions:
-    text for symbols of the expressions that are no inputs. tools, functions: texts that go before and after
-    the others. conditions: beyond those that the mechanism states. passages: where the matrices switch.
-    nonlinear: what the linear answer ignores, a sentence each; idle: what moves nothing. no_drive_torque: why
-    there is none, if so. projection: of a deflection, on its mode functions.
+    residual, outputs: at varying speed; residual is None if `functions` contain it or there are no
+    coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
+    after the other functions. conditions: conditions on the parameters. passages: phases of the
+    switches of the matrices. nonlinear, idle: sentences on terms that the linear equations, or all
+    equations, ignore. no_drive_torque: reason why there is none. projection: of a deflection on its mode
+    functions.
     """
 
     linearised: dict[str, Any]
@@ -105,27 +98,27 @@ class Equations:
 
     @property
     def of_states(self) -> dict[str, dict[str, Any]]:
-        """The results of each function of a state, by its name, where the speed varies."""
+        """Results at varying speed of each function of a state, by name."""
         residual = {} if self.residual is None else {"residual": {"r": self.residual}}
         return {**residual, "outputs": {each.name: each.expression for each in self.outputs}}
 
 
 def derive_equations(mechanism: MechanismStatement) -> Equations:
-    """Equations of a checked mechanism; SingularMassError where a coordinate has no inertia."""
+    """Equations of a checked mechanism. Raises SingularMassError for a coordinate without inertia."""
     if mechanism.declared_field:
         return _field_equations(mechanism, mechanism.declared_field)
-    varying = lagrange.residuals(mechanism)
+    varying = residuals(mechanism)
     r = steady(varying)
     reason, outputs = mechanism.no_drive_torque, []
     if not reason:
         try:
-            # Rows vanish on a motion only where they hold all that acts.
+            # The rows of the residual vanish on a motion only without modal damping, which they lack.
             rows = () if mechanism.damping_ratios else [*varying]
-            outputs.append(_torque(lagrange.drive_torque(mechanism, rows)))
+            outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
-        outputs.append(_in_its_unit(each, lagrange.from_fundamental(mechanism, each.expression)))
+        outputs.append(_in_its_unit(each, from_fundamental(mechanism, each.expression)))
     linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
     moving = [s for each in mechanism.declared_coordinates for s in each.symbol.motion]
     return Equations(
@@ -171,9 +164,10 @@ def module_text(
     command: str,
     report: Callable[[str], object] = lambda _: None,
 ) -> str:
-    """Whole text of the generated module; `command` is what renews it, after `python -m derive`.
+    """Complete text of the generated module.
 
-    report: is called with each sentence on what of the statement the equations ignore.
+    command: arguments of `python -m derive` that regenerate it. report: callback for each sentence on terms
+    of the statement that the equations ignore.
     """
     with progress.steps(2) as step:
         step("equations")
@@ -200,7 +194,7 @@ def module_text(
 
 
 def _require_own_names(body: str) -> None:
-    """Raise DeclarationError where a field or a loop's unknown has the name of another function."""
+    """Raise DeclarationError if a field or an unknown has the name of another generated function."""
     defined = re.findall(r"^def _(\w+)", body, re.MULTILINE)
     for name in defined:
         if defined.count(name) > 1:
@@ -210,13 +204,13 @@ def _require_own_names(body: str) -> None:
             )
 
 
-def _domain(found: Sequence[Demand]) -> list[str]:
-    """DOMAIN, where the desired motion has one."""
-    return tuple_lines("DOMAIN", [literal(tuple(each[:4])) for each in found]) if found else []
+def _domain(demanded: Sequence[Demand]) -> list[str]:
+    """Lines of DOMAIN, none without domain conditions."""
+    return tuple_lines("DOMAIN", [literal(tuple(demand[:4])) for demand in demanded]) if demanded else []
 
 
 def _reasons(equations: Equations) -> list[str]:
-    """Why there is no drive torque, and what the linear answer ignores, where there is such."""
+    """Lines of NO_DRIVE_TORQUE and NONLINEAR, where they apply."""
     lines = []
     if equations.no_drive_torque:
         lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
@@ -226,7 +220,7 @@ def _reasons(equations: Equations) -> list[str]:
 
 
 def _for_reading(mechanism: MechanismStatement, equations: Equations, operations: int) -> str:
-    """M, C, K and d as MathML, where they are not too long."""
+    """M, C, K and d as MathML, or the reason why they are not printed."""
     if not mechanism.declared_coordinates:
         return f"NO_EQUATIONS = {literal(RIGID)}"
     if operations > MOST_TO_READ:
@@ -235,15 +229,15 @@ def _for_reading(mechanism: MechanismStatement, equations: Equations, operations
     return equations_text(read(mechanism, equations.linearised), equations.projection)
 
 
-def equations_text(found: Sequence[Equation], projection: Projection | None = None) -> str:
-    """EQUATIONS, a MathML element each."""
-    return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(found, projection))]))
+def equations_text(equations: Sequence[Equation], projection: Projection | None = None) -> str:
+    """Text of EQUATIONS, one MathML element each."""
+    return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(equations, projection))]))
 
 
 def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
-    """Texts of the functions, after those of the loops that they solve, and the operations of each."""
+    """Texts of the functions, preceded by those of their loops, and the operations of each."""
     orders = loop_orders([matrix for each in functions for matrix in each.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
     printed = {each.name: function_text(mechanism, each, orders) for each in functions}
@@ -255,7 +249,7 @@ def functions_text(
 
 
 def _operations(counts: dict[str, int]) -> dict[str, int]:
-    """Operations of the functions that are evaluated at every phase."""
+    """Operations of the functions evaluated at every phase."""
     evaluated = {name: counts[name] for name in ("linearised", "residual", "outputs") if name in counts}
     return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
@@ -268,7 +262,7 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
         constant = {each: steady(part) for each, part in results.items()}
         functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
         doc = f"What an acceleration of the drive adds to {name}."
-        added = {each: lagrange.accelerated(part) for each, part in results.items()}
+        added = {each: accelerated(part) for each, part in results.items()}
         functions.append(GeneratedFunction(f"{name}_accelerated", doc, ACCELERATED, added, names))
     if equations.projection is not None:
         doc = "M, C, K, d where the speed varies."
@@ -283,17 +277,17 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
     return functions + condition_functions(equations.conditions)
 
 
-def domain_functions(found: Sequence[Demand]) -> list[GeneratedFunction]:
-    """The function of what the desired motion demands, if there is any."""
-    if not found:
+def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
+    """Function of the domain conditions, if there are any."""
+    if not demanded:
         return []
     doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
-    margins = sympy.Matrix([each.margin for each in found])
+    margins = sympy.Matrix([demand.margin for demand in demanded])
     return [GeneratedFunction("domain", doc, ("phase", "speed", "p"), {"margins": margins})]
 
 
 def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
-    """The function of the lines of the picture, if there are any."""
+    """Function of the lines of the sketch, if there are any."""
     if not mechanism.declared_sketches:
         return []
     deflection, still = mechanism.declared_field, {AROUND: 2 * sympy.pi * RUNNING}
@@ -304,7 +298,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
         texts = along(deflection)
 
     def drawn(number: Any) -> Any:
-        return steady(lagrange.from_fundamental(mechanism, number.xreplace(still)))
+        return steady(from_fundamental(mechanism, number.xreplace(still)))
 
     lines = {each.name: each.at(drawn) for each in mechanism.declared_sketches}
     doc = (
@@ -314,7 +308,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
 
 
 def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFunction]:
-    """The function of the conditions, if there are any."""
+    """Function of the conditions, if there are any."""
     if not conditions:
         return []
     margins = sympy.Matrix([each.margin for each in conditions])
@@ -337,7 +331,7 @@ def constants(
     operations: dict[str, int],
     conditions: Sequence[Condition],
 ) -> str:
-    """The data of a generated module, but for its hashes."""
+    """Constants of a generated module, without its hashes."""
     names = {each.symbol.name for each in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
@@ -374,15 +368,18 @@ def constants(
 
 
 def _series(series: type[PeriodicFunction]) -> tuple:
-    """Name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds of
-    coefficients, harmonics."""
+    """Entry of SERIES.
+
+    It contains name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds
+    of coefficients, and number of harmonics.
+    """
     prefixes = (family[0].name.removesuffix("1") for family in (series.first, series.second))
     mean = series.mean.name if series.mean else ""
     return series.__name__, series.form, series.integrated, mean, *prefixes, len(series.first)
 
 
 def literal(value: str | float | range | tuple) -> str:
-    """A value as Python, always with double quotes."""
+    """A value as Python source with double quotes."""
     if isinstance(value, tuple):
         return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

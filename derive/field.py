@@ -1,22 +1,155 @@
-"""A deflection w(x, t) along an elastic link, to be expanded in mode functions.
+"""A deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
 
-The author of a mechanism writes energies a length in w, its slope and curvature, their rates and the
+The author of a mechanism writes energies per length in w, its slope and curvature, their rates and the
 position x, as if these were coordinates at one place, and integrates them over the link.
+
+Mode functions are sums of powers of ξ = x/l times sines and cosines of π(ak + c)ξ, a whole. Their products
+are sums of waves ξ^p exp(iπtξ), which integrate by parts; at ξ = 1 only the parity (−1)^k of a mode number
+remains. Equal mode numbers, for which some t vanish, have an integral of their own.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import permutations
 from typing import Any, ClassVar
 
 import sympy
 
-from derive.modal_integrals import Shape
+from derive.errors import UnsupportedExpressionError
 from derive.symbols import Moving
 from derive.units import Dimension, parse
 
+XI = sympy.Symbol("xi", real=True)
+MODE_I, MODE_J = sympy.symbols("i j", integer=True, positive=True)
+PARITY = {number: sympy.Symbol(f"parity_{number}") for number in (MODE_I, MODE_J)}
+"""Stand for (−1)^i and (−1)^j while sums are simplified."""
+SEPARATE_FACTORS = {sympy.pi, *PARITY.values()}
+
+Shape = Callable[[Any, Any], Any]
+"""The mode function of a mode number k = 1, 2, … and of ξ = x/l."""
+
+
+@dataclass(frozen=True)
+class ModalIntegral:
+    """∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1; `equal` for i = j, `different` for any others."""
+
+    different: sympy.Expr
+    equal: sympy.Expr
+
+    @property
+    def vanishes(self) -> bool:
+        return self.different == self.equal == 0
+
+
+def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> ModalIntegral:
+    """Product of the derivatives a and b (by ξ) of modes i and j, for numbers up to `most`.
+
+    Raises UnsupportedExpressionError where the mode functions are of another kind.
+    """
+    product = XI**power * shape(MODE_I, XI).diff(XI, a) * shape(MODE_J, XI).diff(XI, b)
+    equal = product.xreplace({MODE_J: MODE_I})
+    return ModalIntegral(_integral(product, (MODE_I, MODE_J), most), _integral(equal, (MODE_I,), most))
+
+
+def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
+    """∫ ξ^power ψ_j^(a) dξ over 0 … 1, as `modal_integral`."""
+    return _integral(XI**power * shape(MODE_J, XI).diff(XI, a), (MODE_J,), most)
+
+
+@cache
+def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sympy.Expr:
+    """Integral over 0 … 1, for all mode numbers up to `most` that differ. Energies and outputs of all fields
+    of a shape have the same ones."""
+    numbers = [
+        dict(zip(symbols, each, strict=True)) for each in permutations(range(1, most + 1), len(symbols))
+    ]
+    total = sympy.S.Zero
+    for (power, half_waves), factor in _waves(function).items():
+        _require_frequency(half_waves, numbers)
+        total += factor * _wave(power, half_waves)
+    simple: Any = sympy.factor_terms(_factored(total))
+    return simple.xreplace({symbol: (-1) ** number for number, symbol in PARITY.items()})
+
+
+def _factored(total: sympy.Expr) -> sympy.Expr:
+    """Sum of powers of π and parities, each times a factored quotient of mode numbers. The integral is real:
+    imaginary terms, which cancel with those of the opposite frequency, are left out, as factors of their sum
+    are long sought."""
+    quotients: dict[sympy.Expr, sympy.Expr] = {}
+    for term in sympy.Add.make_args(sympy.expand(total)):
+        imaginary = term.as_coefficient(sympy.I)
+        if imaginary is not None and not imaginary.has(sympy.I):
+            continue
+        powers = term.as_powers_dict()
+        parity = sympy.Mul(*(symbol ** (powers[symbol] % 2) for symbol in PARITY.values()))
+        constant = parity * sympy.pi ** powers[sympy.pi]
+        rest = sympy.Mul(*(base**power for base, power in powers.items() if base not in SEPARATE_FACTORS))
+        quotients[constant] = quotients.get(constant, sympy.S.Zero) + rest
+    return sympy.Add(*(constant * sympy.factor(quotient) for constant, quotient in quotients.items()))
+
+
+def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
+    """Factors of ξ^p exp(iπtξ), by p and t."""
+    waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
+    for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
+        factor, varying = term.as_independent(XI)
+        power, half_waves = 0, sympy.S.Zero
+        parts: Any = sympy.Mul.make_args(varying)
+        for part in parts:
+            base, exponent = part.as_base_exp()
+            if base == XI and exponent.is_Integer:
+                power += int(exponent)
+            elif part.func is sympy.exp:
+                half_waves += sympy.expand(part.exp / (sympy.I * sympy.pi * XI))
+            elif part != 1:
+                raise _unsupported(part)
+        waves[power, half_waves] = waves.get((power, half_waves), sympy.S.Zero) + factor
+    return waves
+
+
+def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
+    """∫ ξ^p exp(iπtξ) dξ over 0 … 1."""
+    if half_waves == 0:
+        return sympy.Rational(1, power + 1)
+    end, slope = _end_value(half_waves), sympy.I * sympy.pi * half_waves
+    terms = [end / slope]
+    for m in range(1, power + 1):
+        terms.append(-terms[-1] * (power - m + 1) / slope)
+    return sympy.Add(*terms) - terms[-1] / end
+
+
+def _end_value(half_waves: Any) -> sympy.Expr:
+    """exp(iπt) for t = ai + bj + c with whole a and b."""
+    a, b = half_waves.coeff(MODE_I), half_waves.coeff(MODE_J)
+    rest = half_waves - a * MODE_I - b * MODE_J
+    if not (a.is_Integer and b.is_Integer and rest.is_number):
+        raise _unsupported(sympy.exp(sympy.I * sympy.pi * half_waves * XI))
+    return PARITY[MODE_I] ** (a % 2) * PARITY[MODE_J] ** (b % 2) * sympy.exp(sympy.I * sympy.pi * rest)
+
+
+def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
+    """Where a wave's frequency vanishes for some mode numbers only, its formula is 0/0 there."""
+    if half_waves == 0:
+        return
+    for each in numbers:
+        if half_waves.xreplace({symbol: sympy.Integer(n) for symbol, n in each.items()}) == 0:
+            named = ", ".join(f"{symbol} = {n}" for symbol, n in each.items())
+            raise UnsupportedExpressionError(
+                "mode functions cannot be integrated for all mode numbers at once: frequencies meet at "
+                f"{named}; give mode k a single frequency of its own, above 0"
+            )
+
+
+def _unsupported(part: sympy.Basic) -> UnsupportedExpressionError:
+    return UnsupportedExpressionError(
+        f"mode functions with the part {part} cannot be integrated for all mode numbers at once; "
+        "give sums of powers of xi = x/l times sin or cos of pi*(a*k + c)*xi, a whole"
+    )
+
 
 class FieldIntegral(sympy.Function):
-    """∫ density dx over the length of a field; a subclass is made for each field."""
+    """∫ density dx over the length of a field; each field has a subclass."""
 
     nargs = 2
     is_real = True
@@ -31,13 +164,13 @@ class FieldIntegral(sympy.Function):
         return super().free_symbols - self.field.local
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the integral where density and length have those of the parts."""
+        """Dimension of the integral for density and length of these dimensions."""
         return parts[0] * parts[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """w(x, t) = Σ q_k(t) ψ_k(x/length), k = 1 … as many as the option `modes` says.
+    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length), where the option `modes` is the number of modes.
 
     shape: ψ_k as a function of k and xi = x/length.
     """
@@ -49,7 +182,7 @@ class Field:
     shape: Shape = field(repr=False)
     modes: str
     points: dict[Any, tuple[Moving, sympy.Expr]] = field(default_factory=dict, init=False)
-    """What `at` gave: a symbol for w, w′, w″ or the tension at a position."""
+    """Symbols returned by `at`, for w, w′, w″ or the tension at a position."""
 
     @cached_property
     def position(self) -> sympy.Symbol:
@@ -78,50 +211,80 @@ class Field:
 
     @cached_property
     def shortening(self) -> Any:
-        """u = ½∫w′² from 0 to x: what an inextensible link at x moves towards its beginning."""
+        """u = ½∫w′² from 0 to x: displacement of an inextensible link at x towards its start."""
         return Moving(f"{self.name}_shortening")
 
     @cached_property
     def total_shortening(self) -> Any:
-        """u at the end: the chord is shorter by it than the link."""
+        """u at the end: length of the link minus that of its chord."""
         return Moving(f"{self.name}_total_shortening")
 
     @cached_property
     def tension(self) -> Any:
-        """Axial force N of the straight link; it follows from what the energies say of the shortening."""
+        """Axial force N of the straight link, derived from the energy terms with the shortening."""
         return Moving(f"{self.name}_tension")
 
     @cached_property
     def local(self) -> set[Any]:
-        """Symbols that mean something at one place only."""
+        """Symbols that are defined at one position."""
         moving = [*self.derivatives, self.shortening]
         return {self.position, self.tension, *moving, *(each.rate for each in moving)}
 
     @property
     def symbols(self) -> list[Moving]:
-        """Whatever moves, without its rates."""
+        """All moving symbols, without their rates."""
         return [*self.derivatives, self.shortening, self.total_shortening, self.tension, *self.points]
 
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:
-        """Dimensions of `symbols`, from those of length and energy."""
+        """Dimensions of `symbols` for these dimensions of length and energy."""
         unit = parse(self.unit)
         known = {each: unit / length**order for order, each in enumerate(self.derivatives)}
         known |= {self.shortening: length, self.total_shortening: length, self.tension: energy / length}
         return known | {point: known[local] for point, (local, _) in self.points.items()}
 
     def integral(self, density: Any) -> Any:
-        """∫ density dx from 0 to the length."""
+        """Integral of a density over the link.
+
+        Parameters
+        ----------
+        density : expression
+            Quantity per length in x, w, w′, w″ and their rates.
+
+        Returns
+        -------
+        expression
+            ∫ density dx from 0 to the length.
+        """
         return self._integral(sympy.sympify(density), self.length)
 
     def line(self, start: tuple[Any, Any], direction: Any) -> list[tuple[Any, Any]]:
-        """For `sketch`, the point that runs along the bent link from its beginning (x, y), whose chord has
-        a direction (rad from x); w is positive at +90° from it."""
+        """Moving point of the bent link for `sketch`.
+
+        Parameters
+        ----------
+        start : tuple of two expressions
+            Position (x, y) of the start of the link, m.
+        direction : expression
+            Direction of the chord, rad from x; w is positive at +90° from it.
+        """
         (x, y), along, across = start, self.position - self.shortening, self.deflection
         c, s = sympy.cos(direction), sympy.sin(direction)
         return [(x + along * c - across * s, y + along * s + across * c)]
 
     def at(self, expression: Any, position: Any) -> Any:
-        """The value of an expression in x, w, w′, w″, their rates and the tension at a position."""
+        """Value of an expression at a position.
+
+        Parameters
+        ----------
+        expression : expression
+            In x, w, w′, w″, their rates and the tension.
+        position : expression
+            Position, m.
+
+        Returns
+        -------
+        expression
+        """
         expression = sympy.sympify(expression)
         values: dict[sympy.Basic, Any] = {self.position: sympy.sympify(position)}
         for local in (*self.derivatives, self.tension):

@@ -1,4 +1,4 @@
-"""Banner, hashes, writing and quick checking of generated modules; knows nothing of SymPy."""
+"""Banner, hashes, writing and quick checks of generated modules, without SymPy."""
 
 import ast
 import difflib
@@ -30,9 +30,9 @@ def _banner(title: str, command: str) -> str:
 
 
 def hashed_module(title: str, command: str, source_sha256: str, body: str, imports: str = IMPORTS) -> str:
-    """The module's text with the hashes of its inputs, and its seal: the hash of all but the seal's line.
+    """Text of the module with the hashes of its inputs and of all its other lines.
 
-    command: what renews it, after `python -m derive`.
+    command: arguments of `python -m derive` that regenerate it.
     """
     before = (
         f"{_banner(title, command)}\n{imports}"
@@ -50,18 +50,18 @@ def sha256(text: str) -> str:
 
 @cache
 def derive_sha256() -> str:
-    """Hash of the code of derive's own sources, in the order of their names.
+    """Hash of the code of derive's sources, in the order of their names.
 
-    `solve.terminal` is left out: it has no influence on generated modules.
+    `solve.terminal` is omitted, as it does not influence generated modules.
     """
     sources = sorted(Path(__file__).parent.glob("*.py"))
     return sha256("".join(f"{path.name}\0{code(path.read_text(encoding='utf-8'))}\0" for path in sources))
 
 
 def code(source: str) -> str:
-    """The source without its comments and its strings that stand alone, docstrings among them.
+    """The source without comments and without strings that are statements, such as docstrings.
 
-    They are cut out by position: what the parser makes of the rest differs between versions of Python.
+    They are cut out by position, since the parser's result differs between versions of Python.
 
     >>> code('x = "#"  # a number sign\\n')
     'x = "#"\\n'
@@ -89,45 +89,37 @@ def _loose_strings(source: str, lines: list[str]) -> Iterator[tuple[_Place, _Pla
         return line - 1, len(lines[line - 1].encode()[:byte].decode())
 
     for node in ast.walk(ast.parse(source)):
-        if (
-            isinstance(node, ast.Expr)
-            and isinstance(node.value, ast.Constant)
-            and type(node.value.value) is str
-        ):
+        if not isinstance(node, ast.Expr):
+            continue
+        if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             end = place(node.end_lineno or node.lineno, node.end_col_offset or 0)
             yield place(node.lineno, node.col_offset), end
 
 
 def staleness(text: str, source_sha256: str) -> str:
-    """Why a generated module's text is not current, or "" where its hashes agree."""
+    """Reason why the text of a generated module is out of date, or "" if its hashes agree."""
     recorded = dict(re.findall(r'^(\w+_SHA256) = "([0-9a-f]{64})"$', text, re.MULTILINE))
-    unsealed, seals = re.subn(r'^FILE_SHA256 = "\w*"\n', "", text, flags=re.MULTILINE)
+    unhashed, count = re.subn(r'^FILE_SHA256 = "\w*"\n', "", text, flags=re.MULTILINE)
     expected = {
         "MECHANISM_SHA256": (source_sha256, "the mechanism file has changed since"),
         "DERIVE_SHA256": (derive_sha256(), "derive itself has changed since"),
-        "FILE_SHA256": (sha256(unsealed), "the generated text was edited"),
+        "FILE_SHA256": (sha256(unhashed), "the generated text was edited"),
     }
-    if MARK not in text or seals != 1:
-        return "it is no generated module"
+    if MARK not in text or count != 1:
+        return "it is not a generated module"
     return "; ".join(why for name, (now, why) in expected.items() if recorded.get(name) != now)
 
 
 def difference(path: Path, present: str, wanted: str) -> str:
-    """Unified diff from the file's text to the text that it should have."""
-    lines = difflib.unified_diff(
-        present.splitlines(keepends=True),
-        wanted.splitlines(keepends=True),
-        f"{path} (present)",
-        f"{path} (derived)",
-    )
-    return "".join(lines)
+    """Unified diff from the file's text to the derived text."""
+    old, new = (text.splitlines(keepends=True) for text in (present, wanted))
+    return "".join(difflib.unified_diff(old, new, f"{path} (present)", f"{path} (derived)"))
 
 
 def write(path: Path, text: str) -> None:
-    """Replace a generated module whole: a reader sees the old text or the new, never a part.
+    """Replace a generated module atomically.
 
-    Raises ForeignFileError where the file does not bear the banner, UnwritableError where it
-    cannot be written.
+    Raises ForeignFileError if the file has no banner, UnwritableError if it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

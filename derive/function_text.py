@@ -9,15 +9,12 @@ from typing import Any
 
 import sympy
 
-from derive.breaks import Passage
 from derive.declarations import Option
-from derive.domains import signs_of
-from derive.kinematics import Loop, Order
-from derive.loop_text import loop_calls
+from derive.discontinuities import Passage
+from derive.domains import guarded, signs_of
+from derive.functions import Loop, Order
 from derive.mechanism import MechanismStatement
-from derive.pieces import guarded
-from derive.printer import CasadiPrinter
-from derive.recurrence import series_calls, series_operations
+from derive.printer import CasadiPrinter, loop_calls, series_calls, series_operations
 from derive.symbols import ACCELERATION
 from derive.units import size
 
@@ -29,9 +26,9 @@ VECTORS["acceleration"] = ACCELERATION.name
 
 @dataclass(frozen=True)
 class GeneratedFunction:
-    """A function of the generated module: its CasADi inputs and its named results.
+    """A function of the generated module: its CasADi inputs and named results.
 
-    definitions: text for symbols of the results that are no inputs.
+    definitions: text of the symbols of the results that are not inputs.
     """
 
     name: str
@@ -48,9 +45,9 @@ class GeneratedFunction:
 def function_text(
     mechanism: MechanismStatement, function: GeneratedFunction, loops: Mapping[Loop, list[Order]] = NO_LOOPS
 ) -> tuple[str, int]:
-    """Text of one function, and its operations after common subexpressions are taken out.
+    """Text of one function, and its number of operations with common subexpressions counted once.
 
-    loops: the orders of derivatives that each loop's generated function returns.
+    loops: orders of derivatives that the generated function of each loop returns.
     """
     taken = (
         mechanism.names()
@@ -87,12 +84,12 @@ def function_text(
 
 
 def tuple_lines(name: str, entries: Sequence[str]) -> list[str]:
-    """A tuple of the generated module, an entry a line."""
+    """Lines of a tuple of the generated module, one entry per line."""
     return [f"{name} = (", *(f"    {entry}," for entry in entries), ")"] if entries else [f"{name} = ()"]
 
 
 def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> str:
-    """BREAKS where no number moves them, else a function of the speed and the parameters."""
+    """Text of the constant BREAKS, or of a function of speed and parameters if the phases depend on them."""
     symbols = set().union(*(each.symbols for each in passages))
     phases = ["0.0", *(each.text for each in passages)]
     if not symbols:
@@ -126,8 +123,10 @@ def _varying(steady, added):
 
 
 def varying_text(name: str, given: str, options: Iterable[str]) -> str:
-    """A function of a state where the speed varies. given: text of the function's parameters; options: names
-    of the module's options."""
+    """Text of a function of a state at varying speed.
+
+    given: text of the function's parameters; options: names of the module's options.
+    """
     passed = ", ".join(f"{each}={each}" for each in options)
     return f'''\
 def {name}_varying({given}):
@@ -136,13 +135,13 @@ def {name}_varying({given}):
 
 
 def options_text(mechanism: MechanismStatement) -> str:
-    """Options with their defaults, as parameters of a function."""
+    """Text of the options with their defaults, as parameters of a function."""
     options = [f"{each.name}={json.dumps(each.default)}" for each in mechanism.declared_options]
     return ", ".join(["*", *options]) if options else ""
 
 
 def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
-    """Option indicators, and the inputs taken apart into scalars."""
+    """Lines of the option indicators, and of the inputs split into scalars."""
     moving = [each.symbol for each in mechanism.declared_coordinates]
     names = {
         "q": [q.name for q in moving],
@@ -164,7 +163,7 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
-    """Lines that convert parameters whose unit is not one of coherent SI."""
+    """Lines that convert parameters whose unit is not coherent SI."""
     sizes = {each.symbol.name: size(each.unit) for each in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 
@@ -176,7 +175,7 @@ def _option_line(option: Option) -> str:
 
 
 def _wrapped(names: Sequence[str]) -> str:
-    """A tuple of names, over several lines where it is long."""
+    """Text of a tuple of names, in several lines if it is long."""
     if len(names) < 10:
         return f"({_listed(names)})"
     rows = textwrap.wrap(", ".join(names) + ",", WIDTH - 8)
@@ -190,7 +189,7 @@ def _listed(names: Iterable[str]) -> str:
 
 def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
     names = (function.inputs, tuple(function.results))
-    # An output may be called acceleration.
+    # An output may have the name of an input, such as acceleration.
     options = '    {"allow_duplicate_io_names": True},' if {*function.inputs} & {*function.results} else ""
     return [
         "return casadi.Function(",

@@ -1,6 +1,6 @@
-"""Galerkin's projection of a deflection on its mode functions.
+"""Galerkin projection of a deflection on its mode functions, and the text of its generated functions.
 
-At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies a length as if they were
+At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies per length as if they were
 coordinates. Their linearised rows are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and b count
 derivatives by x. The equations of the amplitudes follow: ∫ Σ_a ψ_j^(a) r_a dx = 0. The coefficients are
 polynomials of x, so that constant integrals of mode functions remain.
@@ -10,23 +10,22 @@ The shortening u = ½∫w′² is of second order. Lagrange's row of u is a forc
 force at the end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
 
+from derive.declarations import RUNNING
+from derive.equations import Energies, equation, expanded, gathered
 from derive.errors import DeclarationError, SingularMassError, UnsupportedExpressionError
-from derive.field import Field, FieldIntegral
-from derive.gather import gathered
-from derive.lagrange import Energies, equation
-from derive.linearise import expanded
+from derive.field import XI, Field, FieldIntegral, ModalIntegral, modal_integral, modal_moment
 from derive.mechanism import MechanismStatement
-from derive.modal_integrals import ModalIntegral, modal_integral, modal_moment
+from derive.printer import CasadiPrinter
 from derive.symbols import PHASE, Moving, counted, steady
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
-"""Stand for zeros of the size that the number of modes gives."""
+"""Zeros whose size is the number of modes."""
 
 ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
@@ -52,11 +51,10 @@ class Pair:
 
 @dataclass
 class Projection:
-    """Matrices and drive torque where the speed varies, as sums of coefficients times constants of the mode
-    functions.
+    """Matrices and drive torque at varying speed: sums of coefficients times integrals of mode functions.
 
-    pairs and moments: the symbols that stand for square matrices and for columns. weighted: those
-    that stand for a moment's column times the amplitudes; their rates for that times the rates.
+    pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of a column
+    with the amplitudes, whose rates are the products with the rates.
     """
 
     deflection: Field
@@ -65,7 +63,7 @@ class Projection:
     moments: dict[sympy.Symbol, Moment] = field(default_factory=dict)
     weighted: dict[Moving, sympy.Symbol] = field(default_factory=dict)
     varying: dict[str, Any] = field(default_factory=dict)
-    """M, C, K, d where the speed varies."""
+    """M, C, K, d at varying speed."""
     drive_torque: Any = sympy.S.Zero
     tension: Any = sympy.S.Zero
     """N, a polynomial of the field's position."""
@@ -78,7 +76,7 @@ class Projection:
 
     @property
     def tensions(self) -> dict[Any, Any]:
-        """The tension at each point where it is asked for."""
+        """Tension at each declared point."""
         x = self.deflection.position
         return {
             point: self.tension.xreplace({x: position})
@@ -90,9 +88,9 @@ class Projection:
 def project(mechanism: MechanismStatement, deflection: Field) -> Projection:
     """Linear equations of the amplitudes, drive torque to their first order, and the tension.
 
-    Raises DeclarationError where energies are no sums of integrals, UnsupportedExpressionError
-    where a density is no polynomial of x or a mode function cannot be integrated, and
-    SingularMassError where the deflection has no inertia.
+    Raises DeclarationError for energies that are not sums of integrals, UnsupportedExpressionError for a
+    density that is not a polynomial of x and for mode functions without a closed integral, and
+    SingularMassError for a deflection without inertia.
     """
     most = len(mechanism.declared_coordinates)
     projection = Projection(deflection, most)
@@ -120,20 +118,20 @@ def _require_free_names(mechanism: MechanismStatement, projection: Projection) -
 
 
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
-    """The part that is no integral, and the density of the rest."""
+    """The terms outside integrals, and the density of the integrals."""
     energy = counted(sympy.sympify(energy))
     marks = {each: sympy.Dummy() for each in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
     density = sympy.Add(*(marked.diff(mark) * each.density for each, mark in marks.items()))
     if density.has(*marks.values(), FieldIntegral):
         raise DeclarationError(
-            f"energies must be sums of integrals over {deflection.name}, none within another"
+            f"energies must be sums of integrals over {deflection.name} that are not nested"
         )
     return marked.xreplace(dict.fromkeys(marks.values(), sympy.S.Zero)), density
 
 
 def _tension(mechanism: MechanismStatement, deflection: Field, whole: Energies, density: Energies) -> Any:
-    """N(x): what the straight link transmits, from the rows of the shortening at x and at the end."""
+    """Axial force N(x) of the straight link, from the rows of the shortening at x and at the end."""
     x, length, chord = deflection.position, deflection.length, deflection.total_shortening
     straight = _zeroed(deflection.symbols)
     at_end = equation(whole, chord, mechanism.forces).xreplace(straight)
@@ -188,7 +186,7 @@ def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
 
 
 def _torque(projection: Projection, density: Energies) -> Any:
-    """Row of the phase, integrated over the link, to first order of the amplitudes."""
+    """Row of the phase, integrated over the link, to first order in the amplitudes."""
     deflection = projection.deflection
     first = Energies(*(_first_order(each, deflection.derivatives) for each in density))
     M, C, K, d = (
@@ -207,14 +205,14 @@ def _torque(projection: Projection, density: Energies) -> Any:
 
 
 def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
-    """The symbol of a moment's column times the amplitudes, differentiated by time."""
+    """Symbol of a column times the amplitudes, differentiated `times` times by time."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
     return symbol.motion[times]
 
 
 def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
-    """Taylor's expansion to first order of coordinates and rates."""
+    """Taylor expansion to first order in coordinates and rates."""
     symbols = [*moving, *(each.rate for each in moving)]
     rest = dict.fromkeys(symbols, sympy.S.Zero)
     return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
@@ -225,7 +223,7 @@ def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
-    """Coefficients of a polynomial of x by their powers."""
+    """Coefficients of a polynomial of x, by power."""
     factors: dict[int, list[Any]] = {}
     for term in sympy.Add.make_args(sympy.expand(expression)):
         factor, varying = term.as_independent(x, as_Add=False)
@@ -235,3 +233,138 @@ def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
         factors.setdefault(int(power), []).append(factor)
     sums = {power: gathered(sympy.Add(*terms)) for power, terms in sorted(factors.items())}
     return {power: factor for power, factor in sums.items() if factor != 0}
+
+
+K = sympy.Symbol("k", integer=True, positive=True)
+PAIRS = '''\
+def _pairs(integral, count):
+    """An integral of two modes for every row i and column j."""
+    numbers = range(1, count + 1)
+    return casadi.DM([[integral(i, j) for j in numbers] for i in numbers])'''
+COLUMN = '''\
+def _column(integral, count):
+    """An integral of one mode for every row j."""
+    return casadi.DM([integral(j) for j in range(1, count + 1)])'''
+RESIDUAL = '''\
+def _residual(name, matrices):
+    """r of the equations with the matrices, which are a function of the drive and the parameters."""
+    *drive, p = (casadi.SX.sym(each, matrices.size1_in(each)) for each in matrices.name_in())
+    q, qd, qdd = (casadi.SX.sym(each, matrices.size1_out("d")) for each in ("q", "qd", "qdd"))
+    M, C, K, d = matrices(*drive, p)
+    names = [*matrices.name_in()[:-1], "q", "qd", "qdd", "p"]
+    r = M @ qdd + C @ qd + K @ q - d
+    return casadi.Function(name, [*drive, q, qd, qdd, p], [r], names, ["r"])'''
+AMPLITUDES = ("coordinates", "rates", "accelerations")
+
+
+def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
+    """Text of each symbol of the projected equations, and of each point of the field."""
+    modes = projection.deflection.modes
+    texts = {
+        ZERO_MATRIX: f"casadi.DM.zeros({modes}, {modes})",
+        ZERO_COLUMN: f"casadi.DM.zeros({modes})",
+    }
+    for pair in projection.pairs:
+        texts[pair] = f"_pairs(_{pair}, {modes})"
+    for moment in projection.moments:
+        texts[moment] = f"_column(_{moment}, {modes})"
+    for weighted, moment in projection.weighted.items():
+        for symbol, amplitudes in zip(weighted.motion, AMPLITUDES, strict=True):
+            texts[symbol] = f"casadi.dot(_column(_{moment}, {modes}), {amplitudes})"
+    return texts | _points(projection.deflection)
+
+
+def along(deflection: Field) -> dict[sympy.Symbol, str]:
+    """Text of the symbols of `Field.line` at the fraction `running` of the length."""
+    printer, modes = CasadiPrinter(), deflection.modes
+    length = printer.doprint(deflection.length)
+    texts = {deflection.position: f"({length})*{RUNNING}"}
+    for order, local in enumerate(deflection.derivatives):
+        shape = f"_{deflection.name}({RUNNING}, {order}, {modes})"
+        texts[local] = f"casadi.dot({shape}, coordinates)" + (f"/({length})**{order}" if order else "")
+    return texts
+
+
+def field_tools(projection: Projection) -> list[str]:
+    """Texts of the functions that the definitions call."""
+    return [
+        _modes(projection.deflection),
+        *([PAIRS] if projection.pairs else []),
+        *([COLUMN] if projection.moments else []),
+        RESIDUAL,
+        *(_pair(name, pair) for name, pair in projection.pairs.items()),
+        *(_moment(name, moment) for name, moment in projection.moments.items()),
+    ]
+
+
+def field_functions(deflection: Field, given: str, options: Sequence[str]) -> list[str]:
+    """Texts of the residuals and of the mode functions.
+
+    given: text of the functions' parameters. options: names of the module's options.
+    """
+    passed = ", ".join(f"{name}={name}" for name in options)
+    modes = deflection.modes
+    residuals = [
+        f'''\
+def residual{suffix}({given}):
+    """{doc}, as the projected equations are."""
+    return _residual("residual{suffix}", linearised{suffix}({passed}))'''
+        for suffix, doc in (
+            ("", "r of the equation of motion r = 0; linear"),
+            ("_varying", "r where the speed varies; linear"),
+        )
+    ]
+    fields = f'''\
+def fields({given}):
+    """Mode functions of each of FIELDS at a fraction xi of its length."""
+    {modes} = _count("{modes}", {modes})
+    xi = casadi.SX.sym("xi")
+    shapes = _{deflection.name}(xi, 0, {modes})
+    return casadi.Function("fields", [xi], [shapes], ["xi"], ["{deflection.name}"])'''
+    return [*residuals, fields]
+
+
+def _points(deflection: Field) -> dict[sympy.Symbol, str]:
+    texts: dict[sympy.Symbol, str] = {}
+    printer = CasadiPrinter()
+    for point, (local, position) in deflection.points.items():
+        if local in deflection.derivatives:
+            order = deflection.derivatives.index(local)
+            xi = printer.doprint(position / deflection.length)
+            scale = f"/({printer.doprint(deflection.length**order)})" if order else ""
+            shape = f"_{deflection.name}({xi}, {order}, {deflection.modes})"
+            for symbol, amplitudes in zip(point.motion, AMPLITUDES, strict=True):
+                texts[symbol] = f"casadi.dot({shape}, {amplitudes}){scale}"
+    return texts
+
+
+def _modes(deflection: Field) -> str:
+    shape = deflection.shape(K, XI)
+    rows = [CasadiPrinter().doprint(shape.diff(XI, order)) for order in range(3)]
+    listed = "\n".join(f"            {row}," for row in rows)
+    return f'''\
+def _{deflection.name}(xi, derivative, count):
+    """Mode functions psi_1 to psi_count of {deflection.name} at xi = x/length, differentiated by xi."""
+    return casadi.vertcat(*(
+        (
+{listed}
+        )[derivative]
+        for k in range(1, count + 1)
+    ))'''
+
+
+def _pair(name: sympy.Symbol, pair: Pair) -> str:
+    printer = CasadiPrinter()
+    return f'''\
+def _{name}(i, j):
+    """Integral of xi^{pair.power} psi_i^({pair.first}) psi_j^({pair.second}) over xi from 0 to 1."""
+    if i == j:
+        return {printer.doprint(pair.integral.equal)}
+    return {printer.doprint(pair.integral.different)}'''
+
+
+def _moment(name: sympy.Symbol, moment: Moment) -> str:
+    return f'''\
+def _{name}(j):
+    """Integral of xi^{moment.power} psi_j^({moment.derivative}) over xi from 0 to 1."""
+    return {CasadiPrinter().doprint(moment.formula)}'''

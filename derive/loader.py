@@ -1,4 +1,4 @@
-"""Mechanisms by name (models/NAME/mechanism.py beside this package) or by path; never by import."""
+"""Mechanism files by name (models/NAME/mechanism.py beside this package) or by path, without imports."""
 
 import difflib
 import keyword
@@ -19,36 +19,36 @@ if TYPE_CHECKING:
 HOME = Path(__file__).resolve().parent.parent
 
 _NUMERIC = {"cmath", "math", "numpy"}
-"""Libraries whose functions accept only numbers."""
+"""Libraries whose functions accept numbers only."""
 
 BEAM_ELEMENTS = "beam_elements"
-"""The module of element matrices, which structures share; its source is this package's beam.py."""
+"""Name of the module of element matrices, whose source is beam.py of this package."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A mechanism's file, the name of its module, and where that is written."""
+    """The file of a mechanism, the name of its generated module and its path."""
 
     name: str
     path: Path
     target: Path
     argument: str
-    """What named it on the command line."""
+    """Name or path on the command line."""
     out: Path | None = None
 
     @property
     def renewal(self) -> str:
-        """Arguments of the command that writes the module again."""
+        """Arguments of the command that regenerates the module."""
         return f"{self.argument} --out {self.out}" if self.out else self.argument
 
     @property
     def installed(self) -> bool:
-        """Whether the module lies in an installed package, not in a checkout or a user's folder."""
+        """Whether the module belongs to an installed package, not to a checkout or a user's folder."""
         return self.target.parent == HOME / "generated" and not (HOME / "pyproject.toml").is_file()
 
     @property
     def cases(self) -> Path:
-        """The file of the mechanism's cases, which may be missing."""
+        """Path of the case file, which may be missing."""
         return (
             self.path.with_suffix(".toml")
             if self.argument.endswith(".py")
@@ -57,7 +57,7 @@ class Source:
 
     @property
     def command(self) -> str:
-        """The argument as the banner gives it: the same wherever the file lies."""
+        """The argument in the banner, independent of the folder."""
         return self.path.name if self.argument.endswith(".py") else self.name
 
     @property
@@ -73,12 +73,12 @@ class Source:
 
 
 def names() -> list[str]:
-    """Names of the mechanisms that come with the package, and of the beam elements."""
+    """Names of the mechanisms of the package, and of the beam elements."""
     return sorted([*(path.parent.name for path in (HOME / "models").glob("*/mechanism.py")), BEAM_ELEMENTS])
 
 
 def find(model: str, out: Path | None = None) -> Source:
-    """The source that a name or a path ending in .py stands for; UnknownMechanismError if none."""
+    """Source of a name or of a path ending in .py. Raises UnknownMechanismError."""
     path = Path(model)
     if model.endswith(".py"):
         if not _is_file(path):
@@ -100,7 +100,7 @@ def find(model: str, out: Path | None = None) -> Source:
 
 
 def _is_file(path: Path) -> bool:
-    """Whether there is such a file; names that no file can have name none."""
+    """Whether the file exists; False for names that the file system rejects."""
     try:
         return path.is_file()
     except OSError:
@@ -108,7 +108,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _require_own_name(path: Path) -> None:
-    """Refuse the name of a Python module, which the mechanism's files would shadow, and what is no name."""
+    """Raise MechanismFileError for names that are not identifiers or would shadow a Python module."""
     taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
     if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
         raise MechanismFileError(
@@ -118,10 +118,10 @@ def _require_own_name(path: Path) -> None:
 
 
 def load(source: Source) -> "MechanismStatement":
-    """Run a mechanism file and return what its `mechanism()` states, checked.
+    """Run a mechanism file and return the checked statement of its `mechanism()`.
 
-    Raises MechanismFileError where the file does not run or returns something else, and the
-    errors of the statement itself (DeclarationError, UnitError, …), each with file and line.
+    Raises MechanismFileError if the file does not run or returns something else, and the errors of the
+    statement (DeclarationError, UnitError, …), each with file and line.
     """
     from derive.checks import check
     from derive.mechanism import MechanismStatement
@@ -142,9 +142,8 @@ def load(source: Source) -> "MechanismStatement":
 
 @contextmanager
 def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
-    """Put the mechanism's file, and the line where that is known, before the message of an error that arises
-    within."""
-    from derive.stated import line_of
+    """Prefix messages of errors raised in this context with the mechanism's file, and the line if known."""
+    from derive.declarations import line_of
 
     try:
         yield
@@ -155,7 +154,7 @@ def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
 
 
 def _run(source: Source) -> object:
-    """What mechanism() returns."""
+    """Return value of mechanism()."""
     namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
     try:
         exec(compile(source.text, str(source.path), "exec"), namespace)
@@ -164,7 +163,7 @@ def _run(source: Source) -> object:
     except DeriveError as error:
         raise type(error)(f"{source.path}{_line(error, source.path)}: {error}") from error
     except BaseException as error:
-        # An interruption raises exactly this class; other exceptions come from the mechanism file.
+        # An interruption raises this class itself; other exceptions come from the mechanism file.
         if type(error) is KeyboardInterrupt:
             raise
         what = ": ".join(filter(None, (type(error).__name__, str(error)))) + _hint(error, namespace)
@@ -177,7 +176,7 @@ def _run(source: Source) -> object:
 
 
 def _hint(error: BaseException, namespace: dict[str, object]) -> str:
-    """Remedy if numeric functions were applied to symbols."""
+    """Remedy for numeric functions applied to symbols."""
     foreign = [
         name
         for name, value in namespace.items()
@@ -190,7 +189,7 @@ def _hint(error: BaseException, namespace: dict[str, object]) -> str:
 
 
 def _line(error: BaseException, path: Path) -> str:
-    """Where in the mechanism file an exception arose, such as ", line 12"."""
+    """Line of the mechanism file that raised an exception, such as ", line 12"."""
     if isinstance(error, SyntaxError):
         return f", line {error.lineno}"
     lines = [

@@ -1,4 +1,4 @@
-"""The problem statement that a user fills in: energies, forces and motions of a mechanism, no methods."""
+"""Statement of a mechanism by its user: energies, forces and motions."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -9,13 +9,21 @@ from typing import Any
 import sympy
 from sympy.core.relational import StrictGreaterThan, StrictLessThan
 
-from derive.declarations import Condition, Option, require_result, scalar
+from derive.declarations import (
+    AROUND,
+    METRE,
+    Condition,
+    Option,
+    Sketch,
+    note,
+    require_result,
+    scalar,
+    sketch_of,
+)
 from derive.errors import DeclarationError
 from derive.field import Field
-from derive.kinematics import Loop, four_bar, full_turn
+from derive.functions import Loop, four_bar, full_turn
 from derive.quantities import Quantities
-from derive.sketch import AROUND, METRE, Sketch, sketch_of
-from derive.stated import note
 from derive.symbols import PHASE, SPEED, Moving
 from derive.units import require_coherent, short
 
@@ -41,7 +49,7 @@ class MechanismStatement(Quantities):
     no_drive_torque: str = field(default="", init=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """An energy may be a product of vectors and matrices; it is then its one entry."""
+        """Accept an energy that is a matrix product with one entry, and record the line of the statement."""
         object.__setattr__(self, name, scalar(name, value) if name in _ENERGIES else value)
         if name in (*_ENERGIES, "damping_ratio") and hasattr(self, "lines"):
             for each in value if isinstance(value, tuple | list) else [getattr(self, name)]:
@@ -59,16 +67,29 @@ class MechanismStatement(Quantities):
 
     @property
     def around(self) -> sympy.Symbol:
-        """Angle from 0 to 2π by which the point of a closed curve of a `sketch` runs."""
+        """Angle from 0 to 2π along a closed curve of a `sketch`."""
         return AROUND
 
     @property
     def metre(self) -> sympy.Symbol:
-        """1 m, the unit of sizes that belong to a `sketch` alone: `0.2 * metre`."""
+        """1 m, the unit of sizes that only a `sketch` has: `0.2 * metre`."""
         return METRE
 
     def require(self, condition: Any, meaning: str) -> None:
-        """State an inequality of parameters, and in `meaning` what is wrong where it does not hold."""
+        """State an inequality that the parameters must satisfy.
+
+        Parameters
+        ----------
+        condition : sympy relation
+            `left < right` or `left > right` between expressions of parameters.
+        meaning : str
+            What is wrong where the condition does not hold, for the error message.
+
+        Raises
+        ------
+        DeclarationError
+            If the condition is of another form, or never holds.
+        """
         if condition in (sympy.true, sympy.false):
             if not condition:
                 raise DeclarationError(f"{self.name}: {meaning}")
@@ -95,12 +116,28 @@ class MechanismStatement(Quantities):
         angle: Any = PHASE,
         side: Any = 1,
     ) -> tuple[Any, Any]:
-        """Directions of coupler and follower of a planar four-bar linkage, from their lengths (m).
+        """Directions of coupler and follower of a planar four-bar linkage.
 
-        The crank turns by `angle` about the origin, the ground line is inclined by `tilt`. The coupler's
-        direction is from crank pin to joint, the follower's from its pivot to the joint. side: +1 where
-        the joint lies on the left of the line from crank pin to pivot, −1 on its right. Lengths and
-        angle may move. A crank that cannot turn fully is refused when numbers are given.
+        Lengths and angle may move. A crank that cannot turn fully raises an error when the parameters have
+        numbers.
+
+        Parameters
+        ----------
+        coupler_angle, follower_angle : str
+            Names of the directions: from crank pin to joint, and from the follower's pivot to the joint.
+        crank, coupler, follower, ground : expression
+            Lengths, m.
+        tilt : expression, default 0
+            Inclination of the ground line, rad.
+        angle : expression, default phase
+            Rotation of the crank about the origin, rad.
+        side : expression, default 1
+            +1 if the joint lies on the left of the line from crank pin to pivot, −1 on its right.
+
+        Returns
+        -------
+        tuple of two expressions
+            Directions of coupler and follower, rad.
         """
         links = {
             "angle": angle, "crank": crank, "coupler": coupler, "follower": follower,
@@ -119,12 +156,33 @@ class MechanismStatement(Quantities):
         start: Callable[..., Sequence[Any]],
         iterations: int = 8,
     ) -> tuple[Any, ...]:
-        """Unknowns of any closed loop, by Newton's method from a guess that chooses the assembly.
+        """Unknowns of a closed loop, by Newton's method from a guess that selects the assembly.
 
-        unknowns: names and units. driven_by: what moves the loop, such as the phase.
-        closure: expressions of driven_by and unknowns, given in this order, that vanish; as many as
-        unknowns. start: a guess for each unknown from driven_by. Where the loop is not closed after
-        `iterations` steps at some phase, the numbers are refused.
+        A loop that is not closed after `iterations` steps at some phase raises an error when the parameters
+        have numbers.
+
+        Parameters
+        ----------
+        unknowns : dict of str to str
+            Names and units.
+        driven_by : sequence of expressions
+            Arguments of the loop, such as the phase.
+        closure : callable
+            `closure(*driven_by, *unknowns)` returns one expression per unknown, which vanishes.
+        start : callable
+            `start(*driven_by)` returns a guess for each unknown.
+        iterations : int, default 8
+            Steps of Newton's method.
+
+        Returns
+        -------
+        tuple of expressions
+            The unknowns as functions of `driven_by`.
+
+        Raises
+        ------
+        DeclarationError
+            If the numbers of equations, guesses and unknowns differ.
         """
         given = tuple(sympy.Dummy(f"given{k}", real=True) for k in range(1, len(driven_by) + 1))
         symbols = tuple(sympy.Symbol(name, real=True) for name in unknowns)
@@ -158,12 +216,34 @@ class MechanismStatement(Quantities):
     ) -> Field:
         """Declare a deflection along an elastic link as a sum of mode functions.
 
-        shape(k, xi): mode function k = 1, 2, … of xi = x/length, a sum of sines and cosines of
-        π(ak + c) xi with whole a. modes: an option of numbers, how many are taken. Declares the
-        coordinates q1, q2, …, the modes' amplitudes. Raises DeclarationError.
+        The amplitudes of the modes become the coordinates q1, q2, ….
+
+        Parameters
+        ----------
+        name, unit, meaning : str
+            Of the deflection.
+        length : expression
+            Length of the link, m.
+        shape : callable
+            `shape(k, xi)` is mode function k = 1, 2, … of xi = x/length: a sum of sines and cosines of
+            π(ak + c) xi with integer a.
+        modes : Option
+            Option of numbers: the number of modes.
+        coordinates : str, default "q"
+            Prefix of the coordinates.
+
+        Returns
+        -------
+        Field
+
+        Raises
+        ------
+        DeclarationError
         """
         if self.declared_field or self.declared_coordinates:
-            raise DeclarationError(f"{name}: a mechanism has one field and no coordinates besides")
+            raise DeclarationError(
+                f"{name}: a mechanism with a field has no other coordinates and no second field"
+            )
         if not (isinstance(modes, Option) and isinstance(modes.values, range) and modes.values[0] >= 1):
             given = getattr(modes, "values", modes)
             raise DeclarationError(
@@ -186,8 +266,18 @@ class MechanismStatement(Quantities):
         return declared
 
     def force(self, force: Any, along: Any) -> None:
-        """Add the virtual work `force` δ`along` (a force and a displacement, or a torque and an angle), or
-        that of each entry of two vectors. Raises DeclarationError."""
+        """Add the virtual work `force` δ`along`.
+
+        Parameters
+        ----------
+        force, along : expression, or matrices of one shape
+            A force and a displacement, or a torque and an angle; entry by entry for matrices.
+
+        Raises
+        ------
+        DeclarationError
+            If only one is a matrix, or their shapes differ.
+        """
         F, y = sympy.sympify(force), sympy.sympify(along)
         vectors = [isinstance(each, sympy.MatrixBase) for each in (F, y)]
         if any(vectors) and not (all(vectors) and F.shape == y.shape):
@@ -202,7 +292,7 @@ class MechanismStatement(Quantities):
     def fundamental(self, **motions: sympy.Expr) -> None:
         """State the fundamental motion of coordinates as functions of the phase: `q1=expression`.
 
-        Generated functions then count these coordinates from the fundamental motion.
+        In generated functions these coordinates are relative to the fundamental motion.
         """
         symbols = {each.symbol.name: each.symbol for each in self.declared_coordinates}
         for name, motion in motions.items():
@@ -210,12 +300,22 @@ class MechanismStatement(Quantities):
             self.fundamental_motion[symbols[name]] = sympy.sympify(motion)
 
     def sketch(self, name: str, points: Sequence[Sequence[Any]], unit: str = "m") -> None:
-        """Draw a line through points (x, y) in the plane of motion: expressions of the phase, the speed, the
-        coordinates and parameters, in `unit`. It has no effect on the equations.
+        """Declare a line of the figure of the mechanism; it has no effect on the equations.
 
-        Sizes without a parameter are numbers times `metre`. One point that holds `around` runs around a
-        closed curve, such as a cam's profile; the one of `Field.line` runs along a beam. Raises
-        DeclarationError.
+        Parameters
+        ----------
+        name : str
+            Name of the line.
+        points : sequence of pairs
+            Points (x, y) in the plane of motion: expressions of the phase, the speed, the coordinates and
+            parameters. A size without a parameter is a number times `metre`. A single point that contains
+            `around` describes a closed curve, such as a cam's profile; that of `Field.line` a beam.
+        unit : str, default "m"
+            Unit of the points.
+
+        Raises
+        ------
+        DeclarationError
         """
         require_result(name)
         require_coherent(f"sketch {name}", unit)
@@ -230,17 +330,31 @@ class MechanismStatement(Quantities):
             note(self.lines, number)
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
-        """Bound an output, such as ">= 0", and say in `beyond` what is true where it leaves the bound."""
+        """Limit an output within which the model is valid.
+
+        Parameters
+        ----------
+        output : str
+            Name of a declared output, or "drive_torque".
+        bound : str
+            Such as ">= 0" or "> -1, < 1".
+        beyond : str
+            What happens outside the bound, for the warning.
+
+        Raises
+        ------
+        DeclarationError
+        """
         *_, bound = self._described(output, ("1", beyond, bound))
         if not bound or "integer" in bound:
             raise DeclarationError(f'limit: {output} needs a bound such as ">= 0" or "> -1, < 1"')
         names = ["drive_torque", *(each.name for each in self.declared_outputs)]
         if output not in names:
-            raise DeclarationError(f"limit: {output} is no output; declared: {', '.join(names)}")
+            raise DeclarationError(f"limit: {output} is not an output; declared: {', '.join(names)}")
         self.limits.append((output, bound, beyond))
 
     def trust(self, **bounds: float) -> None:
-        """Bound |coordinate| within which the linear model is to be believed: `q1=0.05`."""
+        """Bound |coordinate| up to which the linear model is valid: `q1=0.05`. Raises DeclarationError."""
         for name, bound in bounds.items():
             self._require_coordinate(name, "trust")
             if not (isinstance(bound, Real | sympy.Expr) and 0 < bound < float("inf")):
@@ -249,8 +363,10 @@ class MechanismStatement(Quantities):
 
     @property
     def damping_ratios(self) -> tuple[sympy.Expr, ...]:
-        """Those of the modes in the order of rising frequencies, the last of all that follow; none where
-        they are 0. Raises DeclarationError."""
+        """Damping ratios of the modes by rising frequency, the last for all that follow; none if all are 0.
+
+        Raises DeclarationError.
+        """
         given: Any = self.damping_ratio
         ratios = given if isinstance(given, tuple | list) else (given,)
         try:
@@ -264,7 +380,7 @@ class MechanismStatement(Quantities):
         return expressions if any(each != 0 for each in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
-        """State why the drive torque does not follow from the energies; it is then no output."""
+        """Remove the drive torque from the outputs, with the reason why the energies do not give it."""
         self.no_drive_torque = reason
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:

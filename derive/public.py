@@ -1,36 +1,119 @@
-"""The classes with which a user states a mechanism, and which `solve.load` accepts."""
+"""The public classes by which a user states a mechanism; `solve.load` accepts them."""
 
+from collections.abc import Iterator
+
+import sympy
+
+from derive.checks import check
+from derive.declarations import line_of
+from derive.errors import DeriveError
+from derive.freshness import sha256
 from derive.mechanism import MechanismStatement
 from derive.structure import StructureStatement
+from derive.structure_text import generated_text
+
+_MAX_CACHED = 64
+"""Number of statements whose generated code is cached: a choice, some megabytes of text at most."""
+
+_cache: dict[str, str] = {}
 
 
 class Mechanism(MechanismStatement):
     """A mechanism driven at constant speed Ω, stated by its energies.
 
-    Everything is in coherent SI units. `kinetic` T, `potential` V and `dissipation` R
+    All quantities are in coherent SI units. `kinetic` T, `potential` V and `dissipation` R
     (Rayleigh's function, half the power lost) are SymPy expressions in the coordinates, their
-    rates (`derive.rate`), the parameters and `phase` φ = Ωt. `energy` is the unit of T and V,
-    to be changed only for an equation without physical units. `damping_ratio` ζ, one for all modes or a
-    sequence in the order of rising frequencies, of which the last counts for all that follow, adds
-    M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
+    rates (`derive.rate`), the parameters and `phase` φ = Ωt.
+
+    Parameters
+    ----------
+    name : str
+        Name of the mechanism and of its generated module.
+    title : str
+        Title for tables, figures and reports.
+    energy : str, default "J"
+        Unit of T and V, to be changed only for an equation without physical units.
+    kinetic, potential, dissipation : sympy.Expr, default 0
+        T, V and R; each may be set later as an attribute.
+    period : sympy.Expr, default 2π
+        Period in the phase, rad.
+    damping_ratio : sympy.Expr or sequence of these, default 0
+        ζ of all modes, or of the modes by rising frequency, where the last applies to all that follow. It
+        adds M Φ diag(2ζω) Φᵀ M q̇ with the modes of M and K at speed 0 at every position.
+
+    Examples
+    --------
+    >>> from derive import Mechanism, rate
+    >>> spring = Mechanism("spring", "Mass on a spring")
+    >>> (q,) = spring.coordinates(q=("m", "deflection"))
+    >>> m, k = spring.parameters(m=("kg", "mass", "> 0"), k=("N/m", "stiffness", "> 0"))
+    >>> spring.kinetic = m * rate(q) ** 2 / 2
+    >>> spring.potential = k * q**2 / 2
+    >>> "def linearised(" in spring.code()
+    True
     """
 
     __slots__ = ()
 
     def code(self) -> str:
-        """Text of the generated module, for `solve.load(mechanism, …)`. Raises DeriveError subclasses."""
-        # Loaded here: a statement alone needs no code generation.
-        from derive.in_memory import code
+        """Text of the generated module, for `solve.load(mechanism, …)`.
 
-        return code(self)
+        Returns
+        -------
+        str
+            Python source of the module; an identical statement reuses it.
+
+        Raises
+        ------
+        DeriveError
+            One subclass per fault of the statement, with the line of the statement where it is known.
+        """
+        statement = "\n".join(_statement(self))
+        if statement not in _cache:
+            text = _derived(self, statement)
+            while len(_cache) >= _MAX_CACHED:
+                del _cache[next(iter(_cache))]
+            _cache[statement] = text
+        return _cache[statement]
 
 
 class Structure(StructureStatement, Mechanism):
-    """Links that are beams in the plane, and the joints between them.
+    """A plane structure of links that are beams, and of the joints between them.
 
-    A joint is a pin unless `weld` or `clamp` says otherwise: its links share its place, and each turns
-    for itself. `damping_ratio` is that of every mode. Energies and coordinates follow from the links
-    and from the elements that the user of the generated module chooses, link by link.
+    A joint is a pin unless `weld` or `clamp` declares otherwise: its links share its position and rotate
+    independently. `damping_ratio` is that of every mode. Energies and coordinates follow from the links
+    and from the element types that the user of the generated module chooses, link by link.
+
+    Parameters
+    ----------
+    name, title : str
+        As for `Mechanism`.
     """
 
     __slots__ = ()
+
+
+def _derived(mechanism: MechanismStatement, statement: str) -> str:
+    try:
+        check(mechanism)
+        return generated_text(mechanism, sha256(statement), f"{mechanism.name}.py")
+    except DeriveError as error:
+        line = line_of(mechanism.lines, error)
+        if line is None:
+            raise
+        raise type(error)(f"{mechanism.name}, line {line}: {error}") from error
+
+
+def _statement(mechanism: MechanismStatement) -> Iterator[str]:
+    """The complete statement as text, with expressions to the last digit."""
+    yield repr(mechanism)
+    if mechanism.declared_field:
+        yield sympy.srepr(mechanism.declared_field.shape(*sympy.symbols("k xi")))
+    for expression in (mechanism.kinetic, mechanism.potential, mechanism.dissipation, mechanism.period):
+        yield sympy.srepr(expression)
+    for pair in (*mechanism.forces, *mechanism.fundamental_motion.items()):
+        yield sympy.srepr(pair)
+    for output in mechanism.declared_outputs:
+        yield sympy.srepr(output.expression)
+    for sketch in mechanism.declared_sketches:
+        yield sympy.srepr(sketch.points)

@@ -1,5 +1,4 @@
-"""The quantities of a mechanism, each with a unit and a name of its own: coordinates, parameters, series of
-them, options and outputs."""
+"""Declared quantities of a mechanism: coordinates, parameters, series, options and outputs."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -7,19 +6,26 @@ from typing import Any
 
 import sympy
 
-from derive.declarations import Coordinate, Option, Output, Parameter, bound_of, require_plain, require_result
+from derive.declarations import (
+    Coordinate,
+    Option,
+    Output,
+    Parameter,
+    bound_of,
+    note,
+    require_plain,
+    require_result,
+)
 from derive.errors import DeclarationError
 from derive.field import Field
-from derive.kinematics import Loop
-from derive.stated import note
+from derive.functions import Loop, PeriodicFunction, Series
 from derive.symbols import Moving
-from derive.transmission import PeriodicFunction, Series
 from derive.units import parse, require_coherent
 
 
 @dataclass(slots=True)
 class Quantities:
-    """What a mechanism declares by name."""
+    """Quantities that a mechanism declares by name."""
 
     name: str
     title: str
@@ -31,16 +37,28 @@ class Quantities:
     declared_field: Field | None = field(default=None, init=False)
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
-    """By what is stated, lines of the author's file."""
+    """Lines of the author's file, by the stated expression."""
 
     def __post_init__(self) -> None:
-        # Kept from here on: what the fields begin with is not stated by the author.
+        # Lines are recorded from here on; the defaults of the fields have none.
         self.lines = {}
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]:
-        """Declare coordinates as `q1=(unit, meaning)`; they vanish in the fundamental motion.
+        """Declare coordinates, which vanish in the fundamental motion.
 
-        Returns their symbols in the same order. Raises DeclarationError.
+        Parameters
+        ----------
+        **declared : tuple of str
+            `q1=(unit, meaning)`, with a coherent SI unit.
+
+        Returns
+        -------
+        tuple of symbols
+            In the order of declaration.
+
+        Raises
+        ------
+        DeclarationError, UnitError
         """
         symbols = tuple(Moving(name) for name in declared)
         for symbol, described in zip(symbols, declared.values(), strict=True):
@@ -62,18 +80,30 @@ class Quantities:
         return self._parameter(name, (unit, meaning, bound))
 
     def parameters(self, **declared: tuple[str, ...]) -> tuple[sympy.Symbol, ...]:
-        """Declare parameters as `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`.
+        """Declare parameters.
 
-        Numbers are given in these units, any that pint knows; equations are in SI and convert them.
-        A bound is text such as "> 0", ">= 0", "< 1" or "integer, >= 1"; without one any
-        finite number is allowed. Returns the symbols in the same order. Raises DeclarationError.
+        Parameters
+        ----------
+        **declared : tuple of str
+            `k1=(unit, meaning)` or `k1=(unit, meaning, bound)`. Numbers have this unit, which may be any of
+            pint's; equations convert them to SI. A bound is text such as "> 0", ">= 0", "< 1" or
+            "integer, >= 1"; without one any finite number is allowed.
+
+        Returns
+        -------
+        tuple of symbols
+            In the order of declaration.
+
+        Raises
+        ------
+        DeclarationError, UnitError
         """
         return tuple(self._parameter(name, described) for name, described in declared.items())
 
     def family(
         self, name: str, indices: Iterable[int], unit: str, meaning: str, bound: str = ""
     ) -> tuple[sympy.Symbol, ...]:
-        """Declare numbered parameters: `family("k", range(1, 4), …)` gives k1, k2, k3."""
+        """Declare numbered parameters: `family("k", range(1, 4), …)` returns k1, k2, k3."""
         return tuple(self._parameter(f"{name}{i}", (unit, f"{meaning}, order {i}", bound)) for i in indices)
 
     def transmission(
@@ -86,8 +116,25 @@ class Quantities:
     ) -> Series:
         """Declare a transmission function U by the Fourier coefficients of its derivative.
 
-        U′(φ) = Σ aₖ cos kφ + bₖ sin kφ, chapter Eq. (65); U is the integral of zero mean.
-        Declares the parameters a1, …, b1, … and returns U, to be called with an angle.
+        Parameters
+        ----------
+        name, unit : str
+            Name and unit of U.
+        harmonics : int
+            Number of harmonics.
+        meaning : str, optional
+            Of the coefficients.
+        coefficients : tuple of two str, default ("a", "b")
+            Prefixes of the cosine and sine coefficients: parameters a1, …, b1, ….
+
+        Returns
+        -------
+        Series
+            U, to be called with an angle.
+
+        Notes
+        -----
+        U′(φ) = Σ aₖ cos kφ + bₖ sin kφ, chapter Eq. (65); U is the integral with zero mean.
         """
         meaning = meaning or f"derivative of the transmission function {name}"
         cosine, sine = coefficients
@@ -102,9 +149,25 @@ class Quantities:
         )
 
     def series(self, name: str, harmonics: int, unit: str, meaning: str, bound: str = "") -> Series:
-        """Declare F(x) = F + Σ Faₖ cos kx + Fbₖ sin kx, to be called with any angle x.
+        """Declare a Fourier series with cosine and sine coefficients.
 
-        Declares the parameters F (the mean, with `bound`), Fa1, … and Fb1, ….
+        Parameters
+        ----------
+        name, unit, meaning : str
+            Of the series.
+        harmonics : int
+            Number of harmonics.
+        bound : str, optional
+            Bound of the mean.
+
+        Returns
+        -------
+        Series
+            F, to be called with an angle.
+
+        Notes
+        -----
+        F(x) = F + Σ Faₖ cos kx + Fbₖ sin kx with the parameters F, Fa1, … and Fb1, ….
         """
         orders = range(1, harmonics + 1)
         return self._series(
@@ -126,10 +189,29 @@ class Quantities:
         mean: bool = True,
         bound: str = "",
     ) -> Series:
-        """Declare k(x) = k0 + Σ kₙ cos(n x + γₙ), chapter Eq. (73), to be called with any angle x.
+        """Declare a Fourier series with amplitudes and phase angles.
 
-        Declares k1, … and the angles γ1, … (named by `angles`); with `mean` also k0, with
-        `bound`, which is then `k.mean`.
+        Parameters
+        ----------
+        name, unit, meaning : str
+            Of the series.
+        harmonics : int
+            Number of harmonics.
+        angles : str
+            Prefix of the phase angles.
+        mean : bool, default True
+            Whether the series has a mean k0, which is then `k.mean`.
+        bound : str, optional
+            Bound of the mean.
+
+        Returns
+        -------
+        Series
+            k, to be called with an angle.
+
+        Notes
+        -----
+        k(x) = k0 + Σ kₙ cos(n x + γₙ), chapter Eq. (73), with the parameters k0, k1, … and γ1, ….
         """
         orders = range(1, harmonics + 1)
         return self._series(
@@ -142,9 +224,25 @@ class Quantities:
         )
 
     def option(self, name: str, values: tuple[str, ...] | range, default: str | int | None = None) -> Option:
-        """Declare an option, of words or of a range of numbers; without `default` it is the first value.
+        """Declare an option of words or of a range of numbers.
 
-        `Option.choose` picks expressions by word.
+        Parameters
+        ----------
+        name : str
+            Name of the option.
+        values : tuple of str, or range
+            Allowed values.
+        default : str or int, optional
+            By default the first value.
+
+        Returns
+        -------
+        Option
+            `Option.choose` returns the expression of the chosen word.
+
+        Raises
+        ------
+        DeclarationError
         """
         require_result(name)
         self._require_unused(name)
@@ -162,7 +260,7 @@ class Quantities:
         return option
 
     def output(self, name: str, expression: sympy.Expr, unit: str, meaning: str) -> None:
-        """Declare a quantity to be computed beside the coordinates. Raises DeclarationError."""
+        """Declare an output, computed in addition to the coordinates. Raises DeclarationError."""
         require_result(name)
         self._described(name, (unit, meaning))
         self._require_unused(name)
@@ -170,7 +268,7 @@ class Quantities:
         note(self.lines, self.declared_outputs[-1].expression)
 
     def names(self) -> set[str]:
-        """Every name that is taken, derivatives of coordinates and option values included."""
+        """Names in use, including derivatives of coordinates and option values."""
         moving = [each.symbol for each in self.declared_coordinates]
         moving += self.declared_field.symbols if self.declared_field else []
         taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
@@ -210,7 +308,7 @@ class Quantities:
             self._require_unused(moving.name)
 
     def _require_unused(self, name: str) -> None:
-        """Refuse a name that is reserved or taken."""
+        """Raise DeclarationError for a name that is reserved or in use."""
         require_plain(name)
         if name in self.names():
             raise DeclarationError(
@@ -220,4 +318,6 @@ class Quantities:
     def _require_coordinate(self, name: str, what: str) -> None:
         names = [each.symbol.name for each in self.declared_coordinates]
         if name not in names:
-            raise DeclarationError(f"{what}: {name} is no coordinate; declared: {', '.join(names) or 'none'}")
+            raise DeclarationError(
+                f"{what}: {name} is not a coordinate; declared: {', '.join(names) or 'none'}"
+            )

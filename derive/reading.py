@@ -1,38 +1,47 @@
-"""The linearised equations as they stand in the literature: entry by entry, with names for long parts that
-occur again. How they are printed is stated in `show` and in `mathml`."""
+"""The linearised equations in the form of the literature, and their MathML.
 
+Entries of the matrices are listed one by one; repeated long subexpressions have names.
+"""
+
+import re
 import string
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from html import unescape
 from itertools import count, product
 from typing import Any
+from xml.dom.minidom import Element
 
 import sympy
+from sympy.printing.mathml import MathMLPresentationPrinter
 
 from derive.checks import dimensions
-from derive.kinematics import LoopFunction
+from derive.functions import LoopFunction, PeriodicFunction
+from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Projection
 from derive.mechanism import MechanismStatement
 from derive.structure import StructureStatement
+from derive.switches import Wrapped
+from derive.symbols import PHASE, SPEED
 from derive.units import Dimension, dimension_of, parse
 
 _SHORT = 3
-"""Operations of a part that is worth a name."""
+"""Smallest number of operations of a named subexpression: a choice."""
 
 _LONG = 300
-"""Operations beyond which nothing is expanded."""
+"""Number of operations above which nothing is expanded: a choice, for speed."""
 
 _LETTERS = {
     "1": "eta", "m": "l", "m^2": "A", "kg": "mu", "kg m": "S", "kg m^2": "J", "N": "F", "N m": "T",
     "N/m": "k", "N s/m": "c", "N m s": "c", "m/s": "v", "1/s": "omega", "m/s^2": "a", "Pa": "p",
 }  # fmt: skip
-"""The letter of a part by its unit; of all else it is sigma."""
+"""Letter of a named subexpression by its unit; sigma for all other units."""
 
 
 @dataclass(frozen=True)
 class Equation:
-    """What equals an expression: a name, or entries of a matrix that are the same.
+    """An equation for a name, or for equal entries of a matrix.
 
-    unit: of a part that has been named here.
+    unit: of a named subexpression, otherwise "".
     """
 
     left: tuple[sympy.Symbol, ...]
@@ -41,7 +50,7 @@ class Equation:
 
 
 def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[Equation]:
-    """Named parts, then the entries of M, C, K, d that are not 0; of a deflection's projection its sums."""
+    """Named subexpressions, and the nonzero entries of M, C, K, d or the sums of a projection."""
     named, names = _named(mechanism, linearised.values())
     put = {
         name: _each(part, lambda entry: _shorter(entry.xreplace(names))) for name, part in linearised.items()
@@ -55,7 +64,7 @@ def _each(part: Any, change: Callable[[Any], Any]) -> Any:
 
 
 def links(structure: StructureStatement) -> list[Equation]:
-    """Of each link of a structure its angle, length, stiffnesses, mass per length and height."""
+    """Angle, length, stiffnesses, mass per length and height of each link of a structure."""
     names = {"angle": "theta", "length": "L", "height": "h"}
     return [
         Equation((sympy.Symbol(f"{names.get(name, name)}_{link.name}"),), expression)
@@ -65,8 +74,7 @@ def links(structure: StructureStatement) -> list[Equation]:
 
 
 def with_numbers(expression: Any, numbers: Mapping[sympy.Symbol, Any]) -> Any:
-    """The expression with numbers in place of parameters, but for the arguments of a loop's unknowns, by
-    which these are differentiated."""
+    """The expression with numbers in place of parameters, except in the arguments of a loop's unknowns."""
     kept = {each: each for each in expression.atoms(LoopFunction)}
     return expression.xreplace({**{each: sympy.Float(x) for each, x in numbers.items()}, **kept})
 
@@ -90,7 +98,7 @@ def _entries(name: str, matrix: Any) -> Iterator[Equation]:
 
 
 def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Equation], dict[Any, Any]]:
-    """Sums and roots that occur more than once by names that tell their units, and what takes their place."""
+    """Repeated sums and roots with names that indicate their units, and the substitution by these names."""
     known, taken = dimensions(mechanism), mechanism.names()
     repeated = _repeated(parts)
     named: list[Equation] = []
@@ -110,7 +118,7 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """Expanded where that is shorter, as it is where what has been named cancels."""
+    """The shorter of the expression and its expansion, in which named subexpressions may cancel."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)
@@ -124,7 +132,7 @@ def _symbols(dimension: Dimension) -> Iterator[sympy.Symbol]:
 
 
 def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
-    """Sums and square roots of some length that occur twice or more, those within others first, and the forms
+    """Sums and square roots that occur at least twice and are not short, inner ones first, and the forms
     in which they occur: with a factor and to a power."""
     times: dict[Any, int] = {}
     forms: dict[Any, dict[Any, tuple[Any, Any]]] = {}
@@ -137,13 +145,13 @@ def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
                 forms.setdefault(base, {})[part] = factor, power
             if times.get(base, 0) > 1 or isinstance(part, LoopFunction):
                 walk.skip()
-    found = [base for base, often in times.items() if often > 1]
-    found.sort(key=lambda base: (base.count_ops(), sympy.default_sort_key(base)))
-    return {base: forms[base] for base in found}
+    repeated = [base for base, count in times.items() if count > 1]
+    repeated.sort(key=lambda base: (base.count_ops(), sympy.default_sort_key(base)))
+    return {base: forms[base] for base in repeated}
 
 
 def _base(part: Any) -> tuple[Any, Any, Any]:
-    """What a part that may be named is a multiple or a power of, the factor and the power; else None."""
+    """Base of a subexpression that may be named, with its factor and power; None for others."""
     base, factor, power = sympy.S.Zero, sympy.S.One, sympy.S.One
     if isinstance(part, sympy.Pow) and isinstance(part.exp, sympy.Rational) and part.exp.q == 2:
         base, power = sympy.sqrt(part.base), sympy.Integer(part.exp.p)
@@ -152,3 +160,114 @@ def _base(part: Any) -> tuple[Any, Any, Any]:
         if base.could_extract_minus_sign():
             factor, base = -factor, -base
     return (base if base.count_ops() >= _SHORT else None), factor, power
+
+
+_NAMED = r"&(?!amp;|lt;|gt;|#)\w+;"
+_TIMES, _APPLY = "&#x2062;", "&#x2061;"
+_PRIMES = ("", "&#x2032;", "&#x2033;", "&#x2034;")
+
+
+def mathml(equations: Iterable[Equation], projection: Projection | None = None) -> tuple[str, ...]:
+    """`<math>` elements in ASCII; integrals of mode functions from a projection."""
+    names = {PHASE: "<mi>&#x3C6;</mi>", SPEED: "<mi>&#x3A9;</mi>"}
+    printer = _Printer(names | (_integrals(projection) if projection else {}))
+    return tuple(
+        f"<math><mrow>{'<mo>=</mo>'.join(_sides(printer, each))}</mrow></math>" for each in equations
+    )
+
+
+def _sides(printer: "_Printer", equation: Equation) -> list[str]:
+    return [printer.doprint(each) for each in (*equation.left, equation.right)]
+
+
+class _Printer(MathMLPresentationPrinter):
+    """Printer of the functions of derive, and of symbols with given texts."""
+
+    def __init__(self, names: Mapping[Any, str]):
+        super().__init__({"mul_symbol": _TIMES})
+        self._names = names
+
+    def _print_Symbol(self, sym: Any, style: str = "plain") -> Any:
+        if sym in self._names:
+            return self._element("mrow", self._names[sym])
+        return super()._print_Symbol(sym, style)
+
+    def mathml_tag(self, e: Any) -> str:
+        return super().mathml_tag(e).replace("<", "&lt;").replace(">", "&gt;")
+
+    def doprint(self, expr: Any) -> str:
+        # XML predefines only these character names; names of several letters need space between them.
+        text = re.sub(_NAMED, lambda name: f"&#{ord(unescape(name[0]))};", super().doprint(expr))
+        return text.replace(f"<mo>{_TIMES}</mo>", f'<mo rspace="0.12em">{_TIMES}</mo>')
+
+    def series(self, expr: PeriodicFunction) -> Element:
+        name = self._primed(sympy.Symbol(type(expr).__name__), expr.order)
+        return name if expr.args[0] == PHASE else self._element("mrow", name, self._bracketed(expr.args[0]))
+
+    def unknown(self, expr: LoopFunction) -> Element:
+        primes, others = expr.derivatives
+        by = [
+            self._element("msubsup", self._element("mo", "&#x2202;"), self._print(by), self._print(times))
+            if times > 1
+            else self._element("msub", self._element("mo", "&#x2202;"), self._print(by))
+            for by, times in others
+        ]
+        return self._element("mrow", *by, self._primed(sympy.Symbol(type(expr).__name__), primes))
+
+    def _print_Wrapped(self, expr: Wrapped) -> Element:
+        angle, turn = map(self._print, expr.args)
+        return self._element("mrow", "<mo>(</mo>", angle, "<mo>mod</mo>", turn, "<mo>)</mo>")
+
+    def _print_Heaviside(self, expr: Any) -> Element:
+        return self._element("mrow", "<mi>&#x398;</mi>", self._bracketed(expr.args[0]))
+
+    def _print_Piecewise(self, expr: Any) -> Element:
+        cells = [
+            [self._element("mtd", self._print(part)), self._element("mtd", self._case(condition))]
+            for part, condition in expr.args
+        ]
+        rows = [self._element("mtr", *row) for row in cells]
+        return self._element("mrow", "<mo>{</mo>", self._element("mtable", *rows))
+
+    def _case(self, condition: Any) -> Any:
+        return self._element("mtext", "else") if condition == sympy.true else self._print(condition)
+
+    def _primed(self, symbol: sympy.Symbol, order: int) -> Any:
+        mark = _PRIMES[order] if order < len(_PRIMES) else f"({order})"
+        name = self._print(symbol)
+        return self._element("msup", name, self._element("mo", mark)) if mark else name
+
+    def _bracketed(self, argument: Any) -> Element:
+        return self._element("mrow", f"<mo>{_APPLY}</mo><mo>(</mo>", self._print(argument), "<mo>)</mo>")
+
+    def _element(self, tag: str, *parts: str | Element) -> Element:
+        element = self.dom.createElement(tag)
+        for part in parts:
+            # SymPy's printer writes text nodes unescaped.
+            element.appendChild(self.dom.createTextNode(part) if isinstance(part, str) else part)
+        return element
+
+
+def _integrals(projection: Projection) -> dict[Any, str]:
+    pairs = {
+        symbol: _integral(each.power, _mode("i", each.first), _mode("j", each.second))
+        for symbol, each in projection.pairs.items()
+    }
+    columns = {
+        symbol: _integral(each.power, _mode("i", each.derivative))
+        for symbol, each in projection.moments.items()
+    }
+    return {ZERO_MATRIX: "<mn>0</mn>", ZERO_COLUMN: "<mn>0</mn>", **pairs, **columns}
+
+
+def _integral(power: int, *modes: str) -> str:
+    position = "<mi>&#x3BE;</mi>"
+    weight = f"<msup>{position}<mn>{power}</mn></msup>" if power > 1 else power * position
+    return f"<mo>&#x222B;</mo>{weight}{''.join(modes)}<mi>d</mi>{position}"
+
+
+def _mode(number: str, derivative: int) -> str:
+    name = f"<mi>&#x3C8;</mi><mi>{number}</mi>"
+    return (
+        f"<msubsup>{name}<mo>{_PRIMES[derivative]}</mo></msubsup>" if derivative else f"<msub>{name}</msub>"
+    )

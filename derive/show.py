@@ -1,9 +1,11 @@
-"""The linearised equations of a mechanism as LaTeX, for reading at a terminal and for papers."""
+"""Text of the linearised equations as LaTeX, with symbols or with the numbers of a case."""
 
 import re
 import textwrap
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -11,18 +13,20 @@ import sympy
 
 from derive.beam import FAMILIES
 from derive.emit import derive_equations
+from derive.errors import CaseError
 from derive.galerkin import ZERO_COLUMN, ZERO_MATRIX, Projection
 from derive.mechanism import MechanismStatement
 from derive.reading import Equation, links, read, with_numbers
 from derive.structure import StructureStatement
 from derive.symbols import PHASE, SPEED
+from derive.units import parse, size
 
 WIDTH = 80
 _INDENT = "    "
 _DEEPEST = 4
 _TALL = r"\\frac|\\begin|\\sum"
 _FRACTION = r"\\frac\{((?:[^{}]|\{[^{}]*\})*)\}\{([^{} ]*)\}"
-"""A fraction with one short factor below."""
+"""A fraction with a single short factor in the denominator."""
 
 _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
 """Braces around the whole argument of a function."""
@@ -31,10 +35,9 @@ _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
 def equations(
     mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})
 ) -> str:
-    """M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, series at the phase with primes only; of a structure
-    its links' properties.
+    """LaTeX of M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, or of the properties of a structure's links.
 
-    numbers: what to put in place of parameters; options then have their defaults.
+    numbers: values of parameters; options then have their defaults.
     """
     numbers = {**numbers, **_defaults(mechanism)} if numbers else {}
     names: dict[sympy.Symbol, str] = {PHASE: r"\varphi", SPEED: r"\Omega"}
@@ -51,19 +54,19 @@ def equations(
     return "\n".join([*lines, *(line for each in _numbered(found, numbers) for line in _lines(each, names))])
 
 
-def _numbered(found: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
-    """With numbers of six digits, if there are any; parts that are numbers then need no name."""
-    known = dict(numbers)
+def _numbered(listed: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
+    """The equations with numbers of six digits; named subexpressions with a numerical value are inserted."""
+    values = dict(numbers)
     if not numbers:
-        yield from found
+        yield from listed
         return
-    for each in found:
-        value = with_numbers(each.right, known)
-        if each.unit and value.is_number:
-            known[each.left[0]] = value
+    for equation in listed:
+        value = with_numbers(equation.right, values)
+        if equation.unit and value.is_number:
+            values[equation.left[0]] = value
         else:
             rounded = value.xreplace({number: _rounded(number) for number in value.atoms(sympy.Float)})
-            yield replace(each, right=rounded)
+            yield replace(equation, right=rounded)
 
 
 def _rounded(number: sympy.Float) -> Any:
@@ -80,7 +83,7 @@ def _defaults(mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
 
 
 def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
-    """What the symbols of the equations mean, beyond the mechanism's own."""
+    """Explanations of the symbols that the mechanism does not declare."""
     if mechanism.declared_field:
         vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
     else:
@@ -99,14 +102,14 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
 
 
 def _modal(mechanism: MechanismStatement) -> list[str]:
-    """What damping ratios add to C."""
+    """Explanation of the modal damping."""
     ratios = ", ".join(map(latex, mechanism.damping_ratios))
     added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "
     return [added + ratios] if ratios else []
 
 
 def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> str:
-    """LaTeX without braces and sizes of brackets where it means the same without them.
+    """LaTeX without superfluous braces and bracket sizes.
 
     >>> x, y = sympy.symbols("x_1 y")
     >>> latex(sympy.sin(x + y) ** 2 / 2)
@@ -125,7 +128,7 @@ def _in_line(fraction: re.Match[str]) -> str:
 
 
 def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
-    """With the unit of what has one as a comment."""
+    """Lines of an equation, with the unit of a named subexpression as a comment."""
     text = " = ".join([*map(latex, equation.left), latex(equation.right, names)])
     first, *others = _folded(text, WIDTH)
     lines = [first, *(_INDENT + each for each in others)]
@@ -138,7 +141,7 @@ def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
 
 
 def _folded(text: str, width: int, depth: int = 0) -> list[str]:
-    """Lines broken before + and −, outside brackets where that is enough."""
+    """Lines broken before + and −, outside brackets where possible."""
     if len(text) <= width:
         return [text]
     if depth > _DEEPEST:
@@ -153,7 +156,7 @@ def _folded(text: str, width: int, depth: int = 0) -> list[str]:
 
 
 def _terms(text: str, depth: int) -> list[str]:
-    """The text cut before each + and − between spaces that so many brackets at most enclose."""
+    """The text split before each + and − between spaces that at most `depth` brackets enclose."""
     inside, start, terms = 0, 0, []
     for at, letter in enumerate(text):
         inside += (letter in "({") - (letter in ")}")
@@ -164,7 +167,7 @@ def _terms(text: str, depth: int) -> list[str]:
 
 
 def _integrals(projection: Projection) -> dict[sympy.Symbol, str]:
-    """What the symbols of modal integrals stand for."""
+    """LaTeX of the symbols of modal integrals."""
     pairs = {
         symbol: rf"\int {_weight(pair.power)}{_mode('i', pair.first)} {_mode('j', pair.second)} d\xi"
         for symbol, pair in projection.pairs.items()
@@ -185,9 +188,64 @@ def _mode(number: str, derivative: int) -> str:
 
 
 def elements() -> str:
-    """Mass and stiffness matrices of the beam elements' families, for unit length."""
+    """LaTeX of the mass and stiffness matrices of the beam elements' families, for unit length."""
     lines = []
     for family in FAMILIES:
         lines.append(f"% {family.name}: mass over rho A L, stiffness for unit length")
         lines += [f"M = {sympy.latex(family.mass)}", f"K = {sympy.latex(family.stiffness)}"]
     return "\n".join(lines)
+
+
+def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
+    """Parameters of a case in coherent SI.
+
+    Parameters from a table of measured values, and frequencies for a declared angular velocity, are omitted.
+    Raises CaseError if the file cannot be read or has no such case, UnitError.
+    """
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        cases = {name: {**entry.get("parameters", {})} for name, entry in content["case"].items()}
+        shared = {**content.get("common", {}).get("parameters", {})}
+    except (OSError, UnicodeDecodeError, ValueError, KeyError, AttributeError, TypeError) as error:
+        raise CaseError(f"{path} cannot be read as a case file: {_cause(error)}") from None
+    if case not in cases:
+        raise CaseError(f'{path} has no case "{case}"; it has: {", ".join(cases)}')
+    declared = {each.symbol.name: each for each in mechanism.declared_parameters}
+    numbers = {}
+    for name, entry in {**shared, **cases[case]}.items():
+        for member, value in _members(name, entry):
+            if member not in declared or not isinstance(value, int | float):
+                raise CaseError(
+                    f"{path}: {member} = {value!r} is not the number of a parameter of {mechanism.name}"
+                )
+            unit = entry.get("unit", "")
+            if parse(unit) != parse(declared[member].unit):
+                raise CaseError(f'{path}: {member} is in "{unit}"; it must be in "{declared[member].unit}"')
+            # A hertz is 1 or 2π rad/s, depending on the declared unit.
+            if ("Hz" in unit) == ("Hz" in declared[member].unit):
+                numbers[declared[member].symbol] = float(value) * size(unit)
+    return numbers
+
+
+def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
+    """Parameters of an entry with their values."""
+    kinds = {"unit": str, "values": list, "count": int}
+    if not isinstance(entry, dict) or not all(
+        isinstance(entry[key], kind) for key, kind in kinds.items() if key in entry
+    ):
+        raise CaseError(f"{name} is {entry!r}; give a table with value or values, and unit")
+    if "count" in entry:
+        yield from ((f"{name}{k + 1}", entry.get("value")) for k in range(entry["count"]))
+    elif "values" in entry:
+        yield from ((f"{name}{k}", value) for k, value in enumerate(entry["values"], start=1))
+    elif "table" not in entry:
+        yield name, entry.get("value")
+
+
+def _cause(error: Exception) -> str:
+    """Cause of an unreadable case file."""
+    if isinstance(error, OSError):
+        return (error.strerror or "no access").lower()
+    if isinstance(error, KeyError):
+        return f"it has no {error}"
+    return str(error) if isinstance(error, ValueError) else "a table is missing in it"

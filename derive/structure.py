@@ -1,4 +1,4 @@
-"""A plane structure of slender beams, stated by its links and joints; it may move with the phase."""
+"""Statement of a plane structure of slender beams by its links and joints, which may move with the phase."""
 
 import difflib
 from collections.abc import Iterator, Set
@@ -14,13 +14,26 @@ from derive.mechanism import MechanismStatement
 from derive.symbols import PHASE, SPEED
 
 EXACT = "dynamic"
-"""The element whose shape functions solve the equation of vibration, instead of a polynomial family."""
+"""Name of the element whose shape functions solve the equation of vibration."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """Modulus of elasticity E (Pa), area A (m²), second moment of area I (m⁴), density rho (kg/m³), and
-    the height in the plane (m) where stresses are of interest."""
+    """Cross section and material of a link.
+
+    Parameters
+    ----------
+    E : expression
+        Modulus of elasticity, Pa.
+    A : expression
+        Area, m².
+    I : expression
+        Second moment of area, m⁴.
+    rho : expression
+        Density, kg/m³.
+    height : expression, default 0
+        Height in the plane of motion for the computation of stresses, m.
+    """
 
     E: sympy.Expr
     A: sympy.Expr
@@ -31,7 +44,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Link:
-    """A straight uniform beam from joint `start` to joint `end`, `angle` from the x axis."""
+    """A straight uniform beam from joint `start` to joint `end`, at an `angle` to the x axis."""
 
     name: str
     start: str
@@ -43,7 +56,7 @@ class Link:
 
     @property
     def properties(self) -> dict[str, tuple[sympy.Expr, str]]:
-        """What the generated module computes for the link: expression and unit by name."""
+        """Expression and unit, by name, of the link's properties in the generated module."""
         section = self.section
         return {
             "angle": (self.angle, "rad"),
@@ -58,7 +71,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Elastic:
-    """Springs or dashpots between a joint and the ground: across x and y, and for the turn of some links."""
+    """Springs or dashpots between a joint and the ground: along x and y, and for the rotation of links."""
 
     joint: str
     links: tuple[str, ...]
@@ -94,9 +107,24 @@ class StructureStatement(MechanismStatement):
         section: Section,
         inextensible: bool = False,
     ) -> None:
-        """Declare a link between two joints; its angle may be a function of the phase, its length not.
+        """Declare a link between two joints.
 
-        An inextensible link bends only. Raises DeclarationError.
+        Parameters
+        ----------
+        name, start, end : str
+            Names of the link and of its joints.
+        length : expression
+            Length, m; constant.
+        angle : expression
+            Angle from the x axis, rad; it may be a function of the phase.
+        section : Section
+            Cross section and material.
+        inextensible : bool, default False
+            Whether the link bends only.
+
+        Raises
+        ------
+        DeclarationError
         """
         for each in (name, start, end):
             if not each.isidentifier():
@@ -119,61 +147,71 @@ class StructureStatement(MechanismStatement):
 
     @property
     def joints(self) -> list[str]:
-        """Joints in the order in which the links name them."""
+        """Joints in the order of the declared links."""
         return list(dict.fromkeys(joint for each in self.declared_links for joint in (each.start, each.end)))
 
     def support(self, joint: str) -> None:
-        """Hold a joint's place; its links still turn about it."""
+        """Fix the position of a joint; its links rotate freely about it."""
         self._require_joint(joint)
         self.supported.append(joint)
 
     def clamp(self, joint: str, *links: str) -> None:
-        """Hold a joint's place and the directions of its links, or of those named."""
+        """Fix the position of a joint and the directions of all its links, or of the named ones."""
         self.support(joint)
         self.clamped += [(joint, name) for name in self._links_at(joint, links)]
 
     def weld(self, joint: str, *links: str) -> None:
-        """Let the links of a joint, or those named, turn together there."""
+        """Connect the links of a joint, or the named ones, rigidly to each other."""
         self.welded.append((joint, self._links_at(joint, links)))
 
     def spring(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
-        """Hold a joint elastically where `support` holds it rigidly: stiffness along x and y (N/m); and the
-        directions of its links, or of those named, where `clamp` does (N m/rad)."""
+        """Support a joint elastically.
+
+        Parameters
+        ----------
+        joint : str
+            Name of the joint.
+        *links : str
+            Links whose rotation the spring `turn` restrains; by default all links of the joint.
+        x, y : expression, default 0
+            Stiffness along x and y, N/m.
+        turn : expression, default 0
+            Rotational stiffness, N m/rad.
+        """
         self.declared_springs.append(self._elastic(joint, links, x, y, turn))
 
     def dashpot(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
-        """Dampers beside the springs of a joint: along x and y (N s/m), of turns (N m s/rad)."""
+        """Add dashpots to a joint, as `spring`: along x and y (N s/m) and for rotations (N m s/rad)."""
         self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
-        """Springs or dashpots by the freedoms on which they act. Raises DeclarationError for one that is held
-        rigidly."""
-        found: dict[str, Any] = {}
-        for each in declared:
-            links = {name: self.rotation(self.links[name], each.joint) for name in each.links}
-            turns = dict.fromkeys(links.values(), each.turn)
-            held = dict.fromkeys("xy", "" if each.joint in self.supported else each.joint)
-            acting = [(held[axis], axis, value) for axis, value in (("x", each.x), ("y", each.y))]
+        """Springs or dashpots by degree of freedom. Raises DeclarationError for one that is fixed rigidly."""
+        by_freedom: dict[str, Any] = {}
+        for elastic in declared:
+            links = {name: self.rotation(self.links[name], elastic.joint) for name in elastic.links}
+            turns = dict.fromkeys(links.values(), elastic.turn)
+            freedoms = dict.fromkeys("xy", "" if elastic.joint in self.supported else elastic.joint)
+            acting = [(freedoms[axis], axis, value) for axis, value in (("x", elastic.x), ("y", elastic.y))]
             acting += [(name, "turn", value) for name, value in turns.items()]
             for freedom, axis, value in (part for part in acting if part[2] != 0):
                 if not freedom:
                     raise DeclarationError(
-                        f"joint {each.joint} is held rigidly and elastically ({axis}); drop one of both"
+                        f"joint {elastic.joint} is supported rigidly and elastically ({axis}); remove one"
                     )
-                found[f"{freedom}_{axis}"] = found.get(f"{freedom}_{axis}", 0) + value
-        return found
+                by_freedom[f"{freedom}_{axis}"] = by_freedom.get(f"{freedom}_{axis}", 0) + value
+        return by_freedom
 
     def mass(self, joint: str, mass: sympy.Expr) -> None:
-        """Put a point mass (kg) at a joint."""
+        """Add a point mass (kg) to a joint."""
         self._require_joint(joint)
         self.declared_masses.append((joint, sympy.sympify(mass)))
 
     def mass_at(self, joint: str) -> sympy.Expr:
-        """All point masses of a joint together."""
+        """Sum of the point masses of a joint."""
         return sympy.Add(*(mass for at, mass in self.declared_masses if at == joint))
 
     def rotation(self, link: Link, joint: str) -> str:
-        """Name of the freedom by which a link's end turns: shared where welded, "" where clamped."""
+        """Name of the rotational freedom of a link's end: shared if welded, "" if clamped."""
         together = next(
             (names for at, names in self.welded if at == joint and link.name in names), (link.name,)
         )
@@ -181,11 +219,11 @@ class StructureStatement(MechanismStatement):
 
     @property
     def moves(self) -> bool:
-        """Whether any link turns with the phase."""
+        """Whether any link rotates with the phase."""
         return any(PHASE in each.angle.free_symbols for each in self.declared_links)
 
     def numbers(self) -> Iterator[tuple[str, sympy.Expr, str, Set[sympy.Symbol]]]:
-        """Every expression of the statement: what it is, itself, its unit and what it must not hold."""
+        """Description, expression, unit and forbidden symbols of every expression of the statement."""
         fixed = {PHASE, SPEED}
         for link in self.declared_links:
             for name, (expression, unit) in link.properties.items():
@@ -205,8 +243,7 @@ class StructureStatement(MechanismStatement):
             yield "damping ratio", ratio, "1", fixed
 
     def require_complete(self) -> None:
-        """Raise DeclarationError for a structure without links or without support, or one that states
-        what follows from its links."""
+        """Raise DeclarationError for a structure without links or support, or with stated energies."""
         if not self.declared_links:
             raise DeclarationError(f"{self.name} has no links; declare one with link(...)")
         stated = (self.kinetic, self.potential, self.dissipation, self.declared_coordinates, self.forces)
@@ -224,12 +261,14 @@ class StructureStatement(MechanismStatement):
         self.to_ground(self.declared_dashpots)
         if not self.supported and not springs:
             raise DeclarationError(
-                f"{self.name} is held nowhere; use support(joint), clamp(joint) or spring(joint, ...)"
+                f"{self.name} has no support; use support(joint), clamp(joint) or spring(joint, ...)"
             )
 
     def _require_own_freedoms(self) -> None:
-        """Raise DeclarationError where two freedoms would have one name and so be one: those of joints,
-        "knee", of links' ends, "arm_knee", and of nodes within links, "arm_1"."""
+        """Raise DeclarationError if two freedoms have the same name.
+
+        Names are "knee" of a joint, "arm_knee" of a link's end, and "arm_1" of a node within a link.
+        """
         ends = [f"{each.name}_{joint}" for each in self.declared_links for joint in (each.start, each.end)]
         for name in (*self.joints, *ends):
             link, _, number = name.rpartition("_")

@@ -1,10 +1,12 @@
-"""The text of the module that is generated from a structure: its links and joints as data, and a
-function of the properties that the numerical assembly needs."""
+"""Text of the module generated from a structure: links and joints as data, and outputs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+from typing import NamedTuple
 
 import sympy
 
+from derive.declarations import Output
 from derive.emit import (
     TOOLS,
     condition_functions,
@@ -12,13 +14,73 @@ from derive.emit import (
     equations_text,
     functions_text,
     literal,
+    module_text,
     sketch_functions,
 )
 from derive.freshness import hashed_module
 from derive.function_text import GeneratedFunction, tuple_lines
+from derive.mechanism import MechanismStatement
 from derive.reading import links
-from derive.structure import ELEMENT_NAMES, StructureStatement
-from derive.structure_outputs import Observed, observed
+from derive.structure import ELEMENT_NAMES, Link, StructureStatement
+
+
+class Observed(NamedTuple):
+    """An output with its kind, link, and position on the link, from 0 at the start to 1."""
+
+    output: Output
+    kind: str
+    link: str
+    place: float
+
+
+def observed(structure: StructureStatement) -> list[Observed]:
+    """Outputs of a moving structure; none for a structure at rest.
+
+    Each link has the stresses and the deflection at its midpoint; a link clamped at one end has the
+    deflection of its tip instead, and the stresses at its root too. Further outputs are the
+    joint forces and the strain energy of all links.
+    """
+    if not structure.moves:
+        return []
+    energy = Output("strain_energy", None, "J", "strain energy of all links")
+    return [
+        *(each for link in structure.declared_links for each in _of_link(structure, link)),
+        *(each for joint in structure.joints for each in _of_joint(structure, joint)),
+        Observed(energy, "strain_energy", "", 0.0),
+    ]
+
+
+def _of_link(structure: StructureStatement, link: Link) -> Iterator[Observed]:
+    clamped = [structure.rotation(link, joint) == "" for joint in (link.start, link.end)]
+    ends = clamped[0] != clamped[1]
+    place, deflected = ("tip", float(clamped[0])) if ends else ("midpoint", 0.5)
+    meaning = f"transverse deflection of the {link.name}'s {place} from its rigid motion"
+    deflection = Output(f"{link.name}_{place}_deflection", None, "m", meaning)
+    yield Observed(deflection, "deflection", link.name, deflected)
+    strained = {"root": float(clamped[1])} if ends else {}
+    for place, surface in product((*strained, "midpoint"), ("plus", "minus")):
+        meaning = f"axial stress at the {link.name}'s {place}, {surface} surface"
+        stress = Output(f"{link.name}_{place}_stress_{surface}", None, "Pa", meaning)
+        yield Observed(stress, f"stress_{surface}", link.name, strained.get(place, 0.5))
+
+
+def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
+    """Force on the last link of a joint, and the moment of a clamp."""
+    links = [each for each in structure.declared_links if joint in (each.start, each.end)]
+    link = links[-1]
+    place = float(joint == link.end)
+    springs = structure.to_ground(structure.declared_springs)
+    if joint in structure.supported or len(links) > 1 or {f"{joint}_x", f"{joint}_y"} & {*springs}:
+        for axis in "xy":
+            meaning = f"force of joint {joint} on the {link.name}, along {axis}"
+            force = Output(f"{joint}_force_{axis}", None, "N", meaning)
+            yield Observed(force, f"force_{axis}", link.name, place)
+    turn = structure.rotation(link, joint)
+    if turn == "" or f"{turn}_turn" in springs:
+        meaning = f"moment of joint {joint} on the {link.name}"
+        moment = Output(f"{joint}_moment", None, "N m", meaning)
+        yield Observed(moment, "moment", link.name, place)
+
 
 MOST_ELEMENTS = 100
 
@@ -41,8 +103,20 @@ Columns of links (angle from x, length, E, EA, EI, mass mu per length, height), 
 springs and dashpots where there are any, and the damping ratio of every mode."""
 
 
+def generated_text(
+    mechanism: MechanismStatement,
+    source_sha256: str,
+    command: str,
+    report: Callable[[str], object] = lambda _: None,
+) -> str:
+    """Complete text of the generated module of a mechanism or a structure, as `module_text`."""
+    if isinstance(mechanism, StructureStatement):
+        return structure_text(mechanism, source_sha256, command)
+    return module_text(mechanism, source_sha256, command, report)
+
+
 def structure_text(structure: StructureStatement, source_sha256: str, command: str) -> str:
-    """Whole text of the generated module; `command` is what renews it, after `python -m derive`."""
+    """Complete text of the generated module. command: arguments of `python -m derive` that regenerate it."""
     texts, counts = functions_text(
         structure,
         [
@@ -81,10 +155,10 @@ def _properties(structure: StructureStatement) -> GeneratedFunction:
 
 
 def _elastic(structure: StructureStatement) -> list[tuple[str, dict[str, sympy.Expr]]]:
-    """Springs and dashpots to the ground, if there are any."""
+    """Springs and dashpots to the ground, by degree of freedom."""
     declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
-    found = {name: structure.to_ground(each) for name, each in declared.items()}
-    return [(name, elastic) for name, elastic in found.items() if elastic]
+    by_kind = {name: structure.to_ground(each) for name, each in declared.items()}
+    return [(name, elastic) for name, elastic in by_kind.items() if elastic]
 
 
 def _data(structure: StructureStatement, of_interest: list[Observed]) -> str:

@@ -1,7 +1,7 @@
-"""Functions that switch (steps, kinks, pieces): their derivatives beside the switches, and what jumps there.
+"""Functions with switches (steps, kinks, pieces): derivatives beside the switches, and discontinuities there.
 
-The derivative of a jump is an impulse, which neither matrices nor forces can hold. Derivatives are
-therefore taken beside the switches, and refused where what is differentiated jumps.
+The derivative of a discontinuity is an impulse, which matrices and forces cannot contain. Derivatives are
+therefore taken beside the switches, and a discontinuous function raises an error.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,10 +19,13 @@ from derive.units import short
 
 _DIGITS = 50
 BESIDE = mpmath.mpf(10) ** -30
-"""How far beside a switch its sides are looked at."""
+"""Distance from a switch at which its sides are evaluated.
+
+It is far above the round-off of `_DIGITS` digits and far below any change of a smooth function.
+"""
 
 _SCAN = sorted([k / 45 for k in range(-316, 317)] + [s * 10.0**k for k in range(-6, 7) for s in (-1, 1)])
-"""Where a switch is looked for along a symbol."""
+"""Values of a symbol between which a sign change of a switch is searched: ±7 by 1/45, and powers of ten."""
 
 _STEPS = {
     "Heaviside": lambda x, _=None: int(x > 0),
@@ -30,14 +33,14 @@ _STEPS = {
     "Wrapped": lambda x, turn: x % turn,
 }
 _AWAY = mpmath.mpf("0.1")
-"""How far from a switch the size of an expression is looked at."""
+"""Distance from a switch at which the magnitude of an expression is evaluated."""
 
 _JUMP = 1e-9
-"""Difference between both sides, relative to the size, that counts as a jump."""
+"""Smallest relative difference between both sides that is a discontinuity: a choice."""
 
 
 class Wrapped(sympy.Function):
-    """An angle less whole turns: from 0 to `turn`."""
+    """An angle modulo `turn`."""
 
     nargs = 2
     is_real = True
@@ -62,17 +65,54 @@ class Wrapped(sympy.Function):
 
 
 def wrapped(angle: Any, turn: Any = 2 * sympy.pi) -> Any:
-    """The angle less whole turns: from 0 to `turn` (rad)."""
+    """The angle modulo `turn`.
+
+    Parameters
+    ----------
+    angle : expression
+        Angle, rad.
+    turn : expression, default 2π
+        Period, rad.
+
+    Returns
+    -------
+    expression
+        From 0 to `turn`, rad.
+    """
     return Wrapped(sympy.sympify(angle), sympy.sympify(turn))
 
 
 def rectangle(angle: Any, start: Any, end: Any) -> Any:
-    """1 where the angle is between start and end (rad), whole turns aside, else 0."""
+    """Rectangular pulse of an angle modulo 2π.
+
+    Parameters
+    ----------
+    angle, start, end : expression
+        Angle, and the limits of the pulse, rad.
+
+    Returns
+    -------
+    expression
+        1 between `start` and `end`, otherwise 0.
+    """
     return sympy.Heaviside(end - start - wrapped(angle - start))
 
 
 def trapezoid(angle: Any, start: Any, full: Any, falling: Any, end: Any) -> Any:
-    """0 but between start and end (rad), whole turns aside: rising to 1 at `full`, falling from `falling`."""
+    """Trapezoidal pulse of an angle modulo 2π.
+
+    Parameters
+    ----------
+    angle : expression
+        Angle, rad.
+    start, full, falling, end : expression
+        Corners of the pulse, rad: it rises from `start` to `full` and falls from `falling` to `end`.
+
+    Returns
+    -------
+    expression
+        1 between `full` and `falling`, 0 outside `start` and `end`.
+    """
     inside, Max = wrapped(angle - start), sympy.Max
 
     def ramp(low: Any, high: Any) -> Any:
@@ -85,12 +125,11 @@ STEPPING = (sympy.Piecewise, sympy.Heaviside, sympy.sign, sympy.Abs, sympy.Max, 
 
 
 def switches(expression: Any, by: Iterable[Any]) -> list[Any]:
-    """Expressions that depend on some of the symbols, and where one of which is zero the given expression
-    jumps or has a kink."""
-    moving, found = set(by), set()
+    """Expressions of some of the symbols at whose zeros the given expression has a step or kink."""
+    moving, zeros = set(by), set()
     for node in sympy.preorder_traversal(expression):
-        found |= {g for g in _switching(node) if g.free_symbols & moving and -g not in found}
-    return sorted(found, key=sympy.default_sort_key)
+        zeros |= {g for g in _switching(node) if g.free_symbols & moving and -g not in zeros}
+    return sorted(zeros, key=sympy.default_sort_key)
 
 
 def _switching(node: Any) -> Iterator[Any]:
@@ -106,13 +145,13 @@ def _switching(node: Any) -> Iterator[Any]:
 
 
 def _whole_turns(node: Wrapped) -> Any:
-    """Expression that is zero where a wrapped angle jumps."""
+    """Expression whose zeros are the steps of a wrapped angle."""
     angle, turn = node.args
     return sympy.sin(sympy.pi * angle / turn)
 
 
 def place_of(switch: Any, expressions: Iterable[Any]) -> str:
-    """Text that states where a switch of expressions lies."""
+    """Text of the location of a switch of expressions."""
     for node in set().union(*(each.atoms(Wrapped) for each in expressions)):
         if _whole_turns(node) in (switch, -switch):
             angle, turn = node.args
@@ -121,32 +160,33 @@ def place_of(switch: Any, expressions: Iterable[Any]) -> str:
 
 
 def outermost(expression: Any) -> list[Any]:
-    """Steps, kinks and pieces of an expression, none within another."""
+    """Outermost steps, kinks and piecewise functions of an expression."""
     if isinstance(expression, STEPPING):
         return [expression]
     return list(dict.fromkeys(node for part in expression.args for node in outermost(part)))
 
 
 def slope(expression: Any, by: Any) -> Any:
-    """Derivative by a symbol beside the switches. Raises ImpulseError where the expression jumps as the
-    symbol passes one."""
+    """Derivative by a symbol beside the switches. Raises ImpulseError for a discontinuity by this symbol."""
     require_no_jump(expression, (by,))
     return beside(known_real(sympy.sympify(expression)).diff(by))
 
 
 def known_real(expression: Any) -> Any:
-    """Modulus and sign of what SymPy does not know to be real, such as a root, by steps and kinks whose
-    derivatives it knows."""
+    """The expression with moduli and signs of possibly complex arguments replaced by Max and Heaviside.
+
+    SymPy differentiates these.
+    """
     moduli, signs = (
         {part: part.args[0] for part in expression.atoms(kind) if part.args[0].is_extended_real is None}
         for kind in (sympy.Abs, sympy.sign)
     )
-    known = {part: sympy.Max(inner, -inner) for part, inner in moduli.items()}
-    return expression.xreplace(known | {part: 2 * sympy.Heaviside(x) - 1 for part, x in signs.items()})
+    replaced = {part: sympy.Max(inner, -inner) for part, inner in moduli.items()}
+    return expression.xreplace(replaced | {part: 2 * sympy.Heaviside(x) - 1 for part, x in signs.items()})
 
 
 def beside(derivative: Any) -> Any:
-    """A derivative without what is zero beside the switches; powers of a step are the step."""
+    """A derivative without terms that vanish beside the switches; powers of a step become the step."""
     if not derivative.has(sympy.DiracDelta, sympy.Heaviside):
         return derivative
     without = derivative.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
@@ -157,20 +197,20 @@ def beside(derivative: Any) -> Any:
 
 
 def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
-    """Raise ImpulseError where the expression jumps as one of the symbols passes a switch."""
+    """Raise ImpulseError if the expression is discontinuous at a switch, as a function of these symbols."""
     for switch in switches(expression, by):
         moving = next(symbol for symbol in by if symbol in switch.free_symbols)
         if jumps([expression], switch, moving):
             raise ImpulseError(
-                f"{short(expression)} jumps where {place_of(switch, [expression])}, so its derivative with "
-                f"respect to {moving} is an impulse there; V and forces may jump with the phase; T and "
-                "displacements may only have kinks, and so may V as a function of coordinates",
+                f"{short(expression)} is discontinuous where {place_of(switch, [expression])}, so its "
+                f"derivative with respect to {moving} is an impulse there; V and forces may be discontinuous "
+                "in the phase; T and displacements, and V as a function of coordinates, may only have kinks",
                 switch,
             )
 
 
 def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
-    """Whether some of the expressions jump where the switch is zero, as the symbol passes there."""
+    """Whether an expression is discontinuous in a symbol at the zeros of a switch."""
     symbols = in_order(*expressions, switch)
     values = Numbers(expressions, symbols)
 
@@ -185,31 +225,36 @@ def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
 
 
 def places(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[Any, Any]]:
-    """Values of all symbols for which the switch is zero, found along one of them."""
+    """Values of all symbols at zeros of the switch along one of them."""
     for point, roots in zip(arbitrary_points(symbols), _roots(switch, moving), strict=True):
         for root in roots:
             yield {**point, moving: root}
 
 
 def in_order(*expressions: Any) -> list[Any]:
-    """The symbols of expressions."""
+    """Symbols of expressions, ordered by length of the name and name."""
     symbols = set().union(*(each.free_symbols for each in expressions))
     return sorted(symbols, key=lambda symbol: (len(symbol.name), symbol.name))
 
 
 class Numbers:
-    """Values of expressions; None where one has none."""
+    """Values of expressions; None if one is undefined."""
 
     def __init__(self, expressions: Iterable[Any], symbols: Sequence[Any], exact: bool = True):
-        """exact: to many digits, else in floating point, which is quicker."""
+        """exact: to `_DIGITS` digits, otherwise in floating point, which is faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
         made = [_stood_in(sympy.sympify(each)) for each in expressions]
+        self._undefined = any(each.has(sympy.zoo, sympy.nan) for each in made)
+        if self._undefined:
+            return
         modules = [_STEPS, "mpmath" if exact else "math"]
-        # By dummies: a symbol may be called like a function.
+        # Dummies, since a symbol may have the name of a function.
         self._function = sympy.lambdify(symbols, made, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
-        """At values of all symbols."""
+        """Values at a point of all symbols."""
+        if self._undefined:
+            return None
         with mpmath.workdps(_DIGITS):
             try:
                 return self._function(*(self._kind(point[symbol]) for symbol in self._symbols))
@@ -218,7 +263,7 @@ class Numbers:
 
 
 def differ(one: list[Any] | None, other: list[Any] | None, *alike: list[Any] | None) -> bool:
-    """Whether numbers on both sides are apart, by the size of these and of others alike."""
+    """Whether numbers on both sides differ, relative to the largest of these and of further ones."""
     if one is None or other is None:
         return False
     size = max(abs(x) for numbers in (one, other, *alike) for x in numbers or [0])
@@ -226,7 +271,7 @@ def differ(one: list[Any] | None, other: list[Any] | None, *alike: list[Any] | N
 
 
 def arbitrary_points(symbols: Sequence[Any]) -> list[dict[Any, Any]]:
-    """Values between 0.3 and 1.7 for symbols, each by its name: rising with it, falling, and mixed."""
+    """Three sets of values between 0.3 and 1.7, determined by the names of the symbols."""
 
     def share(name: str) -> float:
         return sum(ord(letter) % 128 * 128.0 ** -(k + 1) for k, letter in enumerate(name))
@@ -239,7 +284,7 @@ def arbitrary_points(symbols: Sequence[Any]) -> list[dict[Any, Any]]:
 
 @lru_cache(maxsize=256)
 def _roots(switch: Any, moving: Any) -> list[list[Any]]:
-    """Where the sign changes along a symbol, for each of the arbitrary points."""
+    """Zeros along a symbol, for each of the arbitrary points."""
     return [list(_along(switch, point, moving)) for point in arbitrary_points(in_order(switch))]
 
 
@@ -268,7 +313,7 @@ class _Sign:
         return None if found is None or found[0].imag != 0 else (found[0] > 0) - (found[0] < 0)
 
     def narrowed(self, low: Any, high: Any, halvings: int) -> tuple[Any, Any]:
-        """Ends between which the sign changes."""
+        """Interval that contains the sign change, after halvings."""
         first = self(low)
         for _ in range(halvings):
             middle = (low + high) / 2
@@ -277,13 +322,13 @@ class _Sign:
 
 
 def is_own(part: Any) -> bool:
-    """Whether an expression is a function that derive defines, series and unknowns of loops."""
-    known = isinstance(part, Wrapped) or type(part).__module__.startswith("sympy.")
-    return isinstance(part, sympy.Function) and not known
+    """Whether an expression is a function defined by derive: a series, or the unknown of a loop."""
+    foreign = isinstance(part, Wrapped) or type(part).__module__.startswith("sympy.")
+    return isinstance(part, sympy.Function) and not foreign
 
 
 def _stood_in(expression: Any) -> Any:
-    """Functions of derive's own, which are smooth, stood in for by smooth ones."""
+    """The expression with the smooth functions of derive replaced by sines."""
 
     return expression.replace(
         is_own, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))

@@ -1,4 +1,4 @@
-"""Symbols that move in time, and the total time derivative through them."""
+"""Symbols that vary with time, and the total time derivative."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,7 +12,7 @@ from derive.units import short
 
 
 class Moving(sympy.Symbol):
-    """A real symbol that varies with time, such as a coordinate q1; its rate is the symbol q1d."""
+    """A real symbol that varies with time, such as a coordinate q1 with its rate q1d."""
 
     def __new__(cls, name: str) -> "Moving":
         return super().__new__(cls, name, real=True)
@@ -37,16 +37,29 @@ class Phase(Moving):
 
 SPEED = sympy.Symbol("speed", real=True)
 ACCELERATION = sympy.Symbol("speedd", real=True)
-"""Rate of the speed, rad/s², where a transient changes it; 0 in all that is steady."""
+"""Rate of change of the speed in a transient, rad/s²; 0 at constant speed."""
 
 PHASE = Phase("phase")
 
 
 def rate(expression: Any) -> Any:
-    """Total time derivative through phase, speed, coordinates and their rates; of a vector or matrix that of
-    each entry.
+    """Total time derivative through phase, speed, coordinates and their rates.
 
-    Raises ImpulseError where the expression jumps.
+    Parameters
+    ----------
+    expression : expression, or matrix of expressions
+
+    Returns
+    -------
+    expression or matrix
+        The derivative, entry by entry for a matrix.
+
+    Raises
+    ------
+    ImpulseError
+        If the expression is discontinuous.
+    DeclarationError
+        If a tuple or text is given, or a coordinate shifts the phase in a step or kink.
     """
     if isinstance(expression, sympy.MatrixBase):
         return expression.applyfunc(rate)
@@ -56,11 +69,11 @@ def rate(expression: Any) -> Any:
             f"rate({short(given)}): give one number, expression or Matrix; coordinates(...) gives a tuple, "
             "also of one: write coordinate(...), or (q,) = coordinates(...)"
         )
-    stated = counted(given)
-    moving = sorted(stated.atoms(Moving), key=lambda symbol: symbol.name)
-    terms = [slope(stated, symbol) * symbol.rate for symbol in moving]
-    if stated.has(SPEED):
-        terms.append(slope(stated, SPEED) * ACCELERATION)
+    argument = counted(given)
+    moving = sorted(argument.atoms(Moving), key=lambda symbol: symbol.name)
+    terms = [slope(argument, symbol) * symbol.rate for symbol in moving]
+    if argument.has(SPEED):
+        terms.append(slope(argument, SPEED) * ACCELERATION)
     return sympy.Add(*terms)
 
 
@@ -70,8 +83,10 @@ def steady(expression: Any) -> Any:
 
 
 def counted(expression: Any) -> Any:
-    """The expression with the phase counted from 0 to 2π wherever a step, a kink or pieces depend on it
-    itself, not on a periodic function of it. Raises DeclarationError where coordinates shift it there."""
+    """The expression with the phase modulo 2π in steps, kinks and pieces that depend on the phase itself.
+
+    Periodic functions of the phase stay. Raises DeclarationError if coordinates shift the phase there.
+    """
     if isinstance(expression, STEPPING) and _whole_phase(expression):
         if any(_whole_phase(each) and each.atoms(Moving) != {PHASE} for each in _compared(expression)):
             raise DeclarationError(
@@ -85,14 +100,14 @@ def counted(expression: Any) -> Any:
 
 
 def _compared(expression: Any) -> Iterable[Any]:
-    """What decides on which side of a step or kink the expression is."""
+    """Expressions whose signs select the branch of a step, kink or piecewise function."""
     if isinstance(expression, sympy.Piecewise):
         return set().union(*(each.args[1].atoms(Relational) for each in expression.args))
     return expression.args
 
 
 def _whole_phase(expression: Any) -> bool:
-    """Whether the phase itself, which grows without end, stands in the expression."""
+    """Whether the expression contains the unbounded phase, outside periodic functions."""
     return expression == PHASE or any(map(_whole_phase, _parts(expression)))
 
 
@@ -105,24 +120,24 @@ def _wrapped(expression: Any) -> Any:
 
 
 def _repeats(expression: Any) -> bool:
-    """Whether a sine or cosine is the same after a turn."""
+    """Whether a sine or cosine has the period 2π in the phase."""
     turning = isinstance(expression, sympy.sin | sympy.cos | sympy.tan)
     return turning and bool(sympy.diff(expression.args[0], PHASE).is_Integer)
 
 
 def _parts(expression: Any) -> tuple[Any, ...]:
-    """The arguments, but for those of functions that repeat with their angle."""
+    """The arguments, except those of periodic functions."""
     repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_own(expression)
     return () if repeats else expression.args
 
 
 def primed(order: int) -> str:
-    """LaTeX after the name of a function that is differentiated so often."""
+    """LaTeX of the primes of a derivative of this order."""
     return "'" * order if order < 4 else f"^{{({order})}}"
 
 
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
-    """A symbol of this name, with underscores added while it is taken; its name is then `taken` too."""
+    """A symbol of this name, with underscores appended while it is in `taken`, to which it is added."""
     while name in taken:
         name += "_"
     taken.add(name)
@@ -130,6 +145,6 @@ def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
 
 
 def nesting(expression: sympy.Basic, functions: type[sympy.Function]) -> int:
-    """How many of these functions stand within one another at most."""
+    """Largest nesting depth of these functions."""
     applied = expression.atoms(functions)
     return 1 + max(nesting(part, functions) for each in applied for part in each.args) if applied else 0

@@ -1,4 +1,4 @@
-"""Units as dimensions and sizes, and the dimension of an expression."""
+"""Dimensions and sizes of units, and the dimension of an expression."""
 
 import re
 from collections.abc import Mapping
@@ -64,15 +64,15 @@ SECOND = UNITS["s"]
 
 
 _LONGEST = 80
-"""Characters of a unit, and of an expression in a message."""
+"""Largest number of characters of a unit, and of an expression in a message: a choice."""
 
 _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))")
-"""A power that is more than a number of one or two digits, and as many behind the point."""
+"""A power other than a number of at most two digits before and after the decimal point."""
 
 
 @runtime_checkable
 class Composed(Protocol):
-    """A function whose dimension follows from those of its arguments, which need not be numbers."""
+    """A function whose dimension follows from those of its arguments."""
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension: ...
 
@@ -121,7 +121,7 @@ def _known_to_pint(text: str) -> tuple[Dimension, float]:
     powers = dict(registry.get_dimensionality(units))
     exponents = [Fraction(powers.pop(kind, 0)).limit_denominator(60) for kind in _KINDS]
     if powers or zero != 0 or not text.strip():
-        raise UnitError(f"{refused}: it has another zero, or another kind than {', '.join(BASE)} make")
+        raise UnitError(f"{refused}: it has an offset, or a dimension beyond {', '.join(BASE)}")
     return Dimension(tuple(exponents)), float(one)
 
 
@@ -170,7 +170,7 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
 
 
 def _pieces(what: str, expression: sympy.Piecewise, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """The one dimension of the pieces; what a condition compares must have one of its own."""
+    """Common dimension of the pieces; the sides of each condition must have a common dimension too."""
     compared, given = expression.atoms(Relational), [each.args[0] for each in expression.args]
     pieces = sympy.Tuple(*given)
     *_, common = (
@@ -190,13 +190,13 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
         return ONE
     if not isinstance(expression.exp, sympy.Rational):
         raise UnitError(
-            f"{what}: {short(expression)} raises a quantity in {base} to a power that is no fixed fraction"
+            f"{what}: {short(expression)} raises a quantity in {base} to a power that is not a fraction"
         )
     return base ** Fraction(int(expression.exp.p), int(expression.exp.q))
 
 
 def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimension:
-    """The one dimension of parts that are added or compared; a plain 0 fits any."""
+    """Common dimension of added or compared parts; 0 has any dimension."""
     pairs = [pair for pair in zip(expression.args, parts, strict=True) if pair[0] != 0]
     for argument, part in pairs:
         if part != pairs[0][1]:

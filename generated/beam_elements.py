@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "d40a3cd5e49625db31b8c4ecbc6a6f223f853af8e379716f58c92f87390ebce2"
-DERIVE_SHA256 = "3eea4ca3d4e1a08d7da5daaa545adf6147e6e11b2019baa6a79cd2fea86f8585"
+MECHANISM_SHA256 = "365bf0da4d2da694d5a7cbc7fa44da8f6b16dfe174d9290be63dd444d6bb9020"
+DERIVE_SHA256 = "d616097c36a732722911177fb2e6d716404f222d6766df769f1588e00b3c3a29"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "844f52f4eaa344f0dd8ae965f723966ba9cb548a7ece26e3b76c98b029963f4a"
+FILE_SHA256 = "55bd8015709fe5f508e840e5f35b45b3eceabffccfd405470c472a74a2ca3af3"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -1,7 +1,7 @@
-"""Numbers from a linear system with periodic coefficients: orbits, stability, studies, pictures.
+"""Periodic solutions, stability, studies and figures of linear systems with periodic coefficients.
 
-What it offers is listed in `solve.public` and loaded at the first use, so that a command is ready for an
-interruption before it has read the packages that it needs.
+Public names are listed in `solve.public` and loaded at their first use, so that a command can be interrupted
+before its packages are imported.
 """
 
 import importlib

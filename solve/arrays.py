@@ -1,38 +1,44 @@
-"""The array type of this package: NumPy, float64 unless a docstring says complex."""
+"""Array type and small array operations: NumPy, float64 unless a docstring states complex."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
 
+Value = TypeVar("Value")
+
 Plane = NDArray[np.complex128]
 """Points, velocities, accelerations or directions in the plane, x + iy."""
 
+EPS = float(np.finfo(float).eps)
+"""Distance from 1 to the next larger float64, 2.2e-16."""
 
-def whole(chosen: Array, count: int) -> bool:
-    """Whether positions (k,), or a mask, choose all of so many points in their order: nothing to copy."""
-    if len(chosen) != count:
+
+def covers_all(selection: Array, count: int) -> bool:
+    """Whether positions (k,), or a mask, select all of `count` points in their order, so that no copy is
+    needed."""
+    if len(selection) != count:
         return False
     if count == 1:
-        return chosen.dtype != bool or bool(chosen[0])
-    return bool(chosen.all() if chosen.dtype == bool else (chosen == np.arange(count)).all())
+        return selection.dtype != bool or bool(selection[0])
+    return bool(selection.all() if selection.dtype == bool else (selection == np.arange(count)).all())
 
 
-def different(numbers: Array) -> list[int]:
-    """The different ones among whole numbers (k,) of moderate size, rising.
+def unique_integers(numbers: Array) -> list[int]:
+    """Distinct nonnegative integers of moderate size, in ascending order.
 
-    >>> different(np.array([3, 8, 3]))
+    >>> unique_integers(np.array([3, 8, 3]))
     [3, 8]
     """
     return np.flatnonzero(np.bincount(numbers)).tolist()
 
 
 def runs(flags: Array) -> Array:
-    """First and last positions (r, 2) of neighbours that are true among flags (k,).
+    """First and last positions (r, 2) of runs of true among flags (k,).
 
     >>> runs(np.array([True, False, True, True])).tolist()
     [[0, 0], [2, 3]]
@@ -41,19 +47,20 @@ def runs(flags: Array) -> Array:
     return edges.reshape(-1, 2) - [0, 1]
 
 
-_ROWS = 256
-"""From so many rows on, columns are gone along one after another."""
+_MANY_ROWS = 256
+"""Number of rows from which `across` reduces column by column: NumPy's reduction over a short last axis is
+slow for many rows."""
 
 
 def across(operation: np.ufunc, values: Array, axis: int = -1) -> Array:
-    """`operation.reduce` over a short axis, of many rows as quickly as over a long one."""
-    if len(values) < _ROWS:
+    """`operation.reduce` over a short axis, fast for many rows as well."""
+    if len(values) < _MANY_ROWS:
         return operation.reduce(values, axis=axis)
     return reduce(operation, np.moveaxis(values, axis, 0))
 
 
 def solved(A: Array, b: Array) -> Array:
-    """x of A x = b for matrices A (…, n, n) and b (…, n, k); NaN where A is singular."""
+    """Solution x of A x = b for matrices A (…, n, n) and b (…, n, k); NaN where A is singular."""
     try:
         return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
@@ -63,11 +70,13 @@ def solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array function of phases that caches its latest values, up to a number of bytes; the next solution uses
-    the phases of the same grid. Cached values must not be modified."""
+    """Array function of phases that caches its latest values, up to a number of bytes.
 
-    def __init__(self, function: Callable[[Array], Array], most_bytes: int):
-        self._function, self._most = function, most_bytes
+    The next solution uses the phases of the same grid. Cached values must not be modified.
+    """
+
+    def __init__(self, function: Callable[[Array], Array], max_bytes: int):
+        self._function, self._max_bytes = function, max_bytes
         self._values: dict[bytes, Array] = {}
 
     def __call__(self, phase: Array) -> Array:
@@ -76,17 +85,34 @@ class Recent:
         if value is None:
             value = self._values[key] = self._function(phase)
             # Copies of the dictionary, since another thread may modify it.
-            excess = sum(each.nbytes for each in [*self._values.values()]) - self._most
-            for older, each in [*self._values.items()][:-1]:
+            excess = sum(cached.nbytes for cached in [*self._values.values()]) - self._max_bytes
+            for oldest, cached in [*self._values.items()][:-1]:
                 if excess <= 0:
                     break
-                excess -= each.nbytes
-                self._values.pop(older, None)
+                excess -= cached.nbytes
+                self._values.pop(oldest, None)
         return value
 
 
-class Asked(Mapping[str, Array]):
-    """Values by name, each calculated when it is asked for."""
+class Latest(Generic[Value]):
+    """Function of phases (m,) that caches its last value, since the same grid is used at successive speeds.
+
+    The value must not be modified.
+    """
+
+    def __init__(self, function: Callable[[Array], Value]):
+        self._function = function
+        self._cached: tuple[bytes, Value] | None = None
+
+    def __call__(self, phase: Array) -> Value:
+        key, cached = phase.tobytes(), self._cached
+        if cached is None or cached[0] != key:
+            cached = self._cached = key, self._function(phase)
+        return cached[1]
+
+
+class LazyMapping(Mapping[str, Array]):
+    """Values by name, each computed on access."""
 
     def __init__(self, names: Sequence[str], value: Callable[[str], Array]):
         self._names, self._value = names, value

@@ -1,6 +1,6 @@
-"""What systems and solvers give each other, beside the matrices, so that neither needs to know the other."""
+"""Data and protocols shared by systems and solvers, so that neither imports the other."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from solve.arrays import Array
@@ -9,11 +9,36 @@ Matrices = tuple[Array, Array, Array, Array]
 """M, C, K (m, n, n) and d (m, n) at m phases."""
 
 
-class ModeShape(NamedTuple):
-    """A mode with its frequency (rad/s), scaled so that its largest displacement is 1.
+class Statistics(NamedTuple):
+    """Maximum, minimum, largest modulus, mean and root mean square of a quantity over a period, and the
+    phases of the maximum and the minimum."""
 
-    places and displacements: for each link x, y along it, (points, 2), in m and in units of the largest.
-    transverse: the displacements across each link, (points,). modal_mass: kg.
+    max: float
+    min: float
+    max_abs: float
+    mean: float
+    max_phase: float
+    min_phase: float
+    rms: float
+
+
+class Limit(NamedTuple):
+    """Limit on the statistics of a quantity.
+
+    exceeded: whether statistics, of one solution or arrays of many, violate it. message: warning for the
+    statistics of one solution.
+    """
+
+    quantity: str
+    exceeded: Callable[[Statistics], Any]
+    message: Callable[[Statistics], str]
+
+
+class ModeShape(NamedTuple):
+    """Mode with its frequency (rad/s), scaled so that its largest displacement is 1.
+
+    places and displacements: x, y along each link, (points, 2), in m and relative to the
+    largest displacement. transverse: displacements across each link, (points,). modal_mass: kg.
     """
 
     frequency: float
@@ -24,17 +49,21 @@ class ModeShape(NamedTuple):
 
 
 class DrawnLink(NamedTuple):
-    """A link, and how its start and its end are held: "pinned" or "clamped" to the ground, "joined" to
-    other links by a pin, or "" where it is welded to them or free."""
+    """Name of a link and the supports of its start and end: "pinned" or "clamped" to the ground, "joined" to
+    other links by a pin, or "" if welded to them or free."""
 
     name: str
     ends: tuple[str, str]
 
 
 class Formulas(NamedTuple):
-    """C text `void formulas(const lane *const *in, lane *out)`, how many outputs it has, and names and values
-    (p,), or (P, p) of many points, of the parameters, its last input; the others are phase, speed and, for
-    outputs of a model, q, q̇, q̈. `lane` is a type of several doubles, one a point."""
+    """C function `void formulas(const lane *const *in, lane *out)` with the names and values of its
+    parameters.
+
+    text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: the parameters,
+    its last input. The other inputs are phase, speed and, for the outputs of a model, q, q̇, q̈. `lane` is a
+    vector of doubles, one per point.
+    """
 
     text: str
     outputs: int
@@ -43,109 +72,127 @@ class Formulas(NamedTuple):
 
 
 Columns = Callable[..., Array | None]
-"""What evaluates formulas of inputs (width, k), a column each, in compiled code: (outputs, k), or their sums
-(outputs, c) with weights, see `solve.kernel.formulas.columns`; None where it cannot."""
+"""Compiled evaluation of formulas at inputs (width, k), one column each: (outputs, k), or weighted sums
+(outputs, c); None where it is unavailable. See `solve.kernel.formulas.columns`."""
 
 
-class ManyPoints(Protocol):
-    """A system at many points at once: each has its speed, (P,) in rad/s, and values (P, v) of its own for
-    some parameters."""
+class Integrator(Protocol):
+    """Time integration of a system over a period, with states at nodes (k,) from 0 to the period.
 
-    @property
-    def formulas(self) -> Formulas | None:
-        """M, C, K by rows and d, of derivatives by time, as C text of phase, speed and parameters, with those
-        that vary among these; None where there is none."""
-        ...
-
-    def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
-        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
-        what the formulas give, where it is known; it may be overwritten."""
-        ...
-
-    def exist(self, speeds: Array, values: Array) -> Array:
-        """Whether the fundamental motion exists (P,)."""
-        ...
-
-    def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
-        """Phases at which the matrices jump, of each point; None of points without a system."""
-        ...
-
-    def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
-        ...
-
-
-class Marcher(Protocol):
-    """A system followed in time, with its states at nodes (k,) from 0 to the period. Derivatives are by
-    time times the mean speed, which is the phase at constant speed."""
+    Derivatives are by time multiplied by the mean speed, which is the phase at constant speed.
+    """
 
     @property
     def nodes(self) -> Array: ...
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
         """q, v, a (3, n, k) over a period, both ends included, from the state (q, v) (2n,) at the phase
-        `start`, while the speed goes linearly in time to `last`, by default not at all. Raises TransientError
-        where the motion cannot be followed."""
+        `start`. The speed changes linearly in time to `last`; by default it is constant. Raises
+        TransientError where the integration fails."""
         ...
 
 
 class Dependence(Protocol):
-    """How the equations and outputs of a system depend on quantities θ (r,). States (k, 3, n) at phases (k,)
-    are q″, q′ and q, derivatives by the phase; they are held where nothing else is said.
+    """Derivatives of the equations and outputs of a system with respect to quantities θ (r,).
 
-    linear: whether the equations are; parted: whether derivatives of outputs by θ and by the states are known
-    apart."""
+    States (k, 3, n) at phases (k,) are q″, q′ and q, derivatives by the phase, held constant unless stated
+    otherwise. linear: whether the equations are linear. partial_outputs: whether `output` is available.
+    """
 
     linear: bool
-    parted: bool
+    partial_outputs: bool
 
-    def residual(self, phase: Array, speed: float, states: Array) -> Array:
-        """Derivatives (k, n, r) of M q″ + C q′ + K q - d, of derivatives by the phase, or of the residual of
-        nonlinear equations."""
+    @property
+    def less_accurate(self) -> "Dependence":
+        """The same by differences of lower order, for error estimates; itself where derivatives are exact."""
         ...
 
-    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+    def residual(self, phase: Array, speed: float, states: Array) -> Array:
+        """Derivatives (k, n, r) of M q″ + C q′ + K q - d, or of the residual of nonlinear equations."""
+        ...
+
+    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
         """Sums (r, c) of these over phases and rows, with weights (k, n, c)."""
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        """Of sums over the entries of M, C and K, the derivatives of the residual by the states, with weights
-        (k, 3, n, n): derivatives of their sum by θ (r,), and of each by the states (k, 3, n), 0 for linear
+        """Derivatives of the sum, weighted by (k, 3, n, n), of the entries of M, C and K, which are the
+        derivatives of the residual by the states: by θ (r,), and by the states (k, 3, n), 0 for linear
         equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        """Derivatives of an output by θ (k, r), and by the states (k, 3, n), where they are known apart."""
+        """Partial derivatives of an output by θ (k, r) and by the states (k, 3, n)."""
         ...
 
-    def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        """Derivatives (k, r) of an output whose states move with θ by `moved` (k, 3, n, r)."""
+    def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+        """Total derivatives (k, r) of an output, for states with the derivatives `moved` (k, 3, n, r)."""
+        ...
+
+
+class ParameterDerivatives(Protocol):
+    """Derivatives of a system with respect to its parameters."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameters with respect to which the equations are differentiable."""
+        ...
+
+    def of_breaks(self, names: Sequence[str]) -> Array:
+        """Derivatives (b, r) of the phases of the breaks by parameters, or the "speed"."""
+        ...
+
+    def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        """Derivatives by parameters, or the "speed". compiled: optional compiled evaluation of formulas.
+        Raises UnknownNameError, NoDerivativeError."""
+        ...
+
+
+class Structure(Protocol):
+    """Structure of beams at fixed positions."""
+
+    def frequencies(self, positions: Array, count: int) -> Array:
+        """Natural frequencies (m, count) in rad/s at positions (m,)."""
+        ...
+
+    def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
+        """Mode shapes of the links at the lowest frequencies (k,) of a position."""
+        ...
+
+    def pinned_frequencies(self) -> dict[str, float]:
+        """Lowest bending frequency (rad/s) of each link by itself, pinned at both ends."""
         ...
 
 
 def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]:
-    """Phase within a period, speed and acceleration (rad, rad/s, rad/s²) at s, time times the mean speed, 0
-    to the period, where the speed goes linearly in time from the first to the last; of symbols too."""
+    """Phase within a period, speed and acceleration (rad, rad/s, rad/s²) of a drive whose speed changes
+    linearly in time from `first` to `last`. s, from 0 to the period: time multiplied by the mean speed. Takes
+    symbols as well."""
     mean, slope = (first + last) / 2, (last - first) / period
     return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
 
 class Motion(Protocol):
-    """A motion over phases from 0 to the last of its nodes (m+1,), where it repeats. One that has `states`,
-    q, q′, q″ (n, k) each at phases (k,), is asked for these at once."""
+    """Periodic motion over phases from 0 to the last of its nodes (m+1,).
+
+    An optional method `states` returns q, q′, q″ (n, k) at phases (k,) at once.
+    """
 
     @property
     def nodes(self) -> Array: ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or its derivative by the phase at phases (k,) of any turn: (n, k)."""
+        """q or its derivative by the phase at phases (k,) of any period: (n, k)."""
         ...
 
 
 class Reduction(Protocol):
-    """Reduction of a system: modes_a_link modes of each link are retained, full_coordinates is the number of
-    coordinates before, discarded the lowest frequency in rad/s of the discarded modes. enriched: a larger
-    reduced system for the error estimate."""
+    """Reduction of a system to fewer coordinates.
+
+    modes_a_link: number of modes retained per link. full_coordinates: number of coordinates before the
+    reduction. discarded: lowest frequency of the discarded modes, rad/s. enriched: larger reduced system, for
+    the error estimate.
+    """
 
     modes_a_link: int
 

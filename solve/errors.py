@@ -1,19 +1,19 @@
-"""What can go wrong, one class a cause. Each message says what was given, what is allowed and what to do."""
+"""Exceptions, one class per cause. Each message states what was given, what is allowed and the remedy."""
 
 import difflib
 from collections.abc import Collection, Iterable
 from typing import Self
 
 _MOST_NAMES = 12
-"""Of those known that a message lists."""
+"""Maximum number of known names listed in a message. A choice."""
 
 
 class SolveError(Exception):
-    """Any refusal of this package; the commands print it in one line and exit with status 2."""
+    """Base class of all exceptions of this package; commands print one line and exit with status 2."""
 
 
 class UnknownNameError(SolveError):
-    """A model, case, parameter, option, method, coordinate or output that does not exist."""
+    """Unknown name of a model, case, parameter, option, method, coordinate or output."""
 
     def __init__(self, kind: str, given: str, allowed: Iterable[str]):
         names = sorted(allowed, key=_natural)
@@ -29,23 +29,23 @@ def require_name(kind: str, given: str, allowed: Collection[str]) -> None:
 
 
 class ValueOutOfBoundsError(SolveError):
-    """A number outside what its parameter, option or setting allows, NaN and infinity included."""
+    """Value outside the bounds of its parameter, option or setting, NaN and infinity included."""
 
 
 class UnitError(SolveError):
-    """A number without the unit it needs, or with a unit of another kind."""
+    """Missing unit, or unit of another dimension."""
 
 
 class MissingValueError(SolveError):
-    """A value that the case must give and does not, the speed among them."""
+    """Value that the case lacks: a parameter or the speed."""
 
 
 class CaseFileError(SolveError):
-    """A case file that is not TOML, or has a key or a form that cases do not have."""
+    """Case file that is not TOML, or has an invalid key or entry."""
 
 
 class ModelFileError(SolveError):
-    """A model, or the code generated from it, that is missing, stale or not what its hash says."""
+    """Model or generated code that is missing, out of date or edited."""
 
 
 class MatricesError(SolveError):
@@ -57,76 +57,76 @@ class DesiredMotionError(SolveError):
 
 
 class StructureError(SolveError):
-    """Links that do not meet where they should, or that leave a structure nothing to vibrate with."""
+    """Links that do not meet at their joints, or a structure without degrees of freedom."""
 
 
 class NoMotionError(SolveError):
-    """A model that stands still, asked for what only motion has."""
+    """Request that requires motion, for a model at rest."""
 
 
 class NoVibrationError(SolveError):
-    """A vibration is requested of a mechanism without coordinates."""
+    """Request for a vibration of a mechanism without coordinates."""
 
 
 class NoLoadError(SolveError):
-    """A system that nothing drives, asked for a vibration that would be zero."""
+    """Request for the vibration of a system without load, which is zero."""
 
 
 class NoSketchError(SolveError):
-    """A system that states nothing of what it looks like, asked for its picture."""
+    """Request for a drawing of a system without a sketch."""
 
 
 class StepsError(SolveError):
-    """A number of steps that the method cannot use: too few, or beyond its stability limit."""
+    """Invalid number of steps: too few, or beyond the stability limit of the method."""
 
 
 class ResonanceError(SolveError):
-    """I - Φ is singular: a multiplier at +1, so that no or no unique periodic solution exists."""
+    """Singular I - Φ: with a multiplier at +1, no or no unique periodic solution exists."""
 
 
 class UnbalancedLoadError(SolveError):
-    """The load has a nonzero mean along an undamped rigid-body mode: no periodic vibration exists."""
+    """Load with a nonzero mean along an undamped rigid-body mode: no periodic vibration exists."""
 
 
 class LinearModelError(SolveError):
-    """A system without nonlinear equations, asked for what needs them."""
+    """Request that requires nonlinear equations, for a linear system."""
 
 
 class NoDerivativeError(SolveError):
-    """A quantity, or a system, that has no derivative by what is asked for."""
+    """Quantity or system without the requested derivative."""
 
 
 class NoOrbitError(SolveError):
-    """Newton's iteration, continuation and transients reached no periodic solution."""
+    """No convergence of Newton's method, continuation or transients to a periodic solution."""
 
 
 class TransientError(SolveError):
-    """A motion that the integrator cannot follow."""
+    """Failure of the time integration."""
 
 
 class NoResultError(SolveError):
-    """None of many points has a result."""
+    """Failure of all of many points."""
 
 
 class WorkersError(SolveError):
-    """Workers that cannot be reached, or that ended too early."""
+    """Workers that are unreachable or have terminated early."""
 
 
 class MissingLibraryError(SolveError):
-    """A library that a part of the software needs and that is not installed."""
+    """Optional library that is not installed."""
 
     @classmethod
     def of_extra(cls, what: str, library: str, extra: str) -> Self:
-        """The error for a library that an extra of this package installs; `what` needs it."""
+        """Error for a library that `what` requires and an extra of this package installs."""
         return cls(f'{what} needs {library}; install it with: pip install "parametric-vibration[{extra}]"')
 
 
 class FileError(SolveError):
-    """A file that cannot be read or written, or whose type is unknown."""
+    """File that cannot be read or written, or of unknown type."""
 
 
 class ResultKindError(FileError):
-    """A file of a kind of result whose module is not imported."""
+    """File with a result class whose module is not imported."""
 
     def __init__(self, kind: str, what: str = "it"):
         super().__init__(
@@ -136,7 +136,7 @@ class ResultKindError(FileError):
 
 
 class ReopenedError(SolveError):
-    """A result that was read from a file, asked for what needs the equations or the solver."""
+    """Request that requires the equations or the solver, for a result read from a file."""
 
 
 def cause(error: Exception) -> str:

@@ -1,26 +1,56 @@
-"""From the name of a model, the path of its mechanism, or the mechanism itself to a periodic system."""
+"""Loading of models by name, by the path of a mechanism file, or from a mechanism in memory."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType, ModuleType
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
-from solve.errors import ModelFileError, ValueOutOfBoundsError
-from solve.model.bounds import checked_parameters
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Matrices
+from solve.errors import ModelFileError, NoVibrationError, ValueOutOfBoundsError
+from solve.model.bounds import REDUCE, checked_parameters
 from solve.model.cases import Case, chosen_case
-from solve.model.files import model_files
-from solve.model.generated import EQUATIONS, kind_of, model_module, module_of
+from solve.model.generated import EQUATIONS, kind_of, model_files, model_module, module_of
 from solve.model.model import Model
-from solve.model.options import REDUCE
-from solve.model.rigid import RigidModel
 from solve.model.setup import Setup
 
 
 class Derivable(Protocol):
-    """What gives the code generated for it, as a `derive.Mechanism` does."""
+    """Object that generates its code, such as a `derive.Mechanism`."""
 
     def code(self) -> str: ...
+
+
+class RigidModel(Model):
+    """Mechanism without coordinates: its motion is prescribed, its outputs follow from phase and speed."""
+
+    vibrates = False
+
+    @classmethod
+    def of(cls, setup: Setup) -> Self:
+        return cls(setup, _no_matrices, ())
+
+    @property
+    def assembled(self) -> bool:
+        return False
+
+    def checked(self, speed: float) -> None:
+        self.shown_in(speed).require_desired_motion(np.array([speed]))
+
+    def require_motion(self) -> None:
+        raise NoVibrationError(
+            f"{self.name} has no coordinates, so nothing vibrates; periodic, sweep and animate give its "
+            "outputs over a revolution"
+        )
+
+
+def _no_matrices(phase: Array, speed: float) -> Matrices:
+    none = np.zeros((len(phase), 0, 0))
+    return none, none, none, np.zeros((len(phase), 0))
 
 
 def load(
@@ -30,25 +60,48 @@ def load(
     reduce: int | None = None,
     **parameters: Any,
 ) -> Model:
-    """System of a model and a case.
+    """Load the system of a model and a case.
 
-    model: a name; the path of a mechanism file; or, without files, a `derive.Mechanism` or a function that
-    returns one, which is derived in memory, once per mechanism. Parameters override the values of the case,
-    in the units of the model or as texts with unit such as "30 mm"; options may be given among them by name.
-    The first case is the default. reduce: number of modes retained per link of a beam structure; results then
-    state the error of the reduction. Raises UnknownNameError, ModelFileError (missing or stale generated
-    code), CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, and exceptions of the
-    mechanism.
+    Parameters
+    ----------
+    model : str, Mechanism or callable
+        Name, path of a mechanism file, or, without files, a `derive.Mechanism` or a function that returns
+        one. A mechanism in memory is derived once.
+    case : str or int, optional
+        Case of the case file; the first by default.
+    options : mapping, optional
+        Options of the model; they may also be given by name among the parameters.
+    reduce : int, optional
+        Number of modes retained per link of a beam structure. Results then state the error of the reduction.
+    **parameters : float or str
+        Values that override those of the case, in the units of the model or as texts such as "30 mm".
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    UnknownNameError, CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError
+        For invalid names, files or numbers.
+    ModelFileError
+        If the generated code is missing or out of date.
+
+    Examples
+    --------
+    >>> load("mathieu", delta=1.5).parameters["delta"]
+    1.5
     """
-    module, file = _found(model)
-    named = {name: value for name, value in parameters.items() if name in _options_of(module)}
-    numbers = {name: value for name, value in parameters.items() if name not in named}
+    module, file = _module_and_cases(model)
+    declared = _options_of(module)
+    chosen_options = {name: value for name, value in parameters.items() if name in declared}
+    numbers = {name: value for name, value in parameters.items() if name not in declared}
     if reduce is not None:
-        named[REDUCE] = reduce
-    for name in named.keys() & (options or {}).keys():
+        chosen_options[REDUCE] = reduce
+    for name in chosen_options.keys() & (options or {}).keys():
         raise ValueOutOfBoundsError(f"option {name} is given twice; give it once")
     chosen = chosen_case(module, file, None if case is None else str(case), numbers, required=False)
-    return model_of(Setup.checked(module, chosen, {**(options or {}), **named}))
+    return model_of(Setup.checked(module, chosen, {**(options or {}), **chosen_options}))
 
 
 def setup_of(
@@ -59,34 +112,37 @@ def setup_of(
     parameters: Mapping[str, float | str],
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Setup:
-    """What the model is made from: its generated module, the case and the options; `cases` is another case
-    file to use, `otherwise` has numbers for parameters that are given nowhere else. Raises as `load` does."""
-    module, chosen = _chosen(model, case, cases, parameters, otherwise)
+    """Setup of a model: generated module, case and options.
+
+    cases: path of another case file. otherwise: values of parameters that are given nowhere else. Raises the
+    exceptions of `load`.
+    """
+    module, chosen = _module_and_case(model, case, cases, parameters, otherwise)
     return Setup.checked(module, chosen, options)
 
 
 def model_of(setup: Setup) -> Model:
-    """The model of the setup, of the kind that its module states."""
+    """Model of a setup, of the kind of its generated module."""
     if kind_of(setup.module) == EQUATIONS:
         return Model.of(setup) if setup.module.COORDINATES else RigidModel.of(setup)
-    from solve.beams.reduced_structure import ReducedStructure
+    from solve.beams.reduced import ReducedStructure
     from solve.beams.structure import StructureModel
 
     return (ReducedStructure if REDUCE in setup.options else StructureModel).of(setup)
 
 
-def _found(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:
-    """The generated module of a model, and its case file if it has one."""
+def _module_and_cases(model: str | Derivable | Callable[[], Derivable]) -> tuple[ModuleType, Path | None]:
+    """Generated module of a model, and its case file, if any."""
     if isinstance(model, str):
         files = model_files(model)
         return model_module(files.generated), files.cases
-    stated: Any = model if hasattr(model, "code") or not callable(model) else model()
-    if not hasattr(stated, "code"):
+    mechanism: Any = model if hasattr(model, "code") or not callable(model) else model()
+    if not hasattr(mechanism, "code"):
         raise ModelFileError(
-            f"a model is given as {type(stated).__name__}; give a name, the path of a mechanism file, a "
+            f"a model is given as {type(mechanism).__name__}; give a name, the path of a mechanism file, a "
             "derive.Mechanism, or a function that returns one"
         )
-    return module_of(stated.code()), None
+    return module_of(mechanism.code()), None
 
 
 def _options_of(module: ModuleType) -> set[str]:
@@ -100,27 +156,59 @@ def case_numbers(
     cases: str | None = None,
     parameters: Mapping[str, float | str] | None = None,
 ) -> Case:
-    """The numbers of a model's case in SI units, each within its bounds, some of them replaced; whether they
-    fit together is not looked at. Raises as `load` does."""
-    module, chosen = _chosen(model, case, cases, parameters or {})
+    """Read the numbers of a model's case.
+
+    Parameters
+    ----------
+    model : str
+        Name, or path of a mechanism file.
+    case : str, optional
+        Case of the case file; the first by default.
+    cases : str, optional
+        Path of another case file.
+    parameters : mapping, optional
+        Values that replace those of the case.
+
+    Returns
+    -------
+    Case
+        Parameters in the units of the model, each within its bounds. Conditions that involve several
+        parameters are not checked.
+
+    Raises
+    ------
+    SolveError
+        As `solve.load`.
+    """
+    module, chosen = _module_and_case(model, case, cases, parameters or {})
     return replace(chosen, parameters=checked_parameters(module, chosen.parameters))
 
 
+def missing_parameters(
+    model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
+) -> list[str]:
+    """Parameters of a model to which neither its case nor `parameters` gives a value. Raises as `load`
+    does."""
+    unset = dict.fromkeys(parameter_units(model), math.nan)
+    _, chosen = _module_and_case(model, case, cases, parameters, unset)
+    return [name for name in unset if chosen.parameters[name] is math.nan]
+
+
 def parameter_units(model: str) -> dict[str, str]:
-    """Units of the parameters that a model declares. Raises as `load` does."""
-    module, _ = _found(model)
+    """Units of the parameters declared by a model. Raises the exceptions of `load`."""
+    module, _ = _module_and_cases(model)
     return {name: unit for name, unit, *_ in module.PARAMETERS}
 
 
-def _chosen(
+def _module_and_case(
     model: str,
     case: str | None,
     cases: str | None,
     parameters: Mapping[str, float | str],
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> tuple[ModuleType, Case]:
-    """The generated module of a model, and the case with its numbers."""
-    module, file = _found(model)
+    """Generated module and chosen case of a model."""
+    module, file = _module_and_cases(model)
     if cases:
         file = Path(cases)
     return module, chosen_case(module, file, case, parameters, cases is not None, otherwise)

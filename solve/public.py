@@ -1,4 +1,4 @@
-"""What `solve` offers, loaded at its first use."""
+"""Public names of `solve`, loaded at their first use."""
 
 from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
@@ -25,11 +25,10 @@ from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
 from solve.results.frequencies import Frequencies, Variation
-from solve.results.nonlinear import NonlinearOrbit
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
-from solve.results.sensitivities import Sensitivities
-from solve.results.sensitivities_over import SensitivitiesOver
+from solve.results.sensitivities import Sensitivities, SensitivitiesOver
+from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
@@ -44,8 +43,7 @@ from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
-from solve.studies.sweep import sweep, sweeps, variants
-from solve.studies.validity import validity
+from solve.studies.sweep import sweep, sweeps, validity, variants
 from solve.system import PeriodicSystem
 from solve.views.animation import Animation, animate
 from solve.views.page import Report

@@ -1,15 +1,20 @@
-"""One point: the periodic solution of a system, found directly, or its stability alone."""
+"""Periodic solution of a system at one speed, or its stability alone."""
 
-from solve.certify.all_multipliers import Spectrum, checked_maps, refined, rigid_multipliers
-from solve.certify.certified import Certified, Failed, Request
-from solve.certify.reduction import judged_by_enriched
+from solve.certify.all_multipliers import (
+    Spectrum,
+    refined_multipliers,
+    require_step_maps,
+    rigid_multipliers,
+)
+from solve.certify.certified import Certified, Failed, SolveRequest
+from solve.certify.reduction import with_reduction_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, auto, chosen, chosen_for
 from solve.methods.radau import Radau
 from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
-from solve.results.rigid import RigidOrbit
+from solve.results.special_orbits import RigidOrbit
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.terminal import progress
@@ -27,16 +32,45 @@ def periodic(
     engine: str = "auto",
     all_multipliers: bool = False,
 ) -> Orbit:
-    """The T-periodic solution at a speed (rad/s, or a text with unit such as "600 rpm").
+    """Find the T-periodic solution at a speed.
 
-    With `steps`, the result is that of the method on this number of steps, with an error estimate from one
-    stage more, or from twice as many steps. Without, steps are refined until the estimated errors of orbit
-    and multipliers are at most `rtol`. engine: "compiled", "numpy", or "auto" for compiled code if a C
-    compiler is available; the first solution of a kind then includes the compilation, once per machine.
-    all_multipliers: apply `rtol` to each multiplier, however small, at the cost of more steps. A mechanism
-    without coordinates has outputs over the revolution, but neither multipliers nor a verdict. Raises
-    ResonanceError if a multiplier is +1, and other SolveError subclasses for bad input, matrices or steps.
+    Parameters
+    ----------
+    speed : float or str
+        Speed in rad/s, or a text with unit such as "600 rpm".
+    method : str or Method
+        Name of a method, a method object, or "auto".
+    steps : int, optional
+        Number of steps per period. The error is then estimated from one stage more, or from twice as many
+        steps. By default steps are refined until the estimated errors are at most `rtol`.
+    rtol : float
+        Relative tolerance: of each coordinate max|error|/max|q| over the period, and of multipliers
+        |error| over the spectral radius.
+    engine : str
+        "compiled", "numpy", or "auto" for compiled code if a C compiler is available. The first solution of
+        a kind then includes the compilation, once per machine.
+    all_multipliers : bool
+        Whether to apply `rtol` to each multiplier, however small, at the cost of more steps.
 
+    Returns
+    -------
+    Orbit
+        A mechanism without coordinates has outputs over the revolution, but neither multipliers nor a
+        verdict.
+
+    Raises
+    ------
+    ResonanceError
+        If a multiplier is +1.
+    SolveError
+        Other subclasses for bad input, matrices or steps.
+
+    Notes
+    -----
+    The orbit solves M q̈ + C q̇ + K q = d over a period T with q(0) = q(T) and q̇(0) = q̇(T).
+
+    Examples
+    --------
     >>> import numpy as np
     >>> def oscillator(phase, speed):
     ...     one = np.ones((len(phase), 1, 1))
@@ -49,8 +83,9 @@ def periodic(
     system = system.shown_in(omega)
     if not system.vibrates:
         return RigidOrbit.of(system, omega)
-    solved = _solved(system, omega, method, steps, rtol, engine, True, all_multipliers)
-    return Orbit(system, omega, *solved)
+    used, notes = chosen_engine(engine)
+    solve_request = request(steps, rtol, used, orbit=True)
+    return Orbit(system, omega, *_solve(system, omega, method, solve_request, all_multipliers), notes)
 
 
 @of_system
@@ -63,46 +98,75 @@ def floquet(
     engine: str = "auto",
     all_multipliers: bool = False,
 ) -> Stability:
-    """Floquet multipliers of the system at a speed (rad/s, or a text with unit such as "600 rpm").
+    """Find the Floquet multipliers of a system at a speed, without its orbit.
 
-    With `steps`, the result is that of the method on this number of steps, with an error estimate from one
-    stage more, or from twice as many steps. Without, steps are refined until the estimated error is at most
-    `rtol`. engine, all_multipliers: as in `periodic`. Raises SolveError subclasses for bad input, matrices or
-    steps."""
+    Parameters
+    ----------
+    speed : float or str
+        Speed in rad/s, or a text with unit such as "600 rpm".
+    method, steps, engine, all_multipliers : optional
+        As in `periodic`.
+    rtol : float
+        Relative tolerance of the multipliers, |error| over the spectral radius.
+
+    Returns
+    -------
+    Stability
+
+    Raises
+    ------
+    SolveError
+        A subclass for bad input, matrices or steps.
+
+    Notes
+    -----
+    Multipliers are the eigenvalues of the state transition matrix over a period (G. Floquet, Annales
+    scientifiques de l'É.N.S. 12, 1883, 47-88).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def oscillator(phase, speed):
+    ...     one = np.ones((len(phase), 1, 1))
+    ...     return one, 0.1 * one, 4.0 * one, np.zeros((len(phase), 1))
+    >>> round(floquet(PeriodicSystem(oscillator, ["q"]), 1.0).spectral_radius, 6)
+    0.730403
+    """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
-    solved = _solved(system, omega, method, steps, rtol, engine, False, all_multipliers)
-    return Stability(system, omega, *solved)
+    used, notes = chosen_engine(engine)
+    solve_request = request(steps, rtol, used, orbit=False)
+    return Stability(system, omega, *_solve(system, omega, method, solve_request, all_multipliers), notes)
 
 
-def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> Request:
-    """What is asked of points, with the methods that judge others; engine: COMPILED or NUMPY. Raises
-    ValueOutOfBoundsError."""
-    return Request(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
+def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
+    """Request for the solution of points by engine COMPILED or NUMPY, with the methods that check the
+    results of others. Raises ValueOutOfBoundsError."""
+    return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 
-def _solved(
+def _solve(
     system: PeriodicSystem,
     omega: float,
     method: str | Rule,
-    steps: int | None,
-    rtol: float,
-    engine: str,
-    orbit: bool,
-    every: bool,
-) -> tuple[Certified, Spectrum, list[str]]:
-    rule, (used, notes) = chosen(method), chosen_engine(engine)
-    asked = request(steps, rtol, used, orbit)
+    solve_request: SolveRequest,
+    all_multipliers: bool,
+) -> tuple[Certified, Spectrum]:
+    """Certified solution of a point, and its multipliers, each to the tolerance if `all_multipliers`."""
+    rule = chosen(method)
     system.checked(omega)
     point = OnePoint(system, omega)
     with one_thread(system.n):
-        ((settled, _),) = chosen_for(rule, point)
-        if every:
-            checked_maps(settled)
+        ((method_used, _),) = chosen_for(rule, point)
+        if all_multipliers:
+            require_step_maps(method_used)
         with progress.task(STEPS):
-            (result,) = certified(point, settled, asked)
+            (result,) = certified(point, method_used, solve_request)
         if isinstance(result, Failed):
             raise result.reason
-        result = judged_by_enriched(result, lambda _: (system, omega))
-        every_one = refined(point, settled, asked, result.steps, rigid_multipliers(result)) if every else None
-    return result, Spectrum(point, result, every_one), notes
+        result = with_reduction_errors(result, lambda _: (system, omega))
+        refined_spectrum = None
+        if all_multipliers:
+            rigid = rigid_multipliers(result)
+            refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
+    return result, Spectrum(point, result, refined_spectrum)

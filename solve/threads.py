@@ -1,5 +1,4 @@
-"""BLAS in one thread while small matrices are solved, for which its threads wait longer than they work; a
-thread of its own for what cannot be interrupted."""
+"""Thread control: single-threaded BLAS for small matrices, and interruptible long calls."""
 
 import atexit
 import sys
@@ -11,27 +10,31 @@ from contextvars import copy_context
 from functools import cache
 from typing import Any, TypeVar
 
-from solve.sizes import SMALL
+from solve.arguments import SMALL
 
 Value = TypeVar("Value")
 
 _lock = threading.Lock()
-_within: list[Any] = []
-"""The limiter of the first of the calls that are within, and a place for each of the others."""
+_active_calls: list[Any] = []
+"""Active calls of `one_thread`: the limiter of the first, None for each of the others."""
 
 
 @contextmanager
 def one_thread(coordinates: int) -> Iterator[None]:
-    """Within, BLAS takes one thread where a system of so many coordinates is small, whatever the environment
-    says; the number it had before comes back with the last of the calls that overlap, from any thread."""
+    """Context in which BLAS uses one thread if a system with this number of coordinates is small.
+
+    For small matrices, threads of BLAS wait longer than they work. The previous number of threads is restored
+    at the end of the last of overlapping calls from any thread."""
     if coordinates > SMALL:
         yield
         return
     with _lock:
         libraries = _libraries(tuple(name in sys.modules for name in ("scipy.linalg", "ctrlsys")))
-        limited = bool(_within) or any(each.num_threads != 1 for each in libraries.lib_controllers)
+        limited = bool(_active_calls) or any(
+            library.num_threads != 1 for library in libraries.lib_controllers
+        )
         if limited:
-            _within.append(None if _within else libraries.limit(limits=1))
+            _active_calls.append(None if _active_calls else libraries.limit(limits=1))
     if not limited:
         yield
         return
@@ -39,9 +42,9 @@ def one_thread(coordinates: int) -> Iterator[None]:
         yield
     finally:
         with _lock:
-            limiter = _within[0]
-            _within.pop()
-            if not _within:
+            limiter = _active_calls[0]
+            _active_calls.pop()
+            if not _active_calls:
                 limiter.restore_original_limits()
 
 
@@ -55,9 +58,11 @@ def _libraries(loaded: tuple[bool, ...]) -> Any:
 
 
 def interruptible(work: Callable[[], Value]) -> Value:
-    """What the work returns or raises, done in a thread while this one waits, so that an interruption need
-    not wait until a long call of LAPACK returns. The work then goes on unseen, and a process that ends in
-    the usual way waits for it: the libraries that it uses are taken down after that."""
+    """Result of `work`, run in a thread while this one waits, so that an interruption takes effect before a
+    long LAPACK call returns.
+
+    After an interruption the call continues in the background. A regular exit of the process waits for it,
+    because the libraries in use must not be unloaded earlier."""
     done: Future[Value] = Future()
     context = copy_context()
 

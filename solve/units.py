@@ -1,4 +1,4 @@
-"""Numbers with units at the edge: speeds, and case values in units of another size."""
+"""Conversion of numbers with units: speeds, and parameters in units of another size."""
 
 import math
 import re
@@ -7,22 +7,24 @@ from functools import lru_cache
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.errors import UnitError, ValueOutOfBoundsError
-from solve.sizes import NUMBERS_A_POINT, require_size
 
 if TYPE_CHECKING:
     import pint
 
 _NUMBER = r"(?<![\w.^])[-+]?(?:\d++\.?\d*+|\.\d++)(?:[eE][-+]?\d++)?+"
 LARGEST = 1e60
-"""Beyond this size, and below its inverse, products of a few numbers leave what a computer can hold."""
+"""Largest modulus of a number, and inverse of the smallest: products of five remain within the range of
+float64, 1e±308."""
 
 _POWER = r"(\s*(\^|\*\*)\s*-?\d{1,2}(\.\d{1,2})?)?"
 _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
 _PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
 _FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
 _UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
-"""Products and quotients of names with small powers, grouped once at most; nothing else is computed."""
+"""Products and quotients of names with small powers and at most one level of groups; nothing else is
+evaluated."""
 
 _PREFIXES = {"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "u": -6, "µ": -6, "n": -9}
 _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W)(?P<power>\^[2-4])?")
@@ -30,27 +32,27 @@ _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _LONGEST_UNIT = 80
-"""Characters."""
+"""Maximum number of characters of a unit. A choice."""
 
 _MOST_RANGES = 4
-"""Of speeds, in a sentence."""
+"""Maximum number of ranges of speeds listed in a sentence. A choice."""
 
 _RAD_PER_S = {"rpm": math.pi / 30, "rad/s": 1.0, "Hz": 2 * math.pi}
 
 
 class ShownUnit(NamedTuple):
-    """A unit in which numbers are shown, and its size in SI units."""
+    """Display unit and its size in SI units."""
 
     name: str
     size: float
 
     def of(self, values: Any) -> Any:
-        """A number, or an array of numbers, in SI units as it is shown."""
+        """Numbers in SI units, converted to the display unit."""
         return values / self.size
 
     @property
     def per_second(self) -> "ShownUnit":
-        """Of an acceleration, for a unit of speed.
+        """Unit of acceleration that corresponds to a unit of speed.
 
         >>> RPM.per_second.name, RAD_PER_S.per_second.name
         ('rpm/s', 'rad/s²')
@@ -58,7 +60,7 @@ class ShownUnit(NamedTuple):
         return ShownUnit("rad/s²" if self.name == RAD_PER_S.name else f"{self.name}/s", self.size)
 
     def text(self, value: float, form: str = ".6g") -> str:
-        """A number in SI units with this unit.
+        """Text of a number in SI units, converted, with the unit.
 
         >>> RPM.text(math.pi)
         '30 rpm'
@@ -66,7 +68,7 @@ class ShownUnit(NamedTuple):
         return f"{self.of(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
-        """Two numbers in SI units with this unit, with more digits where they would look alike.
+        """Text of a range of two numbers in SI units, with more digits if both would look the same.
 
         >>> RPM.span(math.pi, 2 * math.pi), RPM.span(math.pi, 1.00001 * math.pi)
         ('30 to 60 rpm', '30 to 30.0003 rpm')
@@ -76,62 +78,62 @@ class ShownUnit(NamedTuple):
         return f"{self.of(low):{form}} {word} {self.text(high, form)}"
 
     def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
-        """Ranges of numbers in SI units, the first few of many; a number where both ends are one.
+        """Text of ranges of numbers in SI units, at most a few; a range with equal ends is one number.
 
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
         'from 30 to 60 rpm, at 90 rpm'
         """
-        every = list(ranges)
-        parts = [
+        intervals = list(ranges)
+        texts = [
             f"from {self.span(low, high, form='.5g')}" if high > low else f"at {self.text(low, '.5g')}"
-            for low, high in every[:_MOST_RANGES]
+            for low, high in intervals[:_MOST_RANGES]
         ]
-        more = len(every) - _MOST_RANGES
-        return ", ".join(parts) + (f" and {more} more" if more > 0 else "")
+        more = len(intervals) - _MOST_RANGES
+        return ", ".join(texts) + (f" and {more} more" if more > 0 else "")
 
 
-USUAL = tuple(ShownUnit(*each) for each in _RAD_PER_S.items())
+USUAL = tuple(ShownUnit(*item) for item in _RAD_PER_S.items())
 RPM, RAD_PER_S, _ = USUAL
 
 
-_ALIKE = 1e-9
-"""Difference of two speeds, by the larger, below which they are no range."""
+_SAME_SPEED = 1e-9
+"""Difference of two speeds, relative to the larger, below which they form no range. A choice."""
 
 
 class GivenSpeed(float):
-    """A speed in rad/s, and the unit in which it was given; None where it was a number alone."""
+    """Speed in rad/s with the unit in which it was given; None for a number without unit."""
 
     __slots__ = ("unit",)
     unit: ShownUnit | None
 
     def __new__(cls, omega: float, unit: ShownUnit | None = None) -> "GivenSpeed":
-        made = super().__new__(cls, omega)
-        made.unit = unit
-        return made
+        speed = super().__new__(cls, omega)
+        speed.unit = unit
+        return speed
 
     def __getnewargs__(self) -> tuple[float, ShownUnit | None]:  # type: ignore[override]
         return float(self), self.unit
 
 
 def raised(unit: str) -> str:
-    """A unit with its powers as they are printed.
+    """Unit with superscript powers.
 
     >>> raised("kg m^2/s^3"), raised("1/s^10"), raised("N/m^1.5")
     ('kg m²/s³', '1/s¹⁰', 'N/m^1.5')
     """
-    return re.sub(r"\^(-?\d++)(?!\.)", lambda found: found[1].translate(_RAISED), unit)
+    return re.sub(r"\^(-?\d++)(?!\.)", lambda power: power[1].translate(_RAISED), unit)
 
 
 def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
-    """In which the speed was given, if it was in one."""
+    """Unit in which a speed was given, otherwise the default."""
     return getattr(speed, "unit", None) or otherwise
 
 
 def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
     """Ω in rad/s, with its unit, from a float in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
 
-    Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0, or
-    0 where that is allowed.
+    Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0, or,
+    with `zero`, ≥ 0.
 
     >>> round(speed_in_si("600 rpm"), 6)
     62.831853
@@ -152,8 +154,8 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def require_size_of_number(what: str, value: float) -> None:
-    """Raise ValueOutOfBoundsError for a finite number, in SI units, that is too large or too small to be
-    calculated with."""
+    """Raise ValueOutOfBoundsError for a finite number, in SI units, that is too large or too small for
+    computations."""
     if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in size, in SI units"
@@ -161,7 +163,7 @@ def require_size_of_number(what: str, value: float) -> None:
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
-    """Speeds in rad/s from numbers in rad/s or texts with unit, from one of them, or from one text of many.
+    """Speeds in rad/s from one or several numbers in rad/s or texts with unit, or from one text of several.
 
     Raises UnitError, ValueOutOfBoundsError.
 
@@ -171,8 +173,8 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
     if isinstance(speeds, str):
         return speeds_in_si(speeds)
     try:
-        each = [speeds] if isinstance(speeds, float | int | Real) else speeds
-        omegas = [speed_in_si(speed) for speed in each]
+        sequence = [speeds] if isinstance(speeds, float | int | Real) else speeds
+        omegas = [speed_in_si(speed) for speed in sequence]
     except TypeError:
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give numbers in rad/s or texts such as '600 rpm', one after the other"
@@ -183,11 +185,11 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
 
 
 def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[GivenSpeed]:
-    """The same rising, each once. Raises ValueOutOfBoundsError for fewer than two, which `what` needs."""
-    found = sorted(set(speeds_given(speeds)))
-    if len(found) < 2:
+    """Distinct speeds in rad/s, ascending. `what` requires two; raises ValueOutOfBoundsError."""
+    distinct = sorted(set(speeds_given(speeds)))
+    if len(distinct) < 2:
         raise ValueOutOfBoundsError(f"{what} need at least two speeds; give a range such as '100:900:81 rpm'")
-    return found
+    return distinct
 
 
 def speeds_in_si(text: str) -> list[GivenSpeed]:
@@ -209,9 +211,10 @@ def speeds_in_si(text: str) -> list[GivenSpeed]:
 
 
 def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
-    """First and last speed in rad/s of a ramp, from "A:B unit" or from two numbers in rad/s or texts with
-    unit; one of them may be 0, and they differ by more than 1e-9 of themselves. Raises UnitError,
-    ValueOutOfBoundsError.
+    """First and last speed in rad/s of a ramp, from "A:B unit", or from two numbers in rad/s or texts with
+    unit.
+
+    One of them may be 0, and their relative difference exceeds 1e-9. Raises UnitError, ValueOutOfBoundsError.
 
     >>> ramp_in_si("0:60 rad/s"), ramp_in_si((0, "60 rad/s"))
     ((0.0, 60.0), (0.0, 60.0))
@@ -224,15 +227,15 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(is_number, ends)):
             raise UnitError(usage)
-        given = [f"{end} {unit}" for end in ends]
+        both = [f"{end} {unit}" for end in ends]
     else:
-        given = [*speeds] if isinstance(speeds, Iterable) else []
-    if len(given) != 2:
+        both = [*speeds] if isinstance(speeds, Iterable) else []
+    if len(both) != 2:
         raise UnitError(usage)
-    first, last = (speed_in_si(each, zero=True) for each in given)
+    first, last = (speed_in_si(speed, zero=True) for speed in both)
     if not first + last:
         raise UnitError(usage)
-    if abs(last - first) <= _ALIKE * max(first, last):
+    if abs(last - first) <= _SAME_SPEED * max(first, last):
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give two different ones, such as '300:600 rpm', or a single speed"
         )
@@ -240,8 +243,9 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
 
 
 def evenly(text: str, name: str) -> list[float] | list[str]:
-    """N numbers from A to B, both included, from a text "A:B:N", or texts from "A:B:N unit"; `name`: quantity
-    in messages. Raises ValueOutOfBoundsError.
+    """Values from A to B, both included, as N numbers from a text "A:B:N", or as texts from "A:B:N unit".
+
+    name: quantity in messages. Raises ValueOutOfBoundsError.
 
     >>> evenly("0.2:0.6:3", "L2"), evenly("200:600:3 mm", "L2")
     ([0.2, 0.4, 0.6], ['200.0 mm', '400.0 mm', '600.0 mm'])
@@ -250,34 +254,35 @@ def evenly(text: str, name: str) -> list[float] | list[str]:
         f"{name}={text}: write {name}=A:B:N, N > 1 numbers from A to B in the model's unit, or with a unit, "
         "such as '20:40:5 mm'"
     )
-    given, _, unit = apart(text).partition(" ")
+    limits, _, unit = apart(text).partition(" ")
     try:
-        first, last, number = given.split(":")
+        first, last, number = limits.split(":")
         low, high, count = float(first), float(last), int(number)
     except ValueError:
         raise ValueOutOfBoundsError(usage) from None
     if count < 2:
         raise ValueOutOfBoundsError(usage)
     numbers = spaced(low, high, count)
-    return [f"{each!r} {unit.strip()}" for each in numbers] if unit.strip() else numbers
+    return [f"{value!r} {unit.strip()}" for value in numbers] if unit.strip() else numbers
 
 
 def in_unit(value: float | str, unit: str, name: str) -> float:
-    """Number in `unit` from a number, or from a text with or without a unit; `name`: quantity in messages.
-    Raises UnitError, and ValueError for a text that is not a number.
+    """Number in `unit` from a number, or from a text with or without a unit.
+
+    name: quantity in messages. Raises UnitError, and ValueError for a text that is not a number.
 
     >>> in_unit("30 mm", "m", "r"), in_unit("0.03", "m", "r"), in_unit(0.03, "m", "r")
     (0.03, 0.03, 0.03)
     """
-    found = quantity(value) if isinstance(value, str) else float(value)
+    number = quantity(value) if isinstance(value, str) else float(value)
     try:
-        return with_unit(found, unit) if isinstance(found, str) else found
+        return with_unit(number, unit) if isinstance(number, str) else number
     except UnitError as error:
         raise UnitError(f"{name}: {error}") from None
 
 
 def apart(text: str) -> str:
-    """Text with a space between a number and its unit.
+    """Insert a space between a number and its unit.
 
     >>> apart("30mm"), apart("1e3 rpm"), apart("1e3N/m^2")
     ('30 mm', '1e3 rpm', '1e3 N/m^2')
@@ -286,7 +291,7 @@ def apart(text: str) -> str:
 
 
 def quantity(text: str) -> float | str:
-    """A number, or the text itself where a unit follows its number. Raises ValueError for anything else.
+    """Number from a text, or the text itself if it has a unit. Raises ValueError for other texts.
 
     >>> quantity("1.5e3"), quantity("30mm")
     (1500.0, '30mm')
@@ -296,10 +301,10 @@ def quantity(text: str) -> float | str:
 
 
 def spaced(low: float, high: float, count: int) -> list[float]:
-    """So many numbers from the first to the last, both included, at equal distances. Raises
-    ValueOutOfBoundsError for more than can be held."""
+    """Equidistant numbers from `low` to `high`, both included. Raises ValueOutOfBoundsError beyond the memory
+    limit."""
     require_size("values in one range", count, NUMBERS_A_POINT)
-    return [low + (high - low) * i / (count - 1) for i in range(count)]
+    return [*(low + (high - low) * i / (count - 1) for i in range(count - 1)), high]
 
 
 def is_number(text: str) -> bool:
@@ -312,33 +317,33 @@ def is_number(text: str) -> bool:
 
 
 def with_unit(text: str, unit: str) -> float:
-    """A text such as "70 deg" as a number of `unit`. Raises UnitError."""
-    number, _, given = apart(text).partition(" ")
+    """Number in `unit` from a text such as "70 deg". Raises UnitError."""
+    number, _, text_unit = apart(text).partition(" ")
     example = {"rad/s": "'600 rpm'", "rad": "'70 deg'"}.get(unit, f"'1 {unit}'")
     try:
         value = float(number)
     except ValueError:
         raise UnitError(f"'{text}' is not a number with a unit; write it like {example}") from None
-    if not given.strip():
+    if not text_unit.strip():
         raise UnitError(f"'{text}' has no unit; write it like {example}")
     require_size_of_number(f"'{text}'", value)
-    if unit == "rad/s" and given.strip() in _RAD_PER_S:
-        return value * _RAD_PER_S[given.strip()]
-    return value * conversion(given.strip(), unit)
+    if unit == "rad/s" and text_unit.strip() in _RAD_PER_S:
+        return value * _RAD_PER_S[text_unit.strip()]
+    return value * conversion(text_unit.strip(), unit)
 
 
 @lru_cache
 def conversion(given: str, unit: str) -> float:
-    """Size of the unit `given` in `unit`; a hertz is one turn a second.
+    """Size of the unit `given` in `unit`; one hertz is one revolution per second.
 
-    Raises UnitError where they are of different kinds, have different zeros (degC), or where `given`
-    leaves open whether it counts turns or radians (1/min).
+    Raises UnitError for units of different dimensions, with different zeros (degC), or ambiguous between
+    revolutions and radians (1/min).
     """
     decimal = _DECIMAL.fullmatch(given)
     if given == unit:
         return 1.0
     if decimal and unit == decimal["base"] + (decimal["power"] or ""):
-        # Reading the registry would take longer than many a command.
+        # Loading the registry takes longer than many commands.
         return float(f"1e{_PREFIXES[decimal['prefix']] * int((decimal['power'] or '^1')[1:])}")
     registry = _registry()
     try:
@@ -369,7 +374,7 @@ def _registry() -> "pint.UnitRegistry":
 def checked_tolerance(
     tolerance: float, name: str = "tolerance", least: float = 1e-15, example: str = "1e-9"
 ) -> float:
-    """The tolerance itself. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
+    """Validated tolerance. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
     if not (isinstance(tolerance, Real) and least <= tolerance < 1):
         raise ValueOutOfBoundsError(
             f"{name} is {tolerance}; allowed: {least:g} up to (not including) 1, such as {example}"
@@ -378,5 +383,5 @@ def checked_tolerance(
 
 
 def checked_rtol(rtol: float) -> float:
-    """The relative tolerance itself. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
+    """Validated relative tolerance. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
     return checked_tolerance(rtol, "rtol", 1e-14, "1e-8")

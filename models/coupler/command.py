@@ -1,4 +1,4 @@
-"""`python -m models.coupler`: the vibrating coupler at several crank positions."""
+"""`python -m models.coupler`: figure of the vibrating coupler at several crank positions."""
 
 import sys
 from typing import Annotated
@@ -13,7 +13,7 @@ def command(
     plot: Annotated[str, Flag("The picture: .png, .pdf or .svg.", "FILE")],
     numbers: Numbers,
     speed: Speed,
-    positions: Annotated[int, Flag("Crank positions, evenly over the turn: up to 12.", "N")] = 8,
+    positions: Annotated[int, Flag("Number of equidistant crank positions: up to 12.", "N")] = 8,
     magnification: Annotated[
         float | None, Flag("Factor of the deflection; by default a round number that fits.", "M")
     ] = None,

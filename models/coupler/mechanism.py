@@ -6,9 +6,9 @@ from derive import Abs, Mechanism, cos, pi, rate, sin, sqrt
 def mechanism() -> Mechanism:
     """An elastic coupler between crank pin A and joint B of an otherwise rigid linkage.
 
-    x runs along the chord AB, w is positive at +90° from it; the coupler does not stretch. Velocities
-    are taken along and across the chord. No axial force is stated: it follows from what the energies
-    say of the shortening u that the deflection brings about.
+    x is the position along the chord AB, w is positive at +90° from it; the coupler is inextensible.
+    Velocities have components along and across the chord. The axial force is not stated: it follows
+    from the energy terms with the shortening u due to the deflection.
     """
     linkage = Mechanism("coupler", "Flexible coupler of a four-bar linkage (paper, Section 3)")
     l1, l2, l3, l4 = linkage.parameters(
@@ -78,7 +78,7 @@ def _polar(length, angle):
 
 
 def _state_outputs(linkage: Mechanism, beam, A, I, EI) -> None:  # noqa: E741 - the field's symbol
-    """What an engineer asks of the beam, and where the model is not to be trusted."""
+    """State the outputs of the beam and the limits of validity."""
     length = beam.length
     middle = beam.at(beam.deflection, length / 2)
     moment = beam.at(EI * beam.curvature, length / 2)

@@ -1,4 +1,4 @@
-"""Picture: the coupler bent by its vibration at several crank positions, the deflection magnified."""
+"""Figure of the deformed coupler at several crank positions, with magnified deflection."""
 
 import math
 from typing import NamedTuple
@@ -11,32 +11,32 @@ from numpy.typing import NDArray
 from solve import Model
 from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
+from solve.results.formatting import fixed, prefixed
+from solve.results.formatting import round_magnification as rounded
 from solve.results.orbit import Orbit
-from solve.results.quantities import fixed, prefixed
-from solve.results.quantities import round_magnification as rounded
 from solve.views.panels import titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
-"""Positions that fit on a page."""
+"""Largest number of positions: a choice that fits on a page."""
 
 _COLUMNS = 4
 _TURN_POINTS = 720
 _DRAWN = 0.2
-"""Part of the coupler's length up to which an automatic magnification may bend it."""
+"""Largest deflection in the figure over the coupler's length, for the automatic magnification: a choice."""
 
 _MARGIN = 0.14
-"""Room around the linkage, as a part of its larger extent."""
+"""Margin around the linkage over its larger extent."""
 
 _LABELS = 0.8
-"""Inches beside the panels, for their axes' labels."""
+"""Width of the axes' labels, inches."""
 
 
 class BentCoupler(NamedTuple):
-    """The mechanism at k crank angles, places as complex numbers x + iy (m).
+    """The mechanism at k crank angles, with positions x + iy (m).
 
-    phase (k,) rad; joints (4, k): crank's pivot, crank pin, joint B, follower's pivot; deflection
-    (stations, k) in m; line (stations, k): the coupler with its deflection magnified.
+    phase (k,): rad. joints (4, k): crank pivot, crank pin, joint B, follower pivot. deflection (stations, k):
+    m. line (stations, k): the coupler with magnified deflection.
     """
 
     phase: Array
@@ -46,7 +46,7 @@ class BentCoupler(NamedTuple):
 
 
 def checked_positions(positions: int) -> int:
-    """The number itself. Raises ValueOutOfBoundsError."""
+    """The number of positions. Raises ValueOutOfBoundsError."""
     if not 1 <= positions <= MOST_POSITIONS:
         raise ValueOutOfBoundsError(
             f"--positions is {positions}; allowed: 1 … {MOST_POSITIONS} crank positions, such as 8"
@@ -55,7 +55,7 @@ def checked_positions(positions: int) -> int:
 
 
 def checked_magnification(magnification: float) -> float:
-    """The factor itself. Raises ValueOutOfBoundsError."""
+    """The magnification. Raises ValueOutOfBoundsError."""
     if not (math.isfinite(magnification) and magnification > 0):
         raise ValueOutOfBoundsError(
             f"--magnification is {magnification:g}; allowed: a number > 0, such as 100, or leave it out"
@@ -64,8 +64,10 @@ def checked_magnification(magnification: float) -> float:
 
 
 def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> BentCoupler:
-    """The mechanism at phases (k,) of the crank. The joints are those of the rigid linkage: the chord's
-    shortening is of second order in the deflection."""
+    """The mechanism at phases (k,) of the crank.
+
+    The joints are those of the rigid linkage, as the shortening of the chord is of second order.
+    """
     q = orbit.at(phase)
     lines = model.sketched(phase, orbit.speed, magnification * q)
     joints = [lines["crank"][0], lines["crank"][-1], lines["follower"][-1], lines["follower"][0]]
@@ -75,17 +77,19 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
-    """The largest of 1, 2, 5, 10, 20, … that bends the coupler by no more than a fifth of its length
-    anywhere in the turn; 1 where even that bends it more."""
+    """Largest of 1, 2, 5, 10, 20, … with a drawn deflection up to a fifth of the length; at least 1."""
     turn = np.arange(_TURN_POINTS) * (orbit.system.period / _TURN_POINTS)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
 
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
-    """A panel a crank position, evenly over the turn: rigid links thin, the bent coupler thick, its chord
-    dashed; over it the crank angle and the deflection w at midspan. The magnification, automatic by
-    default, stands in the title. Raises ValueOutOfBoundsError."""
+    """Panels of equidistant crank positions.
+
+    Rigid links are thin, the deformed coupler is thick, its chord dashed. Each title contains the crank angle
+    and the deflection w at midspan, the main title the magnification, which is automatic by default. Raises
+    ValueOutOfBoundsError.
+    """
     if magnification is None:
         magnification = round_magnification(model, orbit)
     factor = checked_magnification(magnification)
@@ -123,7 +127,7 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
 
 
 def _frame(deformed: BentCoupler) -> tuple[complex, complex]:
-    """Corners, lower left and upper right, of what every position needs."""
+    """Lower left and upper right corner of the frame of all positions."""
     places = np.concatenate((deformed.joints.ravel(), deformed.line.ravel()))
     low = complex(places.real.min(), places.imag.min())
     high = complex(places.real.max(), places.imag.max())

@@ -1,9 +1,9 @@
 """The flexible coupler of a four-bar linkage by hand, from the paper's Eqs. (22), (24)–(28), (33)–(37).
 
-A witness for tests: NumPy only, nothing here is derived by machine. Each entry that the paper prints wrongly
-is a named `Misprint` which can be put back singly; without any the equations are true, with `AS_PRINTED` they
-are the paper's. Eqs. (23) and (31) carry slips of dimension, which the later ones do not inherit: in (23) f3
-and f1 lack their factor x, in (31) the cosine terms carry iπ/l squared.
+Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the paper is a named
+`Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
+they are those of the paper. Eqs. (23) and (31) carry slips of dimension, which the later ones do not inherit:
+in (23) f3 and f1 lack their factor x, in (31) the cosine terms carry iπ/l squared.
 
 Conventions. The crank turns counter-clockwise about the origin, phase Ωt from the x0 axis; the ground line
 runs from the origin to the follower's pivot C at the angle θ; φ3 is the direction from crank pin A to joint
@@ -54,7 +54,7 @@ BRANCHES = {"open": 1.0, "crossed": -1.0}
 
 
 class Misprint(Enum):
-    """A wrong entry of the paper: its equation, what is printed, what is true."""
+    """A wrong entry of the paper: its equation, the printed and the correct form."""
 
     AXIAL_DRAG_SIGN = "(27): + c_x l2 Ω sin(Ωt − φ3)/EI in f3; true: −"
     END_FORCE = "(28): f2 l²/3 in f4; true: f2 l²/2"

@@ -2,20 +2,20 @@
 
 from solve.commands.app import Program
 
-_LISTED = {
+_COMMANDS = {
     "linkage": "Rigid motion: class, transmission angle, mechanical advantage, coupler curves, joint forces.",
-    "elements": "Natural frequencies over a turn by several kinds of elements, beside the exact ones.",
-    "study": "Stress, deflection or energy over speed for several lengths, dampings, numbers of elements, …",
-    "corrected": "One element a link corrected by dynamic stiffness, beside more elements, over one turn.",
-    "modes": "What the modes of each position give to a deflection or stress over one turn.",
-    "curve": "The curve of a point of the coupler beside that of the rigid linkage.",
+    "elements": "Natural frequencies over a revolution by element type, compared with the exact ones.",
+    "study": "Stress, deflection or energy over speed for several values of a parameter or option.",
+    "corrected": "One element per link with corrected dynamic stiffness, compared with more elements.",
+    "modes": "Contribution of each mode to a deflection or stress over one revolution.",
+    "curve": "Path of a coupler point, compared with that of the rigid linkage.",
     "design": "Design for high speed: limiting critical speeds, quiet bands, "
     "run-up with a moving ground pivot.",
 }
 PROGRAM = Program(
     "python -m models.four_bar",
-    "models.four_bar.commands",
-    _LISTED,
+    "models.four_bar.studies",
+    _COMMANDS,
     "The four-bar linkage of the thesis.",
     'linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
 )

@@ -1,38 +1,42 @@
-"""The design method for high speed (thesis 7.5): critical speeds, quiet bands and plans for the run-up.
+"""The design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and its outcome.
 
-Ratios are those of stress to allowable stress, the greatest of all links where no link is named.
+Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from models.four_bar.design_map import DesignMap
-from models.four_bar.run_up.plan import Plan, arrival, least_cap, plan_below
-from models.four_bar.run_up.stress_map import StressMap
+from models.four_bar.linkage import Linkage, transmission_warnings
+from models.four_bar.plan import Plan, arrival, least_cap, plan_below
+from models.four_bar.run_up import RunUp, Simulated
+from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
+from solve.results.contents import Column, Columns, digits, speeds_of
+from solve.results.serialization import Serializable, serializable, stored_property
 
 RESERVE = 0.03
-"""Part of the allowable stress that the speed to run up to leaves, where none is asked for."""
+"""Reserve of the ratio at the default target speed: a choice."""
 
-_MARGIN_KEPT = 0.75
-"""Part of the greatest possible margin that a plan keeps, so that it need not bend for the rest."""
+_MARGIN_FRACTION = 0.75
+"""Fraction of the largest possible margin that a plan keeps: a choice; a full margin needs more bends."""
 
 _WORTHWHILE = 0.98
-"""Part of the stress needed with L4 fixed below which it is worth while to move it."""
+"""Ratio with L4 moving over that with L4 fixed, below which moving L4 is reported as useful: a choice."""
 
 _DAMPING_STEP = 0.1
-"""Relative change of ζ on either side from which the effect of damping is calculated."""
+"""Relative change of ζ to either side in the central difference of the effect of damping: a choice."""
 
 _ROUNDED = 0.01
-"""Part of the target speed over which corners of a plan are rounded."""
+"""Interval of speeds, over the target speed, in which corners of a plan are rounded: a choice."""
 
 
 class Band(NamedTuple):
-    """Speeds (rad/s) between which the ratio stays below 1 at the own L4, and the quietest of them."""
+    """Range of speeds (rad/s) with a ratio below 1 at the mechanism's own L4, and its quietest speed."""
 
     start: float
     end: float
@@ -41,7 +45,7 @@ class Band(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """A critical speed (rad/s) at the own L4: a maximum of the ratio over the speed, the link that has it."""
+    """A critical speed (rad/s) at the mechanism's own L4, the ratio there, and its link."""
 
     speed: float
     ratio: float
@@ -49,8 +53,10 @@ class Peak(NamedTuple):
 
 
 class QuietSpeed(NamedTuple):
-    """A quiet speed (rad/s) above a critical speed (`peak`, rad/s), and which part of the allowable
-    stresses is needed to reach it when L4 changes on the way and returns, and when it stays (`fixed`)."""
+    """A quiet speed (rad/s) above a critical speed (`peak`, rad/s).
+
+    needed, fixed: ratio on the way there when L4 changes and returns, and when L4 is fixed.
+    """
 
     peak: float
     speed: float
@@ -59,16 +65,18 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Percent by which each link's largest stress changes when ζ grows by one percent, at a speed."""
+    """Relative change of the largest stress of each link over that of ζ, at a speed (rad/s)."""
 
     speed: float
     sensitivity: Mapping[str, float]
 
 
 class NeededRatios(NamedTuple):
-    """The greatest ratio on the way from the lowest speed to each speed (P,) of the map, by the path on which
-    it is least. L4 keeps its own length throughout (`fixed`), ends anywhere (`moving`), or ends at its own
-    length (`returning`)."""
+    """Smallest possible value of the largest ratio on a path from the lowest speed to each speed (P,).
+
+    L4 keeps the mechanism's own length (`fixed`), ends at any length (`moving`), or ends at the mechanism's
+    own length (`returning`).
+    """
 
     fixed: Array
     moving: Array
@@ -77,12 +85,12 @@ class NeededRatios(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """What a four-bar can do under allowable stresses.
+    """Speeds that a four-bar can reach under allowable stresses.
 
-    peaks: critical speeds at the own L4. quiet: bands at the own L4; the first begins at rest, the others
-    lie above critical speeds that exceed the allowable stress. quiet_of: the same for one link alone.
-    quiet_above: for each critical speed, the speed between it and the next that is reached with the least
-    allowable stress when L4 returns, where moving the pivot helps.
+    peaks: critical speeds at the mechanism's own L4. quiet: bands there; the first begins at rest, the others
+    lie above critical speeds that exceed the allowable stress. quiet_of: bands of each link alone.
+    quiet_above: for each critical speed, the speed between it and the next with the smallest ratio when L4
+    returns, if moving the pivot is useful.
     """
 
     map: DesignMap
@@ -99,12 +107,12 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest change of L4 with speed (m a rad/s): the whole range within a tenth of the speeds."""
+        """Largest change of L4 with speed (m per rad/s): its range within a tenth of the speeds, a choice."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
 def designed(stresses: DesignMap) -> Design:
-    """What follows from a map of stresses."""
+    """Design that follows from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
     own = stresses.ratios[:, stresses.own]
     return Design(
@@ -135,8 +143,7 @@ def _peaks(stresses: DesignMap) -> list[Peak]:
 
 
 def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
-    """Speed and value of the maximum of the parabola through the logarithms of three points, the middle one
-    the highest."""
+    """Speed and value of the maximum of the parabola through the logarithms of three points."""
     x, y = (np.log(values / values[1]) for values in (speeds, ratio))
     square, slope, _ = np.polyfit(x, y, 2)
     shift = -slope / (2 * square)
@@ -144,11 +151,11 @@ def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
 
 
 def quiet_bands(speeds: Array, ratio: Array) -> list[Band]:
-    """Bands of rising speeds (P,) in which a ratio (P,) stays below 1; the first begins at rest."""
+    """Bands of rising speeds (P,) with a ratio (P,) below 1; the first begins at rest."""
     edges = [0.0]
     for at in np.flatnonzero((ratio[:-1] <= 1) != (ratio[1:] <= 1)):
-        part = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
-        edges.append(float(speeds[at] + part * (speeds[at + 1] - speeds[at])))
+        fraction = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
+        edges.append(float(speeds[at] + fraction * (speeds[at + 1] - speeds[at])))
     edges.append(float(speeds[-1]))
     loud_first = int(ratio[0] > 1)
     bands = []
@@ -172,7 +179,7 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
-    """Whether damping helps at speeds, at the own L4: d ln σ / d ln ζ."""
+    """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) at the mechanism's own L4."""
     zeta, own = stresses.model.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
@@ -190,9 +197,11 @@ def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
 
 
 def default_target(design: Design) -> float:
-    """The speed (rad/s) to run up to where none is asked for: the quietest of the highest quiet band
-    above a limiting critical speed that can be reached; else the greatest speed that can, if need be
-    with another L4. Both with a reserve."""
+    """Default target speed (rad/s).
+
+    It is the quietest speed of the highest reachable quiet band above a limiting critical speed, otherwise
+    the highest speed reachable with any L4. Both have a reserve.
+    """
     speeds = design.map.speeds
     for band in reversed(design.quiet):
         at = int(np.searchsorted(speeds, band.quietest))
@@ -203,29 +212,166 @@ def default_target(design: Design) -> float:
 
 
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
-    """The part of the allowable stresses that a plan to the last speed of a map needs at least, with L4
-    changing by up to `rate` (m a rad/s)."""
+    """Smallest ratio of a plan to the last speed of a map, with L4 changing by up to `rate` (m per rad/s)."""
     return least_cap(until.speeds, until.L4, until.ratio, until.own, rate, returns)
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """The same without return, where L4 may also change as far as it likes at one speed."""
+    """Smallest ratio without return, where L4 may change at constant speed."""
     return float(arrival(until.ratio)[-1].min())
 
 
 def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
-    """The plan from the lowest to the last speed of a map, or None where there is none."""
+    """Plan from the lowest to the last speed of a map; None if none exists."""
     best = least_ratio(until, rate, returns)
     if best > 1:
         return None
-    cap = best + (1 - _MARGIN_KEPT) * (1 - best)
+    cap = best + (1 - _MARGIN_FRACTION) * (1 - best)
     plan = plan_below(until.speeds, until.L4, until.ratio, cap, until.own, rate, returns)
     assert plan is not None
     return Plan(plan.speed, plan.L4, _ROUNDED * float(until.speeds[-1]))
 
 
 def ratios_along(until: DesignMap, plan: Plan) -> Array:
-    """Steady ratios (k, links) along a plan, at the speeds (k,) of a map that ends where the plan does."""
+    """Steady ratios (k, links) along a plan at the speeds (k,) of a map that ends at its target."""
     rows = zip(plan(until.speeds), until.stress, strict=True)
     stress = [[np.interp(L4, until.L4, of_link) for of_link in row.T] for L4, row in rows]
     return np.array(stress) / until.allowable
+
+
+_MAX_MAP_ERROR = 0.05
+"""Relative error of the map above which a warning is issued: a choice."""
+
+for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan, RunUp, Simulated):
+    serializable(_kind)
+
+
+@serializable
+@dataclass(frozen=True)
+class Trial:
+    """A simulated run-up; ratio (turns, links): largest stress over the allowable one in each revolution."""
+
+    run_up: RunUp
+    simulated: Simulated
+    ratio: Array
+
+    @property
+    def worst(self) -> float:
+        """Largest ratio."""
+        return float(self.ratio.max())
+
+    @property
+    def worst_speed(self) -> float:
+        """Speed (rad/s) at the end of the revolution with the largest ratio."""
+        return float(self.simulated.speed[self.ratio.max(axis=1).argmax()])
+
+    @property
+    def worst_time(self) -> float:
+        """Time (s) at the end of the revolution with the largest ratio."""
+        return float(self.simulated.time[self.ratio.max(axis=1).argmax()])
+
+
+@dataclass(frozen=True)
+class Outcome(Serializable):
+    """Result of the design method for a target speed.
+
+    target: rad/s; until: the map up to the target. returns: whether L4 returns to the mechanism's own length
+    there. least: smallest ratio of stress to allowable stress for a run-up to the target, without and with
+    the return. plan: None where no plan exists. steady (k, links): ratios along the plan at the speeds (k,)
+    of `until`. trials: the plan simulated, each within half the time of the one before, until the stress is
+    too high.
+    """
+
+    design: Design
+    target: float
+    until: DesignMap
+    returns: bool
+    least: tuple[float, float]
+    plan: Plan | None
+    steady: Array
+    trials: list[Trial]
+    damping: list[DampingEffect]
+
+    @property
+    def map(self) -> DesignMap:
+        return self.design.map
+
+    @property
+    def safe_acceleration(self) -> float | None:
+        """Largest simulated acceleration (rad/s²) with a stress below the allowable one."""
+        safe = [trial.run_up.acceleration for trial in self.trials if trial.worst < 1]
+        return max(safe) if safe and self.trials[0].worst < 1 else None
+
+    @property
+    def text(self) -> str:
+        """The result in one sentence."""
+        if self.plan is None:
+            return self._refusal
+        target = self.map.model.speed_unit.text(self.target, ".4g")
+        ends = "L4 back at its own length" if self.returns else f"L4 = {self.plan.L4[-1]:.4f} m at the end"
+        first = self.trials[0]
+        outcome = "stays below" if first.worst < 1 else "exceeds"
+        return (
+            f"a plan exists to {target}, {ends}; simulated within {first.run_up.duration:g} s "
+            f"its stress {outcome} the allowable one, at most {first.worst:.4g} of it"
+        )
+
+    @property
+    def _refusal(self) -> str:
+        stresses, least = self.map, self.least[0]
+        unit = stresses.model.speed_unit
+        error = stresses.error_until(self.target)
+        absolute = np.unique(stresses.allowable) / 1e6 * least
+        target = unit.text(self.target, ".4g")
+        need = f"a run-up to {target} needs at least {least:.4g} times the allowable stress"
+        if len(absolute) == 1:
+            need += f", {absolute[0]:.4g} MPa"
+        if least * (1 - error) > 1:
+            text = f"no plan exists: {need}"
+        else:
+            text = f"no plan was found: {need}, with an error of {error:.1g} of the map"
+        if least_ratio_at_any_rate(self.until) <= 1:
+            text += "; below it L4 would have to change within less speed: begin --speeds lower"
+        highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
+        return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        stresses, texts = self.map, []
+        own = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
+        for L4 in (stresses.L4[0], stresses.L4[-1]):
+            ends = transmission_warnings(replace(own, L4=float(L4)))
+            texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]
+        if stresses.radius_bound.max() >= 1:
+            speed = stresses.speeds[stresses.radius_bound >= 1][0]
+            lowest = stresses.model.speed_unit.text(speed, ".4g")
+            texts.append(f"from {lowest} on the vibration may be unstable; see: python -m solve bands")
+        if stresses.interpolation_error > _MAX_MAP_ERROR:
+            error = f"{stresses.interpolation_error:.2g}"
+            texts.append(f"interpolation between the speeds of the map has a relative error of {error}")
+        if np.nanmax(stresses.error) > _MAX_MAP_ERROR:
+            texts.append(f"the stresses of the map have a relative error of {np.nanmax(stresses.error):.2g}")
+        last = stresses.own_L4 if self.plan is None else float(self.plan.L4[-1])
+        texts += stresses.model.varied({"L4": last}).warnings(self.target)
+        if self.plan is not None and self.trials[0].worst >= 1:
+            texts.append("the simulated stress exceeds the allowable one; run up more slowly or allow more")
+        return texts
+
+    @property
+    def trial_columns(self) -> Columns:
+        """A row a simulated run-up."""
+        trials, unit = self.trials, self.map.model.speed_unit.per_second
+        durations = [trial.run_up.duration for trial in trials]
+        accelerations = [trial.run_up.acceleration for trial in trials]
+        ratios, speeds = [trial.worst for trial in trials], [trial.worst_speed for trial in trials]
+        return {
+            "duration": Column(durations, "s", "", "within", "{:.4g} s".format),
+            "acceleration": Column(
+                accelerations, "rad/s^2", "", "acceleration", lambda value: unit.text(value, ".3g")
+            ),
+            "greatest_ratio": Column(ratios, "1", "", "stress/allowable", digits(".4f")),
+            "at_speed": speeds_of(self.map.model, speeds, "", "at speed ({})", ".2f"),
+            "at_time": Column([trial.worst_time for trial in trials], "s"),
+            "turns": Column([trial.run_up.turns for trial in trials]),
+            "verdict": Column(["below" if ratio < 1 else "too high" for ratio in ratios], heading=" "),
+        }

@@ -1,50 +1,47 @@
-"""The map of the design method: stress over allowable stress for speeds and ground links L4 (thesis 7.5).
+"""Map of the design method: stress over allowable stress for speeds and ground links L4 (thesis 7.5).
 
-Ratios are those of stress to allowable stress, the greatest of all links where no link is named.
+Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 
 from models.four_bar.linkage import ADVISED, Linkage
-from models.four_bar.run_up.stress_map import StressMap
+from models.four_bar.stress_map import StressMap
 from solve.arrays import Array
 from solve.beams.structure import StructureModel
 from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueOutOfBoundsError
-from solve.results.lasting import Lasting
+from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
-"""Relative error of the interpolated stress up to which an interval of speeds is not halved."""
+"""Tolerance of the interpolated stress, above which an interval of speeds is halved: a choice."""
 
 _SHORTEST = 0.25
-"""Relative length of an interval, as a part of ζ, up to which it is not halved: peaks are 2ζ wide."""
+"""Smallest interval that is halved, in relative length over ζ. The half-power width of a peak is 2ζ."""
 
 _MOST_HALVINGS = 8
+"""Largest number of passes of the refinement: a choice."""
 
 
 class DesignError(SolveError):
-    """A design that is asked for what this mechanism cannot do at any stress: a length, a speed."""
+    """A length or speed that is impossible for this mechanism at any stress."""
 
 
 @dataclass(frozen=True)
-class DesignMap(Lasting):
-    """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m), its own among them.
+class DesignMap(Serializable):
+    """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m).
 
-    allowable (links,): Pa. stress (P, g, links): largest |stress| over a turn, Pa. error (P,) and
-    radius_bound (P,): as in `Peaks`, the latter the greatest of all L4. interpolation_error: the largest
-    relative error found between the speeds when intervals were halved last.
+    The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
+    a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`, the latter for the worst L4.
+    interpolation_error: largest relative error between the speeds in the last halving.
     """
 
-    _of_solver: ClassVar[tuple[str, ...]] = ("stress_map",)
-    _calculated: ClassVar[tuple[str, ...]] = ("links",)
-
-    stress_map: StressMap
+    stress_map: StressMap = field(metadata=NOT_STORED)
     model: StructureModel
     allowable: Array
     speeds: Array
@@ -54,7 +51,7 @@ class DesignMap(Lasting):
     radius_bound: Array
     interpolation_error: float
 
-    @cached_property
+    @stored_property
     def links(self) -> list[str]:
         return self.stress_map.links
 
@@ -65,7 +62,7 @@ class DesignMap(Lasting):
 
     @cached_property
     def own(self) -> int:
-        """Its number among the lengths."""
+        """Index of the mechanism's own L4."""
         return int(np.searchsorted(self.L4, self.own_L4))
 
     @cached_property
@@ -75,25 +72,25 @@ class DesignMap(Lasting):
 
     @cached_property
     def ratio(self) -> Array:
-        """(P, g)."""
+        """Largest ratio of all links (P, g)."""
         return self.ratios.max(axis=2)
 
     @property
     def own_ratio(self) -> Array:
-        """(P,), at the mechanism's own L4."""
+        """Largest ratio (P,) at the mechanism's own L4."""
         return self.ratio[:, self.own]
 
     def worst_link(self, speed: float) -> str:
-        """The link with the greatest ratio at a speed of the map, at the own L4."""
+        """Link with the largest ratio at a speed of the map, at the mechanism's own L4."""
         at = int(np.searchsorted(self.speeds, speed))
         return self.links[int(self.ratios[at, self.own].argmax())]
 
     def error_until(self, target: float) -> float:
-        """Relative error of the stresses up to a speed: of the map's points, or of what is between them."""
+        """Relative error of the stresses up to a speed, at and between the points of the map."""
         return max(self.interpolation_error, float(np.nanmax(self.error[self.speeds <= target])))
 
     def until(self, target: float) -> "DesignMap":
-        """The map up to a speed, which becomes its last."""
+        """The map up to a speed, which becomes its last one."""
         below = int(np.count_nonzero(self.speeds < target * (1 - 1e-9)))
         if target in self.speeds:
             last = {name: getattr(self, name)[below : below + 1] for name in _BY_SPEED}
@@ -114,10 +111,10 @@ def design_map(
     lengths: tuple[float, float],
     count: int = 48,
 ) -> DesignMap:
-    """The map of a mechanism with allowable stresses (Pa) by link, over L4 between two lengths (m).
+    """Map of a mechanism with allowable stresses (Pa) by link, over L4 between two lengths (m).
 
-    speeds: those to begin with; intervals are halved where interpolation between them is not good enough.
-    count: lengths beside the mechanism's own. Raises DesignError for what cannot be.
+    speeds: initial ones; intervals are halved until the interpolation meets the tolerance. count: number of
+    lengths besides the mechanism's own. Raises DesignError for impossible lengths or speeds.
     """
     _require_possible(model, lengths)
     stress_map = StressMap(model, *lengths)
@@ -139,12 +136,12 @@ def design_map(
 
 
 def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:
-    """Raise DesignError where there is no damping, or L4 cannot vary about the mechanism's own."""
+    """Raise DesignError without damping, or if L4 cannot vary about the mechanism's own."""
     low, high = lengths
     if model.parameters["zeta"] <= 0:
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
     if not low < high:
-        raise DesignError(f"L4 from {low:g} to {high:g} m leaves the pivot nowhere to go; widen the range")
+        raise DesignError(f"L4 from {low:g} to {high:g} m leaves no range for the pivot; widen it")
     own = model.parameters["L4"]
     if not low <= own <= high:
         raise DesignError(
@@ -154,7 +151,7 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
 
 
 def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]:
-    """What a map has by speed, at speeds (P,)."""
+    """Fields of a map by speed, at speeds (P,)."""
     peaks = stress_map.peaks(speeds, L4)
     return {
         "speeds": speeds,
@@ -165,7 +162,7 @@ def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]
 
 
 def _refined(stresses: DesignMap) -> DesignMap:
-    """The map with its intervals of speeds halved where interpolation in them is not good enough."""
+    """The map with intervals of speeds halved until the interpolation meets the tolerance."""
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
         at = np.log(stresses.speeds)
@@ -188,8 +185,10 @@ def _refined(stresses: DesignMap) -> DesignMap:
 
 
 def allowed_lengths(linkage: Linkage) -> tuple[float, float]:
-    """Least and greatest L4 (m) at which the crank turns fully and the transmission angle stays within the
-    advised range (thesis 3.3: 40° to 140°). Raises DesignError where there is none."""
+    """Least and greatest L4 (m) with a full revolution and an advised transmission angle (thesis 3.3).
+
+    Raises DesignError if there is none.
+    """
     L1, L2, L3 = linkage.L1, linkage.L2, linkage.L3
     near, far = (math.sqrt(L2**2 + L3**2 - 2 * L2 * L3 * math.cos(angle)) for angle in ADVISED)
     low, high = L1 + near, far - L1

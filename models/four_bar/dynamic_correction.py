@@ -1,13 +1,13 @@
-"""Few elements a link, corrected by dynamic stiffness at the lowest frequency (thesis 7.4.1).
+"""Few elements per link, corrected by dynamic stiffness at the lowest frequency (thesis 7.4.1).
 
-At every position M and K of the cubic elements are replaced by the exact ones at ω1, the lowest frequency
-there: M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic
-elements' frequency; Wittrick and Williams give it at once. The first mode is then exact, the others are
-those of matrices that were made for another frequency.
+At every position M and K of the cubic elements are replaced by the exact ones at the lowest frequency ω1:
+M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic elements'
+frequency; the algorithm of Wittrick and Williams gives it directly. The first mode is exact, the others are
+approximate, as the matrices are valid at ω1.
 
-The shapes that belong to ω1 cannot follow a rigid motion, so that −M(ω1) q̈_r is not the work of its
-inertia. That is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of vibration at
-ω1 and a_r is linear along a link: the secant of D over ω², where M(ω1) is its tangent.
+The shape functions at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia load.
+This is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of vibration at ω1 and a_r is
+linear along a link. It contains the secant of D over ω², where M(ω1) is the tangent.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,31 +15,31 @@ from functools import cached_property
 
 import numpy as np
 
-from solve.arrays import Array, Asked
+from solve.approximation import interpolated
+from solve.arrays import Array, LazyMapping
 from solve.beams.elements import EXACT
-from solve.beams.frozen import exact_frequencies
+from solve.beams.frequencies import exact_frequencies
 from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel
 from solve.contracts import Matrices
 from solve.errors import UnknownNameError
 from solve.system import PeriodicSystem
-from solve.trigonometric import interpolated
 
 LOADS = ("consistent", "nodal")
-"""∫ ρA N(ω1)ᵀ a_r dx, and what the thesis takes for it: M(ω1) q̈_r."""
+"""Inertia loads: ∫ ρA N(ω1)ᵀ a_r dx, and M(ω1) q̈_r as in the thesis."""
 
 _KINDS = ("deflection", "stress_plus", "stress_minus", "strain_energy")
-"""Outputs of the model that are corrected; the links' forces on their joints are not."""
+"""Kinds of outputs that are corrected; joint forces are not."""
 
 _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
-"""Options of the model that the correction is made for."""
+"""Options of the model that the correction requires."""
 
 
 class Corrected(PeriodicSystem):
-    """The four-bar of a model with its number of elements, cubic ones, corrected at ω1.
+    """The four-bar with the cubic elements of a model corrected at ω1.
 
-    load: one of LOADS. Outputs are the model's, by the exact shapes at ω1. Raises UnknownNameError for
-    another load, or a model with options that the correction is not made for.
+    load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
+    UnknownNameError for another load, or a model with other options than the correction requires.
     """
 
     def __init__(self, model: StructureModel, load: str = "consistent"):
@@ -76,13 +76,13 @@ class Corrected(PeriodicSystem):
     def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array, Array]:
         """ω1² (m, 1, 1); D, M and K (m, n, n) at ω1."""
         positions, omega = self._exact.at_positions(phase), self.lowest(phase)
-        every, squared = np.arange(len(omega)), (omega**2)[:, None, None]
-        D, M = positions.dynamic_stiffness(every, omega), positions.dynamic_mass(every, omega)
+        indices, squared = np.arange(len(omega)), (omega**2)[:, None, None]
+        D, M = positions.dynamic_stiffness(indices, omega), positions.dynamic_mass(indices, omega)
         return squared, D, M, D + squared * M
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """The ratio ζ of every mode at every position."""
+        """Damping matrix with the ratio ζ of every mode at every position."""
 
         def at_positions(phase: Array) -> Array:
             _, _, M, K = self._at_lowest(phase)
@@ -91,12 +91,12 @@ class Corrected(PeriodicSystem):
         return interpolated(at_positions, self.period)
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
-        """Transverse displacement (k,) in m from the rigid motion, as the model's."""
+        """Transverse displacement (k,) from the rigid motion, m, as for the model."""
         point = self._exact.point(link, fraction)
         return point.displacement(self._exact.beams.angle(phase), q, self.lowest(phase))[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
-        """Axial stress (k,) in Pa on the surface "plus" or "minus", as the model's."""
+        """Axial stress (k,) on the surface "plus" or "minus", Pa, as for the model."""
         point = self._exact.point(link, fraction)
         return point.stress(self._exact.beams.angle(phase), q, surface, self.lowest(phase))
 
@@ -112,4 +112,4 @@ class Corrected(PeriodicSystem):
                 return self.deflection(link, fraction, phase, q)
             return self.stress(link, fraction, kind.removeprefix("stress_"), phase, q)
 
-        return Asked(list(self._observed), value)
+        return LazyMapping(list(self._observed), value)

@@ -21,20 +21,23 @@ from solve.arrays import Array, Plane
 from solve.errors import SolveError, UnknownNameError, ValueOutOfBoundsError
 
 BRANCHES = {"open": 1.0, "crossed": -1.0}
-"""Sign of sin(t3 - t2): open has B to the left of the line from A to C, crossed to the right."""
+"""Sign of sin(t3 - t2): B is on the left of the line from A to C for open, on the right for crossed."""
 
+TURN = 2 * math.pi
 _LENGTHS = ("L1", "L2", "L3", "L4")
 
 ADVISED = (math.radians(40), math.radians(140))
-"""Range within which a transmission angle should stay (thesis 3.3)."""
+"""Advised range of the transmission angle (thesis 3.3)."""
+
+OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
-    """A linkage that cannot be assembled, or not at the crank angle that is asked for."""
+    """A linkage that cannot be assembled, or not at the given crank angle."""
 
 
 class Extremes(NamedTuple):
-    """Least and greatest value over a turn, and the crank angles where they occur."""
+    """Least and greatest value over a revolution, and their crank angles."""
 
     min: float
     min_position: float
@@ -46,9 +49,8 @@ class Extremes(NamedTuple):
 class Linkage:
     """Lengths of crank, coupler, follower and ground link (m), and the branch of assembly.
 
-    Raises ValueOutOfBoundsError for a length that is not positive, UnknownNameError for a branch that
-    does not exist, LinkageError where the longest link is as long as the others together, so that
-    nothing can move (the zero mobility planes, thesis (3.2)).
+    Raises ValueOutOfBoundsError for a length that is not positive, UnknownNameError for an unknown branch,
+    LinkageError if the longest link is not shorter than the others together (zero mobility, thesis (3.2)).
     """
 
     L1: float
@@ -59,7 +61,7 @@ class Linkage:
 
     @classmethod
     def of(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
-        """With the lengths among a model's parameters."""
+        """Linkage with the lengths among the parameters of a model."""
         return cls(*(parameters[name] for name in _LENGTHS), branch=branch)
 
     def __post_init__(self) -> None:
@@ -83,13 +85,15 @@ class Linkage:
 
     @property
     def turns_fully(self) -> bool:
-        """Whether the crank can turn all the way round without coupler and follower falling in line."""
+        """Whether the crank can turn fully, so that coupler and follower are never in line."""
         return not any(self._stops)
 
     @property
     def crank_range(self) -> tuple[float, float]:
-        """The least and greatest |t1|, within 0 … π, at which the linkage closes: 0 … π for a full turn.
-        At another end coupler and follower lie in line and the crank turns back."""
+        """Least and greatest |t1| within 0 … π at which the linkage closes; 0 and π for a full revolution.
+
+        At any other end coupler and follower are in line and the crank turns back.
+        """
         folded, stretched = self._stops
         return (
             _angle_opposite(self.L1, self.L4, abs(self.L2 - self.L3)) if folded else 0.0,
@@ -98,21 +102,23 @@ class Linkage:
 
     @property
     def _stops(self) -> tuple[bool, bool]:
-        """Whether coupler and follower fall in line, folded at the least |t1|, stretched at the greatest."""
+        """Whether coupler and follower are in line: folded at the least |t1|, stretched at the greatest."""
         L1, L2, L3, L4 = self.lengths
         fold_gap, stretch_gap = abs(L1 - L4) - abs(L2 - L3), (L2 + L3) - (L1 + L4)
         return fold_gap <= self.slack, stretch_gap <= self.slack
 
     @property
     def slack(self) -> float:
-        """Difference (m) up to which two sums of the lengths count as equal."""
+        """Difference (m) within which two sums of lengths are equal: far above their round-off, 1e-16."""
         return 1e-12 * sum(self.lengths)
 
     @property
     def dead_points(self) -> tuple[float, ...]:
-        """Crank angles, within 0 … 2π, of a crank that turns fully at which crank and coupler lie in
-        line, stretched and folded, and a rocking follower turns back; none where the follower turns
-        too. Raises LinkageError for a crank that does not turn fully."""
+        """Crank angles within 0 … 2π at which crank and coupler are in line, stretched and folded.
+
+        A rocking follower turns back there; a follower that turns fully has none. Raises LinkageError for a
+        crank that cannot turn fully.
+        """
         self.require_full_turn()
         L1, L2, L3, L4 = self.lengths
         if min(self.lengths) == L4:
@@ -120,10 +126,10 @@ class Linkage:
         stretched = _angle_opposite(L1 + L2, L4, L3)
         folded = math.pi + _angle_opposite(L2 - L1, L4, L3)
         side = BRANCHES[self.branch]
-        return (side * stretched) % (2 * math.pi), (side * folded) % (2 * math.pi)
+        return (side * stretched) % (TURN), (side * folded) % TURN
 
     def require_full_turn(self) -> None:
-        """Raises LinkageError unless the crank turns fully."""
+        """Raise LinkageError unless the crank can turn fully."""
         if self.turns_fully:
             return
         lengths = ", ".join(f"{length:g}" for length in self.lengths)
@@ -135,12 +141,14 @@ class Linkage:
         )
 
     def transmission_angle(self, t1: ArrayLike) -> Array:
-        """γ between coupler and follower, 0 … π (thesis (3.9)). Raises LinkageError out of reach."""
+        """γ between coupler and follower, 0 … π (thesis (3.9)). Raises LinkageError if out of reach."""
         return np.angle(self._coupler_to_follower(np.asarray(t1, dtype=float)))
 
     def transmission_extremes(self) -> Extremes:
-        """γ's extremes over a full turn; they lie at t1 = 0 and π (thesis (3.10)). Raises LinkageError
-        for a crank that does not turn fully."""
+        """Extremes of γ over a revolution, at t1 = 0 and π (thesis (3.10)).
+
+        Raises LinkageError for a crank that cannot turn fully.
+        """
         self.require_full_turn()
         least, greatest = self.transmission_angle([0.0, math.pi])
         return Extremes(float(least), 0.0, float(greatest), math.pi)
@@ -148,8 +156,8 @@ class Linkage:
     def mechanical_advantage(self, t1: ArrayLike) -> Array:
         """T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), β from coupler to crank; infinite at dead points.
 
-        T1 drives the crank, T3 is what the follower delivers, without friction and inertia; positive
-        where both turn the same way. Thesis (3.1) prints L4 sin β for L1 sin β.
+        T1 drives the crank, and the follower delivers T3, without friction and inertia. The sign is positive
+        if both rotate in the same direction. Thesis (3.1) prints L4 sin β for L1 sin β.
         """
         with np.errstate(divide="ignore"):
             return 1.0 / self.motion(t1).omega[2]
@@ -157,10 +165,11 @@ class Linkage:
     def motion(self, t1: ArrayLike, omega1: ArrayLike = 1.0, alpha1: ArrayLike = 0.0) -> "Motion":
         """Angles, angular velocities and accelerations (thesis (3.11)) at crank angles t1 (rad).
 
-        omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles come from the
-        triangle ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2.
-        Raises LinkageError at angles out of reach, and where coupler and follower lie in line: the
-        motion is undetermined there.
+        omega1 (rad/s) and alpha1 (rad/s²) of the crank broadcast with t1. The angles follow from the triangle
+        ABC instead of thesis (3.5) to (3.8), where (3.7) prints -K1 cos t2 for +K1 cos t2.
+
+        Raises LinkageError for angles out of reach, and where coupler and follower are in line: the motion is
+        undetermined there.
         """
         t1, omega1, alpha1 = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in (t1, omega1, alpha1)))
         turned = self._coupler_to_follower(t1)
@@ -192,7 +201,7 @@ class Linkage:
                 f"the linkage does not close at t1 = {np.degrees(t1[out].flat[0]):.6g}°; "
                 f"allowed: {least:.6g}° <= |t1| <= {greatest:.6g}°"
             )
-        # Factors instead of 1 - cos²: near 0 and π they keep the digits of the small angle.
+        # A product instead of 1 - cos² avoids cancellation for angles near 0 and π.
         in_line = np.minimum(stretch, fold) <= self.slack
         product = stretch * fold * (L2 + L3 + d) * (d + abs(L2 - L3))
         turned = (L2**2 + L3**2 - d**2) + 1j * np.sqrt(np.where(in_line, 0.0, product))
@@ -207,7 +216,7 @@ class Linkage:
         )
 
     def _accelerations(self, t: tuple[Array, ...], omega: tuple[Array, ...], alpha1: Array) -> list[Array]:
-        """α2 and α3: thesis (3.11), with the crank's own acceleration added."""
+        """α2 and α3: thesis (3.11) with the acceleration of the crank."""
         t1, t2, t3 = t
         normal1, normal2, normal3 = (length * w**2 for length, w in zip(self.lengths[:3], omega, strict=True))
         tangential1 = self.L1 * alpha1
@@ -236,29 +245,31 @@ class Motion:
     alpha: Array
 
     def position(self, link: int, point: complex | Plane = 0.0) -> Plane:
-        """Place x + iy (m) of a link's point; thesis 3.6 for points of the coupler."""
+        """Position x + iy (m) of a point of a link; thesis 3.6 for points of the coupler."""
         first = {1: 0.0, 2: self._crank_pin, 3: self.linkage.L4}[link]
         return first + point * self.direction(link)
 
     def velocity(self, link: int, point: complex | Plane = 0.0) -> Plane:
-        """Velocity (m/s) of a link's point."""
+        """Velocity (m/s) of a point of a link."""
         first = 1j * self.omega[0] * self._crank_pin if link == 2 else 0.0
         return first + 1j * self.omega[link - 1] * point * self.direction(link)
 
     def acceleration(self, link: int, point: complex | Plane = 0.0) -> Plane:
-        """Acceleration (m/s²) of a link's point. At B it is thesis (3.13), which prints sin t1 for
-        sin t2 in two places."""
+        """Acceleration (m/s²) of a point of a link.
+
+        At B it is thesis (3.13), which prints sin t1 for sin t2 in two places.
+        """
         first = (1j * self.alpha[0] - self.omega[0] ** 2) * self._crank_pin if link == 2 else 0.0
         rate = 1j * self.alpha[link - 1] - self.omega[link - 1] ** 2
         return first + rate * point * self.direction(link)
 
     def direction(self, link: int) -> Plane:
-        """exp(it) of a link: its x axis."""
+        """exp(it), the direction of a link's x axis."""
         return np.exp(1j * self.t[link - 1])
 
     @property
     def _crank_pin(self) -> Plane:
-        """A seen from O."""
+        """Position of A relative to O."""
         return self.linkage.L1 * self.direction(1)
 
 
@@ -266,3 +277,25 @@ def _angle_opposite(a: float, b: float, opposite: float) -> float:
     """Angle between the sides a and b of a triangle."""
     cosine = (a**2 + b**2 - opposite**2) / (2 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
+
+
+def within_advised(least: float, greatest: float) -> bool:
+    """Whether a range of transmission angles is within the advised one."""
+    return ADVISED[0] <= least and greatest <= ADVISED[1]
+
+
+def transmission_warnings(linkage: Linkage) -> list[str]:
+    """Warning of a transmission angle outside the advised range.
+
+    A crank that cannot turn fully always has one: coupler and follower are in line at its ends.
+    """
+    if not linkage.turns_fully:
+        return ["the crank cannot turn fully: the transmission angle reaches 0° or 180° where it turns back"]
+    gamma = linkage.transmission_extremes()
+    if within_advised(gamma.min, gamma.max):
+        return []
+    return [
+        f"the transmission angle goes from {math.degrees(gamma.min):.4g}° to {math.degrees(gamma.max):.4g}°, "
+        f"{OUTSIDE_ADVISED}: force transmission to the follower is poor, and its position is "
+        "sensitive to errors of the lengths"
+    ]

@@ -1,4 +1,4 @@
-"""Four-bar linkage whose links are all flexible beams, thesis Chapters 3 to 5."""
+"""Four-bar linkage with three flexible links, thesis Chapters 3 to 5."""
 
 from derive import Section, Structure
 
@@ -6,7 +6,7 @@ from derive import Section, Structure
 def mechanism() -> Structure:
     """Crank OA clamped to its flywheel at O, coupler AB, follower CB about C at (L4, 0).
 
-    A and B are pins with a mass of their own; h is a link's thickness in the plane of motion.
+    A and B are pins with point masses; h is the thickness of a link in the plane of motion.
     """
     linkage = Structure("four_bar", "Four-bar linkage with flexible links (thesis Chapters 3 to 5)")
     L1, L2, L3, L4 = linkage.parameters(

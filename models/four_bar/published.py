@@ -1,8 +1,8 @@
 """Element matrices and frequency functions of the thesis by hand, Chapters 4 and 5, Appendices A and B.
 
-A witness for tests: NumPy only, nothing here is derived by machine. Each entry that the thesis prints
-wrongly is a named `Misprint` which can be put back singly; without any the equations are true, with
-`AS_PRINTED` they are the thesis's. Lengths in m; λ and β in 1/m belong to bending and axial vibration,
+Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the thesis is a named
+`Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
+they are those of the thesis. Lengths in m; λ and β in 1/m belong to bending and axial vibration,
 λ⁴ = ρAω²/EI and β² = ρω²/E.
 """
 
@@ -19,7 +19,7 @@ CRANK_SECTION = (24.8e-3, 6.35e-3)
 
 
 class Misprint(Enum):
-    """A wrong entry of the thesis: its place, what is printed, what is true."""
+    """A wrong entry of the thesis: its location, the printed and the correct form."""
 
     CRANK_SECOND_MOMENT = (
         "Table 4.1: crank's second moment of area 520.47e-12 m⁴; its section gives 529.17e-12"

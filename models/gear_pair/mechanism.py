@@ -4,9 +4,9 @@ from derive import Mechanism, cos, pi, rate, sin, sqrt, tanh
 
 
 def mechanism() -> Mechanism:
-    """Pinion and wheel, Eqs. (66)–(74) of the chapter: uniform rotation plus the elastic share of q.
+    """Pinion and wheel, Eqs. (66)–(74) of the chapter: uniform rotation plus fractions of q.
 
-    The shares make r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and leave the uniform rotation out of q's inertia.
+    The fractions satisfy r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and decouple q from the uniform rotation.
     """
     pair = Mechanism("gear_pair", "Gear pair with tooth errors (chapter 4.2)")
     (q,) = pair.coordinates(q=("m", "dynamic transmission error, along the line of contact"))
@@ -44,7 +44,7 @@ def mechanism() -> Mechanism:
     pair.output("pinion_speed_ripple", rate(phi1 - pair.phase), "rad/s", "pinion's speed against its mean")
     pair.output("wheel_speed_ripple", wheel_ripple, "rad/s", "wheel's speed against its mean")
 
-    # Radii where the pitch circles touch, at a pressure angle of 20°.
+    # Radii of the pitch circles, for a pressure angle of 20°.
     r1, r2, z2 = rb1 / cos(pi / 9), rb2 / cos(pi / 9), z1 * rb2 / rb1
     for name, x, r, z, turn in (("pinion", 0, r1, z1, phi1), ("wheel", r1 + r2, r2, z2, phi2 + pi)):
         rim, at = r + 1.8 * r1 / z1 * tanh(2 * sin(z * pair.around)), pair.around + turn

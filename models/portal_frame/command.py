@@ -1,4 +1,4 @@
-"""`python -m models.portal_frame`: why its frequencies are counted and not looked for as zeros."""
+"""`python -m models.portal_frame`: figure of the determinant whose zeros miss a natural frequency."""
 
 import sys
 from typing import Annotated
@@ -23,10 +23,12 @@ def command(
     if not 1.0 <= most <= 1e5:
         raise ValueOutOfBoundsError(f"--most is {most}; allowed: 1 … 100000 rad/s, such as {_MOST:g}")
     assert isinstance(model, StructureModel)
-    made = determinants(model, most)
+    result = determinants(model, most)
     assert file is not None
-    save_figure(determinants_figure(made, "Portal frame: determinant of the dynamic stiffness"), file)
+    save_figure(determinants_figure(result, "Portal frame: determinant of the dynamic stiffness"), file)
     try:
-        print(f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in made.found)}", flush=True)
+        print(
+            f"natural frequencies (rad/s): {', '.join(f'{value:.3f}' for value in result.found)}", flush=True
+        )
     finally:
         print(f"wrote {file}", file=sys.stderr)

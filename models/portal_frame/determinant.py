@@ -1,8 +1,8 @@
 """The determinant of the frame's dynamic stiffness over the frequency (thesis Fig. 5.1).
 
-With one exact element a bar the fourth frequency, at which no joint moves, is a pole of det D and not a
-zero: whoever looks for zeros misses it. With two it is a zero. The count of Wittrick and Williams finds it
-with both.
+With one exact element per bar the fourth frequency, at which no joint moves, is a pole of det D and not a
+zero, so that a search for zeros misses it. With two elements it is a zero. The algorithm of Wittrick and
+Williams finds it in both cases.
 """
 
 from dataclasses import dataclass
@@ -15,16 +15,19 @@ from solve.beams.structure import StructureModel
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Figure, page
 
 _POINTS = 2000
-"""Frequencies that are drawn."""
+"""Number of frequencies in the figure."""
 
 _ELEMENTS = 1, 2
-"""A bar, of the determinants that are compared."""
+"""Elements per bar of the compared determinants."""
 
 
 @dataclass(frozen=True)
 class Determinants:
-    """omega (k,) in rad/s; logarithms (rows, k): ln|det D(ω)/det D(0)| with as many elements a bar as
-    `elements` (rows,) says; found (j,): the frequencies up to the largest ω, in rad/s."""
+    """Determinants at frequencies omega (k,), rad/s.
+
+    logarithms (rows, k): ln|det D(ω)/det D(0)| with `elements` (rows,) per bar; found (j,): natural
+    frequencies up to the largest ω, rad/s.
+    """
 
     omega: Array
     elements: tuple[int, ...]
@@ -33,7 +36,7 @@ class Determinants:
 
 
 def logarithm(model: StructureModel, omega: Array) -> Array:
-    """ln|det D(ω)/det D(0)| (k,) at frequencies (k,) in rad/s of a structure of exact elements."""
+    """ln|det D(ω)/det D(0)| (k,) of a structure of exact elements at frequencies (k,), rad/s."""
     place = model.at_positions(np.zeros(1))
     D = place.dynamic_stiffness(np.zeros(len(omega) + 1, dtype=int), np.append(0.0, omega))
     values = np.linalg.slogdet(D).logabsdet
@@ -41,27 +44,27 @@ def logarithm(model: StructureModel, omega: Array) -> Array:
 
 
 def determinants(model: StructureModel, most: float) -> Determinants:
-    """Of a frame with one and with two exact elements a bar, from 0 to `most` rad/s."""
+    """Determinants of a frame with one and with two exact elements per bar, from 0 to `most` rad/s."""
     omega = most * (np.arange(_POINTS) + 0.5) / _POINTS
     exact = [model.varied(options={"element": "dynamic", "elements": count}) for count in _ELEMENTS]
-    logarithms = np.stack([logarithm(each, omega) for each in exact])
+    logarithms = np.stack([logarithm(frame, omega) for frame in exact])
     count = 4
     while (found := frequencies(exact[0], count=count).values[0])[-1] < most:
         count *= 2
     return Determinants(omega, _ELEMENTS, logarithms, found[found < most])
 
 
-def determinants_figure(made: Determinants, title: str) -> Figure:
-    """A curve for each number of elements, and the frequencies as vertical lines (matplotlib Figure)."""
+def determinants_figure(result: Determinants, title: str) -> Figure:
+    """A curve for each number of elements, with the natural frequencies as vertical lines."""
     with page(3.4, title) as figure:
         axes = figure.subplots()
-        for value in made.found:
+        for value in result.found:
             axes.axvline(value, color=GREY, linewidth=0.7, linestyle=":")
         colours = (BLUE, VERMILION, BLACK)
-        for count, line, colour in zip(made.elements, made.logarithms, colours, strict=False):
+        for count, line, colour in zip(result.elements, result.logarithms, colours, strict=False):
             label = f"{count} element a bar" if count == 1 else f"{count} elements a bar"
-            axes.plot(made.omega, line, color=colour, label=label)
-        axes.set_xlim(0, made.omega[-1])
+            axes.plot(result.omega, line, color=colour, label=label)
+        axes.set_xlim(0, result.omega[-1])
         axes.set_xlabel("frequency (rad/s); dotted: the frame's natural frequencies")
         axes.set_ylabel("ln |det D(ω) / det D(0)|")
         axes.legend()

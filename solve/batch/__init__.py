@@ -1,1 +1,1 @@
-"""Many points side by side: systems that differ by numbers only, solved with shared tables and grids."""
+"""Batch solution of many points: systems that differ in numbers only, with shared tables and grids."""

@@ -1,4 +1,4 @@
-"""Points of a family solved many at once: from shared tables where their entries separate, else sampled."""
+"""Batch solution of points of a family, from shared tables if their entries separate."""
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
@@ -6,38 +6,38 @@ from dataclasses import replace
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.batch.family import SPEED, Family
 from solve.batch.tables import Sampled, Separated, Separation, training
-from solve.certify.certified import Certified, Failed, Request
+from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.refinement import certified, on_one_grid
 from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
-from solve.sizes import SMALL
 from solve.terminal import progress
 from solve.threads import one_thread
 
 POINTS = "points"
-"""How stages name them."""
+"""Name of the unit in progress reports."""
 
-_LEAST_GROUP = 4
-"""Least number of points with equal parameters for which terms over the speed alone are made."""
+_MIN_GROUP = 4
+"""Minimum number of points with equal parameters for terms over the speed only. A choice."""
 
 
 class Batch:
-    """How points of a family are solved: by which method, from which tables."""
+    """Solution of points of a family by a method, with shared tables."""
 
-    def __init__(self, family: Family, region: Array, method: Rule, request: Request):
-        """`region`: points (T, v) that span those to be solved; the shared tables are learnt from them."""
+    def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
+        """region: points (T, v) that span those to be solved; the shared tables are computed from them."""
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
-        self._sound = False
+        self._is_checked = False
 
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
-        """Points (k, v), in groups as they come; positions are those among the points."""
+        """Solutions of points (k, v), in groups, with their positions among the points."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 yield chunk
@@ -55,19 +55,19 @@ class Batch:
                     yield from (Failed(position, error) for position in positions.tolist())
 
     def solutions(self, points: Array, *grids: int) -> Iterator[tuple[int, Array, Solutions]]:
-        """Points (k, v) on each of grids of so many steps, not judged: the steps, the positions of the points
-        and their solutions; failures left out."""
+        """Solutions of points (k, v) on grids of given numbers of steps, without error estimates: steps,
+        positions and solutions; failures are omitted."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 continue
             for method, at in chosen_for(self.method, chunk):
-                some = chunk[at]
+                points_of_method = chunk[at]
                 for steps in grids:
-                    for part, solutions in on_one_grid(some, method, self.request, steps):
-                        yield steps, chosen[at[part]], solutions
+                    for index, solutions in on_one_grid(points_of_method, method, self.request, steps):
+                        yield steps, chosen[at[index]], solutions
 
     def multipliers(self, points: Array, steps: int) -> Array:
-        """Multipliers (k, N) of points (k, v) on one grid, not judged; zero where there are none."""
+        """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failures."""
         values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
         with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
@@ -76,47 +76,51 @@ class Batch:
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
-        """Why a point (v,) fails: what its own system refuses, else the reason met."""
-        alone = self._alone(point[None], 0)
-        return alone.reason if isinstance(alone, Failed) else reason
+        """Reason of failure of a point (v,): that of its system if it fails by itself, otherwise the given
+        one."""
+        single = self._single(point[None], 0)
+        return single.reason if isinstance(single, Failed) else reason
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
-        """Groups of points that can be solved side by side, or single ones; positions (k,) of each."""
-        every = np.arange(len(points))
-        alone = every
-        if self._together(points):
-            alone = yield from self._side_by_side(points)
-        yield from ((every[at : at + 1], self._alone(points, at)) for at in alone.tolist())
+        """Groups of points for batch solution, and single points, with their positions (k,)."""
+        all_positions = np.arange(len(points))
+        single = all_positions
+        if self._supports_batches(points):
+            single = yield from self._groups(points)
+        yield from ((all_positions[at : at + 1], self._single(points, at)) for at in single.tolist())
 
-    def _side_by_side(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
-        """The points in groups whose matrices jump at the same phases; returns the positions of those without
-        a system, or with matrices that cannot be. Of generated code the first point alone was asked."""
-        family, system, every = self.family, self.family.example, np.arange(len(points))
-        sound = family.exist(points)
-        known = family.at_speeds(points[sound]) if sound.any() else None
-        if known is not None:
-            yield every[sound], known
-            return every[~sound]
+    def _groups(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
+        """Groups of points with the same breaks; returns the positions of points without a valid system.
+
+        Generated code is checked at the first point only.
+        """
+        family, system, all_positions = self.family, self.family.example, np.arange(len(points))
+        valid = family.exist(points)
+        at_speeds = family.at_speeds(points[valid]) if valid.any() else None
+        if at_speeds is not None:
+            yield all_positions[valid], at_speeds
+            return all_positions[~valid]
         if system.model_hash is None:
-            sound &= [not isinstance(self._alone(points, at), Failed) for at in every.tolist()]
-        left = [every[~sound]]
+            valid &= [not isinstance(self._single(points, at), Failed) for at in all_positions.tolist()]
+        left = [all_positions[~valid]]
         for breaks, group in family.by_breaks(points):
-            alike = group[sound[group]]
-            if breaks is None or not len(alike):
-                left.append(alike)
+            members = group[valid[group]]
+            if breaks is None or not len(members):
+                left.append(members)
                 continue
-            if family.moves_breaks and len(alike) < _LEAST_GROUP:
-                yield alike, Sampled(family, points[alike], self.request.engine, breaks)
+            if family.moves_breaks and len(members) < _MIN_GROUP:
+                yield members, Sampled(family, points[members], self.request.engine, breaks)
                 continue
             shared = self._separation
             if shared is None or shared.breaks != breaks:
-                region = training(points[alike]) if family.moves_breaks else self.region
+                region = training(points[members]) if family.moves_breaks else self.region
                 shared = Separation(family, region, system.period, system.n, self.request.engine, breaks)
                 self._separation = shared
-            yield from self._shared(shared, points, alike)
+            yield from self._with_tables(shared, points, members)
         return np.sort(np.concatenate(left))
 
-    def _alone(self, points: Array, at: int) -> Points | Failed:
+    def _single(self, points: Array, at: int) -> Points | Failed:
+        """Point with its own system, or its failure."""
         try:
             system, speed = self.family.system(points[at])
             system.checked(speed)
@@ -124,31 +128,35 @@ class Batch:
             return Failed(at, refusal)
         return OnePoint(system, speed)
 
-    def _together(self, points: Array) -> bool:
-        """Whether the points can be solved side by side."""
+    def _supports_batches(self, points: Array) -> bool:
+        """Whether the points can be solved in batches."""
         system = self.family.example
         if system.n > SMALL:
             return False
-        if not self._sound:
+        if not self._is_checked:
             with suppress(SolveError):
                 system.checked(float(self.family.speeds(points[:1])[0]))
-                self._sound = True
-        return self._sound
+                self._is_checked = True
+        return self._is_checked
 
-    def _shared(self, shared: Separation, points: Array, positions: Array) -> Iterator[tuple[Array, Points]]:
-        """The points whose entries separate, over all quantities or over the speed alone; then the rest."""
+    def _with_tables(
+        self, shared: Separation, points: Array, positions: Array
+    ) -> Iterator[tuple[Array, Points]]:
+        """Points whose entries separate, over all quantities or over the speed only, then the others."""
         others = yield from _represented(shared, points, positions)
-        for alike in self._by_parameters(points, others):
-            if len(alike) >= _LEAST_GROUP:
-                region = training(points[alike])
-                own = Separation(self.family, region, shared.period, shared.n, shared.engine, shared.breaks)
-                left = yield from _represented(own, points, alike)
-                others = np.setdiff1d(others, np.setdiff1d(alike, left))
+        for group in self._by_parameters(points, others):
+            if len(group) >= _MIN_GROUP:
+                region = training(points[group])
+                over_speed = Separation(
+                    self.family, region, shared.period, shared.n, shared.engine, shared.breaks
+                )
+                left = yield from _represented(over_speed, points, group)
+                others = np.setdiff1d(others, np.setdiff1d(group, left))
         if len(others):
             yield others, Sampled(self.family, points[others], shared.engine, shared.breaks)
 
     def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
-        """The positions in groups of equal parameters, where the speed varies too."""
+        """Groups of positions with equal parameters, if the speed varies too."""
         free = [k for k, name in enumerate(self.family.names) if name != SPEED]
         if len(positions) == 0 or not 0 < len(free) < len(self.family.names):
             return []
@@ -160,11 +168,11 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """The positions whose entries the terms represent, with their points; returns the positions left."""
+    """Positions whose entries the terms represent, with their points; returns the other positions."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])
-    fitting = np.flatnonzero(fits)
-    if len(fitting):
-        yield positions[fitting], Separated(separation, coefficients)[fitting]
+    represented = np.flatnonzero(fits)
+    if len(represented):
+        yield positions[represented], Separated(separation, coefficients)[represented]
     return positions[~fits]

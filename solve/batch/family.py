@@ -1,4 +1,4 @@
-"""Systems that differ by numbers: the speed, and parameters of a model."""
+"""Families of systems over the speed and parameters."""
 
 import copy
 import reprlib
@@ -14,19 +14,20 @@ from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.labels import SPEED
+from solve.model.many_points import ModelPoints
 from solve.period.points import AtSpeeds
 from solve.system import PeriodicSystem
 
-_KEPT = 8
-"""Systems that are kept, one for each of the latest values of the parameters."""
+_CACHED_SYSTEMS = 8
+"""Number of cached systems, for the latest values of the parameters. A choice."""
 
 
 class Family:
-    """Systems over points (P, v), a row the values of `names`.
+    """Family of systems over points (P, v), with the values of `names` in each row.
 
-    speed: in rad/s, held where it is not among the names. example: a system of the family; its coordinates,
-    outputs, units and period are those of all. Copies and pickles are built anew: CasADi's memory serves one
-    thread of one process.
+    speed: in rad/s, unless among the names. example: system of the family; all have the same coordinates,
+    outputs, units and period. Copies and pickles are rebuilt: CasADi's memory serves one thread of one
+    process.
     """
 
     names: tuple[str, ...]
@@ -34,7 +35,7 @@ class Family:
     example: PeriodicSystem
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
-        """The system at a point (v,) and its speed in rad/s. Raises SolveError subclasses."""
+        """System at a point (v,) and its speed in rad/s. Raises SolveError subclasses."""
         raise NotImplementedError
 
     def speeds(self, points: Array) -> Array:
@@ -45,13 +46,13 @@ class Family:
 
     def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
         """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
-        found = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
-        for rows, point in zip(found, points, strict=True):
-            # A point without a system keeps its NaN; its own solution will say why.
+        entries = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
+        for rows, point in zip(entries, points, strict=True):
+            # NaN at points without a system; their solution fails for the same reason and reports it.
             with suppress(SolveError):
                 system, speed = self.system(point)
                 rows[:] = system.entries(phase, speed)
-        return found
+        return entries
 
     def exist(self, points: Array) -> Array:
         """Whether the fundamental motion exists at points (P, v): (P,)."""
@@ -59,59 +60,58 @@ class Family:
 
     @property
     def moves_breaks(self) -> bool:
-        """Whether the matrices may jump at other phases at other points."""
+        """Whether the phases of the breaks may differ between points."""
         return True
 
     def at_speeds(self, points: Array) -> AtSpeeds | None:
-        """The points (P, v), where they are speeds of one system that says what its entries are sums of."""
+        """Points (P, v) as speeds of one system whose entries are sums of terms; None otherwise."""
         return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
-        """Phases of jumps, and the positions (k,) of the points (P, v) that have these; None where there is
-        no system."""
-        found: dict[tuple[float, ...] | None, list[int]] = {}
+        """Groups of points (P, v) with the same breaks: the breaks and the positions (k,); None for points
+        without a system."""
+        groups: dict[tuple[float, ...] | None, list[int]] = {}
         for position, breaks in enumerate(self._breaks(points)):
-            found.setdefault(breaks, []).append(position)
-        return [(breaks, np.array(positions)) for breaks, positions in found.items()]
+            groups.setdefault(breaks, []).append(position)
+        return [(breaks, np.array(positions)) for breaks, positions in groups.items()]
 
     def _breaks(self, points: Array) -> list[tuple[float, ...] | None]:
-        each: list[tuple[float, ...] | None] = [None] * len(points)
+        breaks: list[tuple[float, ...] | None] = [None] * len(points)
         for position, point in enumerate(points):
             with suppress(SolveError):
-                each[position] = self.system(point)[0].breaks
-        return each
+                breaks[position] = self.system(point)[0].breaks
+        return breaks
 
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
         """Outputs of these names (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
-        found = []
+        by_point = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)
             values = system.output_values(state[0], speed, *state[1:])
-            found.append([values[name] for name in names])
-        return np.array(found).reshape(len(points), -1, phase.shape[1])
+            by_point.append([values[name] for name in names])
+        return np.array(by_point).reshape(len(points), -1, phase.shape[1])
 
     def output_formulas(self, points: Array) -> Formulas | None:
-        """Those of the example with the parameters (P, p) of the points; None where there are none."""
+        """Output formulas with the parameters (P, p) of the points; None if unavailable."""
         return None
 
 
 class SystemFamily(Family):
-    """A system over its speed, its parameters, or both."""
+    """Family of a system over its speed, its parameters, or both."""
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str], speed: float | None = None):
-        """`speed` (rad/s) holds where the speed is not among the names. Raises UnknownNameError,
-        ValueOutOfBoundsError."""
-        known = [SPEED, *system.parameters]
+        """speed (rad/s): unless among the names. Raises UnknownNameError, ValueOutOfBoundsError."""
+        quantities = [SPEED, *system.parameters]
         for name in names:
-            require_name(f"quantity of {system.name}", name, known)
+            require_name(f"quantity of {system.name}", name, quantities)
         if len(set(names)) < len(names):
             raise ValueOutOfBoundsError(f"{names[0]} is given twice; vary different quantities")
         self.names, self.speed = tuple(names), speed
         self.example = system
         self._free = [name for name in names if name != SPEED]
-        self._together = system.many_points(self._free)
+        self._evaluator: ModelPoints | None = system.many_points(self._free)
         self._recent: dict[tuple[float, ...], PeriodicSystem] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -119,12 +119,13 @@ class SystemFamily(Family):
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
         speed = float(self.speeds(point[None])[0])
-        return (self._varied(self._numbers(point[None])[1][0]) if self._free else self.example), speed
+        system = self._varied(self._values(point[None])[1][0]) if self._free else self.example
+        return system, speed
 
     def exist(self, points: Array) -> Array:
-        if self._together is None:
+        if self._evaluator is None:
             return super().exist(points)
-        return self._together.exist(*self._numbers(points))
+        return self._evaluator.exist(*self._values(points))
 
     @property
     def moves_breaks(self) -> bool:
@@ -142,41 +143,45 @@ class SystemFamily(Family):
         return [(self.example.breaks, np.arange(len(points)))]
 
     def _breaks(self, points: Array) -> list[tuple[float, ...] | None]:
-        if self._together is None:
+        if self._evaluator is None:
             return super()._breaks(points)
-        return self._together.breaks(self._numbers(points)[1])
+        return self._evaluator.breaks(self._values(points)[1])
 
     def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
-        speeds, free = self._numbers(points)
-        if self._together is not None and self._free:
-            formulas = self._together.formulas if engine == COMPILED else None
-            found = None if formulas is None else kernel.values(self._filled(formulas, points), phase, speeds)
-            return self._together.entries(phase, speeds, free, found)
+        speeds, free = self._values(points)
+        if self._evaluator is not None and self._free:
+            formulas = self._evaluator.formulas if engine == COMPILED else None
+            by_time = (
+                None
+                if formulas is None
+                else kernel.values(self._with_values(formulas, points), phase, speeds)
+            )
+            return self._evaluator.entries(phase, speeds, free, by_time)
         n = self.example.n
-        found = np.full((len(points), len(phase), 3 * n**2 + n), np.nan)
-        different, group = np.unique(free, axis=0, return_inverse=True)
-        for number, values in enumerate(different):
+        entries = np.full((len(points), len(phase), 3 * n**2 + n), np.nan)
+        unique, group = np.unique(free, axis=0, return_inverse=True)
+        for number, values in enumerate(unique):
             members = np.flatnonzero(group.ravel() == number)
             with suppress(SolveError):
-                found[members] = self._varied(values).entries_over(phase, speeds[members])
-        return found
+                entries[members] = self._varied(values).entries_over(phase, speeds[members])
+        return entries
 
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        if self._together is None:
+        if self._evaluator is None:
             return super().outputs(names, phase, points, q, qd, qdd)
-        every = self._together.outputs(phase, *self._numbers(points), q, qd, qdd)
-        return every[:, [self.example.outputs.index(name) for name in names]]
+        outputs = self._evaluator.outputs(phase, *self._values(points), q, qd, qdd)
+        return outputs[:, [self.example.outputs.index(name) for name in names]]
 
     def output_formulas(self, points: Array) -> Formulas | None:
-        found = self.example.output_formulas(self._free)
-        return None if found is None else self._filled(found, points)
+        formulas = self.example.output_formulas(self._free)
+        return None if formulas is None else self._with_values(formulas, points)
 
-    def _filled(self, formulas: Formulas, points: Array) -> Formulas:
-        """With the parameters (P, p) of the points."""
+    def _with_values(self, formulas: Formulas, points: Array) -> Formulas:
+        """Formulas with the parameters (P, p) of the points."""
         values = np.tile(formulas.values, (len(points), 1))
-        values[:, [formulas.names.index(name) for name in self._free]] = self._numbers(points)[1]
+        values[:, [formulas.names.index(name) for name in self._free]] = self._values(points)[1]
         return formulas._replace(values=values)
 
     def _varied(self, values: Array) -> PeriodicSystem:
@@ -184,19 +189,19 @@ class SystemFamily(Family):
             return self.example
         key = tuple(values.tolist())
         if key not in self._recent:
-            made = self.example.varied(dict(zip(self._free, key, strict=True)))
-            while len(self._recent) >= _KEPT:
+            system = self.example.varied(dict(zip(self._free, key, strict=True)))
+            while len(self._recent) >= _CACHED_SYSTEMS:
                 del self._recent[next(iter(self._recent))]
-            self._recent[key] = made
+            self._recent[key] = system
         return self._recent[key]
 
-    def _numbers(self, points: Array) -> tuple[Array, Array]:
+    def _values(self, points: Array) -> tuple[Array, Array]:
         """Speeds (P,) and free parameters (P, v)."""
         return self.speeds(points), points[:, [self.names.index(name) for name in self._free]]
 
 
 class BuiltFamily(Family):
-    """Systems that a function of a user's own builds from values by name."""
+    """Family of systems built by a function from values by name."""
 
     def __init__(
         self,
@@ -205,8 +210,8 @@ class BuiltFamily(Family):
         points: Array,
         speed: float | None = None,
     ):
-        """`points` (P, v): the first that can be built is the example; `speed` (rad/s) holds where the speed
-        is not among the names."""
+        """points (P, v): the first with a system provides the example. speed (rad/s): unless among the
+        names."""
         self.names, self.speed = tuple(names), speed
         self._build = build
         self.example, self._point = self._first(points)
@@ -233,5 +238,5 @@ class BuiltFamily(Family):
 
 
 def over_speed(system: PeriodicSystem) -> Family:
-    """The family of a system's speeds."""
+    """Family of a system over its speed."""
     return SystemFamily(system, [SPEED])

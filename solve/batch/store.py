@@ -1,8 +1,7 @@
-"""Results of many points in a folder, kept part by part as they are finished: what stopped goes on there.
+"""Store of results of many points in a folder, written in chunks, from which interrupted work resumes.
 
-The folder is a group of zarr arrays, a part a chunk; `xarray.open_dataset(folder, engine="zarr",
-consolidated=False)` reads it, finished or not. A part counts as finished where its checksum, written last, is
-that of what is read.
+The folder is a group of zarr arrays; `xarray.open_dataset(folder, engine="zarr", consolidated=False)` reads
+it, complete or not. A chunk is complete if its checksum, written last, agrees with its data.
 """
 
 import json
@@ -21,11 +20,11 @@ from solve.period.quantities import FIGURES
 from solve.results.points import Kept, PointResults
 
 _WORK, _FINISHED = "work", "finished"
-"""Attributes of the group: what is calculated, and whether all of it is there, by which a folder is known to
-be a store."""
+"""Attributes of the group: the description of the calculation, and whether it is complete. The latter
+identifies a folder as a store."""
 
 _CODE = np.int8
-"""Of a method's name among those of its part."""
+"""Type of the index of a method's name among those of its chunk."""
 
 _DIMENSIONS: dict[str, tuple[str, ...]] = {
     "figures": ("point", "quantity", "figure"),
@@ -41,7 +40,7 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
 
 
 class Store:
-    """Parts of `size` points each, the last one shorter, of results of points with n coordinates."""
+    """Results of points with n coordinates in chunks of `size` points; the last may be shorter."""
 
     def __init__(self, group: Any, n: int, kept: Kept, size: int):
         self._n, self._kept, self.size = n, kept, size
@@ -49,32 +48,32 @@ class Store:
         self._group, self._arrays = group, {name: group[name] for name in names}
         self._texts, self._checksums = group["texts"], group["checksum"]
 
-    def read(self, part: Array) -> PointResults | None:
-        """Results of a part, the positions (k,) of neighbours; None where it is not finished."""
-        number = int(part[0]) // self.size
+    def read(self, chunk: Array) -> PointResults | None:
+        """Results of a chunk of consecutive positions (k,); None if it is incomplete."""
+        number = int(chunk[0]) // self.size
         try:
             checksum = int(self._checksums[number])
             if not checksum:
                 return None
-            values = {name: kept[part[0] : part[-1] + 1] for name, kept in self._arrays.items()}
+            values = {name: array[chunk[0] : chunk[-1] + 1] for name, array in self._arrays.items()}
             text = str(self._texts[number])
         except Exception:
-            # What a damaged file raises depends on the codec that reads it.
+            # Exceptions for damaged files depend on the codec.
             return None
         if _checksum(values, text) != checksum:
             return None
         texts = json.loads(text)
-        found = PointResults.blank(len(part), self._n, self._kept)
+        results = PointResults.blank(len(chunk), self._n, self._kept)
         for name in values.keys() - {"method"}:
-            getattr(found, name)[:] = values[name]
-        found.methods[:] = np.array(texts["methods"], dtype=object)[values["method"]]
-        found.warnings.update({int(at): lines for at, lines in texts["warnings"].items()})
-        found.failures.update({int(at): line for at, line in texts["failures"].items()})
-        return found
+            getattr(results, name)[:] = values[name]
+        results.methods[:] = np.array(texts["methods"], dtype=object)[values["method"]]
+        results.warnings.update({int(at): lines for at, lines in texts["warnings"].items()})
+        results.failures.update({int(at): line for at, line in texts["failures"].items()})
+        return results
 
-    def write(self, part: Array, results: PointResults) -> None:
-        """Keep a part that is finished. Raises FileError."""
-        number, place = int(part[0]) // self.size, slice(int(part[0]), int(part[-1]) + 1)
+    def write(self, chunk: Array, results: PointResults) -> None:
+        """Write a complete chunk. Raises FileError."""
+        number, place = int(chunk[0]) // self.size, slice(int(chunk[0]), int(chunk[-1]) + 1)
         methods, codes = np.unique(results.methods.astype(str), return_inverse=True)
         values = {name: getattr(results, name, codes.astype(_CODE)) for name in self._arrays}
         texts = {
@@ -83,23 +82,23 @@ class Store:
             "failures": results.failures,
         }
         text = json.dumps(texts, ensure_ascii=False)
-        with _refusing():
-            for name, kept in self._arrays.items():
-                kept[place] = values[name]
+        with _file_errors():
+            for name, array in self._arrays.items():
+                array[place] = values[name]
             self._texts[number] = text
             self._checksums[number] = _checksum(values, text)
 
     def finish(self) -> None:
-        """State that every part is there. Raises FileError."""
-        with _refusing():
+        """Mark the store as complete. Raises FileError."""
+        with _file_errors():
             self._group.attrs[_FINISHED] = True
 
 
 def made_folder(path: str | Path) -> Path:
-    """A folder that may be there already, for the stores of several calculations. Raises FileError,
+    """Folder for the stores of several calculations, created if necessary. Raises FileError,
     MissingLibraryError."""
     _require_zarr()
-    with _refusing():
+    with _file_errors():
         Path(path).mkdir(exist_ok=True)
     return Path(path)
 
@@ -108,29 +107,29 @@ def made_folder(path: str | Path) -> Path:
 def opened(
     folder: str | Path, work: Mapping[str, Any], columns: Mapping[str, Array], n: int, kept: Kept, size: int
 ) -> Iterator[Store]:
-    """The store in a folder, for one writer, made where there is none.
+    """Store in a folder for one writer, created if necessary.
 
-    work: what is calculated, in numbers and texts, by which a folder of another calculation is known;
-    columns: values (P,) of the quantities that vary. Raises FileError for a folder of something else, of
-    another calculation, in use by another process, or that cannot be written; MissingLibraryError.
+    work: description of the calculation in numbers and texts, which distinguishes it from others. columns:
+    values (P,) of the varied quantities. Raises FileError for a folder with other files, of another
+    calculation, in use by another process, or that cannot be written; MissingLibraryError.
     """
     _require_zarr()
     place = Path(folder)
     with _locked(place):
-        with _refusing():
+        with _file_errors():
             group: Any = _group(place)
-            known = group.attrs.get(_WORK)
-            if known is None:
+            stored = group.attrs.get(_WORK)
+            if stored is None:
                 _create(group, n, kept, size, columns)
                 group.attrs[_WORK] = {**work, "size": size}
             else:
-                _require_same(place, known, work)
-                size = known["size"]
+                _require_same(place, stored, work)
+                size = stored["size"]
         yield Store(group, n, kept, size)
 
 
 def _require_zarr() -> None:
-    """Raise MissingLibraryError without zarr, before a folder is made."""
+    """Raise MissingLibraryError without zarr, before a folder is created."""
     try:
         import zarr  # noqa: F401
     except ImportError:
@@ -138,7 +137,7 @@ def _require_zarr() -> None:
 
 
 def _group(place: Path) -> Any:
-    """The group of arrays in a folder, a new one where it is empty. Raises FileError, OSError."""
+    """Group of arrays in a folder; a new one in an empty folder. Raises FileError, OSError."""
     import zarr
 
     if not any(place.iterdir()):
@@ -158,7 +157,7 @@ def _create(group: Any, n: int, kept: Kept, size: int, columns: Mapping[str, Arr
     names = {"quantity": kept.names, "spectrum": kept.spectra, "figure": FIGURES}
     names["result"] = ("orbit", "multipliers")
     for name, dimensions in _DIMENSIONS.items():
-        # Codes of the methods' names, which stand in the texts of the part.
+        # Indices of the names of methods, which are in the texts of the chunk.
         values = getattr(blank, name, np.zeros(1, dtype=_CODE))
         if values.size:
             group.create_array(
@@ -168,7 +167,7 @@ def _create(group: Any, n: int, kept: Kept, size: int, columns: Mapping[str, Arr
                 dtype=values.dtype,
                 fill_value=values.flat[0].item(),
                 dimension_names=dimensions,
-                attributes={each: list(names[each]) for each in dimensions if each in names},
+                attributes={label: list(names[label]) for label in dimensions if label in names},
                 overwrite=True,
             )
     parts = -(-count // size)
@@ -186,9 +185,9 @@ def _create(group: Any, n: int, kept: Kept, size: int, columns: Mapping[str, Arr
         group.create_array(name, data=values, chunks=(size,), dimension_names=("point",), overwrite=True)
 
 
-def _require_same(place: Path, known: Mapping[str, Any], work: Mapping[str, Any]) -> None:
-    """Raise FileError where the folder holds another calculation."""
-    there, here = _entries(known), _entries(json.loads(json.dumps(work)))
+def _require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any]) -> None:
+    """Raise FileError if the folder contains another calculation."""
+    there, here = _entries(stored), _entries(json.loads(json.dumps(work)))
     for name in here:
         if there.get(name) != here[name]:
             raise FileError(
@@ -198,39 +197,38 @@ def _require_same(place: Path, known: Mapping[str, Any], work: Mapping[str, Any]
 
 
 def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
-    """By name, those of parameters and options one by one."""
-    found: dict[str, Any] = {}
+    """Entries of a description by name, with separate entries for each parameter and option."""
+    entries: dict[str, Any] = {}
     for name, value in work.items():
-        found.update(
-            {f"{name}: {each}": one for each, one in value.items()}
-            if isinstance(value, dict)
-            else {name: value}
-        )
-    return found
+        if isinstance(value, dict):
+            entries.update({f"{name}: {key}": item for key, item in value.items()})
+        else:
+            entries[name] = value
+    return entries
 
 
 def _checksum(values: Mapping[str, Array], text: str) -> int:
-    """Never 0, which stands for a part that is not finished."""
-    found = zlib.crc32(text.encode())
-    for each in values.values():
-        found = zlib.crc32(np.ascontiguousarray(each).tobytes(), found)
-    return found + 1
+    """Checksum of a chunk; never 0, which marks an incomplete one."""
+    checksum = zlib.crc32(text.encode())
+    for array in values.values():
+        checksum = zlib.crc32(np.ascontiguousarray(array).tobytes(), checksum)
+    return checksum + 1
 
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """The folder, for this process alone; the system takes the lock from a process that ends."""
-    with _refusing():
+    """Exclusive lock of a folder; the system releases it when the process ends."""
+    with _file_errors():
         if place.exists() and not place.is_dir():
             raise FileError(f"'{place}' is a file; give a folder")
         place.mkdir(exist_ok=True)
     if os.name != "posix":
-        # Elsewhere folders cannot be locked.
+        # Other systems cannot lock folders.
         yield
         return
     import fcntl
 
-    with _refusing():
+    with _file_errors():
         descriptor = os.open(place, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -246,11 +244,12 @@ def _locked(place: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _refusing() -> Iterator[None]:
+def _file_errors() -> Iterator[None]:
+    """Context that converts OSError to FileError."""
     try:
         yield
     except OSError as error:
         what = f" '{error.filename}'" if error.filename else ""
         raise FileError(
-            f"the store{what} cannot be written ({error.strerror or error}); what was finished before is kept"
+            f"the store{what} cannot be written ({error.strerror or error}); finished chunks are kept"
         ) from None

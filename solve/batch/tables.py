@@ -1,48 +1,47 @@
-"""Entries of M, C, K, d as short sums of products: functions of the phase times numbers of the point.
+"""Separation of the entries of M, C, K, d: short sums of functions of the phase times numbers of the point.
 
-Speeds and most parameters enter the matrices apart from the phase: powers of Ω, masses, stiffnesses.
-An entry is then a fixed combination of its own values at a few phases, so that a point needs samples
-there alone. The phases are found by elimination with complete pivoting on samples of some of the points
-(M. Barrault, Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672), and every point is
-checked at further phases.
+Speeds and most parameters, such as powers of Ω, masses and stiffnesses, are factors of functions of the
+phase. An entry is then a fixed combination of its values at a few phases, so that a point is sampled only
+there. These phases result from elimination with complete pivoting on samples of some points (M. Barrault,
+Y. Maday, N. C. Nguyen, A. T. Patera, C. R. Math. 339 (2004) 667-672). Every point is checked at further
+phases.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
-from solve.arrays import Array, across, whole
+from solve.arrays import EPS, Array, across, covers_all
 from solve.batch.family import Family
 from solve.kernel.engines import NUMPY
 from solve.period.grid import pieces
-from solve.period.multipliers import EPS
 from solve.period.points import Tables
 
-_MOST_TERMS = 10
-"""Terms an entry may have before sampling every point at every phase costs less."""
+_MAX_TERMS = 10
+"""Number of terms per entry from which sampling every point at every phase costs less. A choice."""
 
 _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
+"""Numbers of points and phases from which the terms are computed. A choice."""
+
 _NEGLIGIBLE = 4e-15
-"""Part of an entry, relative to its largest value at the point, that is left out."""
+"""Pivot, relative to the largest value of the entry, below which terms are omitted as round-off."""
 
-_FITS = 1e-12
-"""Relative error at the check phases up to which a point is represented."""
+_REPRESENTED = 1e-12
+"""Relative error at the check phases up to which a point counts as represented. A choice."""
 
-_MOST_KEPT = 2**26
-"""Bytes that the tables kept for the next points may take together."""
+_CACHE_BYTES = 2**26
+"""Memory limit of cached tables in bytes. A choice."""
 
 _CHECKS = np.array([0.1357, 0.7311])
-"""Where points are checked, in parts of each piece between two jumps."""
+"""Phases at which points are checked, as fractions of each piece between two breaks. A choice."""
 
-_LEAST_PHASES = 8
-"""Training phases of a piece, however short."""
+_MIN_PHASES = 8
+"""Minimum number of training phases per piece. A choice."""
 
 
 class Separation:
-    """The terms of a family's entries, from samples at some points (T, v), see `training`.
+    """Terms of the entries of a family, from samples at some points (T, v); see `training`.
 
-    An entry's terms are nested: the j-th is 1 at its own phase and 0 at those of the terms before it, so
-    that a small term costs no digits of the others.
+    The terms of an entry are nested: the j-th is 1 at its phase and 0 at those of previous terms, so that a
+    small term does not reduce the accuracy of the others.
     """
 
     def __init__(
@@ -56,29 +55,29 @@ class Separation:
     ):
         self.family, self.period, self.n, self.engine, self.breaks = family, period, n, engine, breaks
         ends, _ = pieces(period, breaks)
-        counts = np.maximum(_LEAST_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
+        counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
         self._checks = np.ravel(ends[:-1, None] + np.diff(ends)[:, None] * _CHECKS)
-        self._kept: dict[bytes, Array] = {}
+        self._cache: dict[bytes, Array] = {}
         self._points = points
-        evenly = (
+        by_piece = (
             (np.arange(k) + 0.5) * ((b - a) / k) + a for a, b, k in zip(ends, ends[1:], counts, strict=False)
         )
-        phases = np.concatenate([*evenly])
+        phases = np.concatenate([*by_piece])
         samples = family.entries(phases, self._points, engine)
         finite = np.isfinite(samples).all(axis=(1, 2))
-        # Points without a system have NaN for entries.
+        # Entries are NaN at points without a system.
         samples, self._points = samples[finite], self._points[finite]
         rows, columns, self._active = _pivots(samples)
-        self.separable = len(samples) > 0 and len(rows) < _MOST_TERMS
-        used, self._rows = _numbered(rows)
-        taken, self._columns = _numbered(columns)
-        self._points, self._taken = self._points[used], phases[taken]
-        self._learn(samples[np.ix_(used, taken)])
+        self.separable = len(samples) > 0 and len(rows) < _MAX_TERMS
+        row_index, self._rows = _numbered(rows)
+        column_index, self._columns = _numbered(columns)
+        self._points, self._phases = self._points[row_index], phases[column_index]
+        self._compute_terms(samples[np.ix_(row_index, column_index)])
         self.entry, self._stage = np.nonzero(self._active.T)
 
-    def _learn(self, samples: Array) -> None:
-        """What nests the terms: factors [j][i] (E,) of term i in row j, and terms [i] (T, E) at the phases
-        of all terms, from samples (B, T, E)."""
+    def _compute_terms(self, samples: Array) -> None:
+        """Compute factors [j][i] (E,) of term i in row j, and terms [i] (T, E) at the phases of all terms,
+        from samples (B, T, E)."""
         every = np.arange(samples.shape[2])
         self._factors, self._nested = [], []
         for stage, row in enumerate(self._rows):
@@ -91,13 +90,13 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def table(self, phase: Array) -> Array:
-        """The terms (k, R) at phases (k,), kept in memory up to a limit, the latest ones."""
+        """Terms (k, R) at phases (k,); the latest are cached, up to a memory limit."""
         key = phase.tobytes()
-        if key not in self._kept:
-            self._kept[key] = self._terms(phase)
-            while len(self._kept) > 1 and sum(kept.nbytes for kept in self._kept.values()) > _MOST_KEPT:
-                self._kept.pop(next(iter(self._kept)))
-        return self._kept[key]
+        if key not in self._cache:
+            self._cache[key] = self._terms(phase)
+            while len(self._cache) > 1 and sum(t.nbytes for t in self._cache.values()) > _CACHE_BYTES:
+                self._cache.pop(next(iter(self._cache)))
+        return self._cache[key]
 
     def _terms(self, phase: Array) -> Array:
         samples, terms = self.family.entries(phase, self._points, self.engine), []
@@ -110,13 +109,13 @@ class Separation:
         return np.ascontiguousarray(self._by_term(terms, len(phase)))
 
     def _by_term(self, stages: list[Array], count: int) -> Array:
-        """Those of values (count, E) of each stage that belong to a term: (count, R)."""
+        """Values (count, R) of the terms, from values (count, E) of each stage."""
         return np.array(stages).reshape(-1, count, len(self._active.T))[self._stage, :, self.entry].T
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
         checks = self._checks
-        samples = self.family.entries(np.concatenate((self._taken, checks)), points, self.engine)
+        samples = self.family.entries(np.concatenate((self._phases, checks)), points, self.engine)
         every, nested = np.arange(samples.shape[2]), []
         for stage, columns in enumerate(self._columns):
             rest = samples[:, columns, every]
@@ -127,67 +126,43 @@ class Separation:
         predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
         error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
         largest = across(np.maximum, np.abs(samples), 1)
-        allowed = _FITS * largest
+        allowed = _REPRESENTED * largest
         if (error > allowed).any():
             allowed += EPS * _scales(largest, self.n)
         return coefficients, across(np.logical_and, (error <= allowed) & np.isfinite(largest))
 
 
-@dataclass(frozen=True)
 class Separated:
-    """Points whose entries separate, by their coefficients (P, R)."""
+    """Points with separated entries, represented by their coefficients (P, R)."""
 
-    separation: Separation
-    coefficients: Array
-    bytes_a_phase: int = 0
-    alone: bool = False
+    bytes_a_phase, alone = 0, False
 
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return self.separation.breaks
-
-    @property
-    def n(self) -> int:
-        return self.separation.n
-
-    @property
-    def period(self) -> float:
-        return self.separation.period
+    def __init__(self, separation: Separation, coefficients: Array):
+        self.separation, self.coefficients = separation, coefficients
+        self.n, self.period, self.breaks = separation.n, separation.period, separation.breaks
 
     def __len__(self) -> int:
         return len(self.coefficients)
 
     def __getitem__(self, positions: Array) -> "Separated":
-        if whole(positions, len(self)):
+        if covers_all(positions, len(self)):
             return self
         return Separated(self.separation, self.coefficients[positions])
 
     def tables(self, phase: Array) -> Tables:
-        separation = self.separation
-        return Tables(separation.table(phase), self.coefficients, separation.entry, separation.n)
+        """Terms at phases (k,)."""
+        return Tables(self.separation.table(phase), self.coefficients, self.separation.entry, self.n)
 
 
-@dataclass(frozen=True)
 class Sampled:
-    """Points (P, v) of a family that are sampled at every phase, each for itself."""
+    """Points (P, v) of a family that are sampled individually at every phase."""
 
-    family: Family
-    points: Array
-    engine: str = NUMPY
-    breaks: tuple[float, ...] = ()
-    alone: bool = False
+    alone = False
 
-    @property
-    def n(self) -> int:
-        return self.family.example.n
-
-    @property
-    def period(self) -> float:
-        return self.family.example.period
-
-    @property
-    def bytes_a_phase(self) -> int:
-        return 8 * (3 * self.n**2 + self.n)
+    def __init__(self, family: Family, points: Array, engine: str = NUMPY, breaks: tuple[float, ...] = ()):
+        self.family, self.points, self.engine, self.breaks = family, points, engine, breaks
+        self.n, self.period = family.example.n, family.example.period
+        self.bytes_a_phase = 8 * (3 * self.n**2 + self.n)
 
     def __len__(self) -> int:
         return len(self.points)
@@ -196,52 +171,53 @@ class Sampled:
         return Sampled(self.family, self.points[positions], self.engine, self.breaks)
 
     def tables(self, phase: Array) -> Tables:
+        """Entries at phases (k,)."""
         return Tables.of(self.family.entries(phase, self.points, self.engine), self.n)
 
 
 def training(points: Array) -> Array:
-    """Some of the points, from which the terms are learnt: the extreme ones, and others all over."""
+    """Points from which the terms are computed: the extreme ones, equidistant ones and random ones."""
     extremes = [pick(column) for column in points.T for pick in (np.argmin, np.argmax)]
-    others = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
-    scattered = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
-    return points[np.unique([*extremes, *others, *scattered])]
+    equidistant = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
+    random = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
+    return points[np.unique([*extremes, *equidistant, *random])]
 
 
 def _scales(largest: Array, n: int) -> Array:
-    """The largest entry of M, C, K or d (P, E) that each of theirs stands for in coordinates whose inertias
-    are alike: that times the smallest unit of rounding is what sums that cancel leave of it."""
+    """Largest entry (P, E) of M, C, K or d in units in which the diagonal of M is 1, converted to the units
+    of each entry. Multiplied by the machine precision, it is the round-off of cancelling sums."""
     units = np.sqrt(largest[:, : n * n : n + 1])
     both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
     ends = np.arange(n * n, 3 * n * n + 1, n * n)
     scales = []
-    for part, unit in zip(np.split(largest, ends, axis=1), (both, both, both, units), strict=True):
+    for matrix, unit in zip(np.split(largest, ends, axis=1), (both, both, both, units), strict=True):
         with np.errstate(invalid="ignore"):
-            alike = np.divide(part, unit, out=np.zeros_like(part), where=unit > 0)
-        scales.append(alike.max(axis=1, keepdims=True) * unit)
+            scaled = np.divide(matrix, unit, out=np.zeros_like(matrix), where=unit > 0)
+        scales.append(scaled.max(axis=1, keepdims=True) * unit)
     return np.concatenate(scales, axis=1)
 
 
 def _pivots(samples: Array) -> tuple[Array, Array, Array]:
-    """Rows and columns (J, E) of cross approximations of every entry of samples (T, k, E), and which of
-    them count (J, E); each row is measured by its largest value."""
+    """Rows and columns (J, E) of cross approximations of every entry of samples (T, k, E), and a mask (J, E)
+    of significant pivots, relative to the largest value of each row."""
     size = np.abs(samples).max(axis=1, keepdims=True)
     rest = samples / np.where(size > 0, size, 1.0)
     T, k, E = samples.shape
-    every, found = np.arange(E), []
-    while T and len(found) < _MOST_TERMS:
+    every, pivots = np.arange(E), []
+    while T and len(pivots) < _MAX_TERMS:
         row, column = np.unravel_index(np.abs(rest).reshape(T * k, E).argmax(axis=0), (T, k))
         pivot = rest[row, column, every]
         counts = np.abs(pivot) > _NEGLIGIBLE
         if not counts.any():
             break
-        found.append((row, column, counts))
+        pivots.append((row, column, counts))
         left, upper = rest[:, column, every], rest[row, :, every].T
         rest = rest - np.where(counts, left / np.where(counts, pivot, 1.0), 0.0)[:, None] * upper
-    rows, columns, active = np.moveaxis(np.array(found, dtype=int).reshape(-1, 3, E), 1, 0)
+    rows, columns, active = np.moveaxis(np.array(pivots, dtype=int).reshape(-1, 3, E), 1, 0)
     return rows, columns, active.astype(bool)
 
 
 def _numbered(places: Array) -> tuple[Array, Array]:
-    """The different ones among the places, and for each place its number among these."""
-    used, number = np.unique(places, return_inverse=True)
-    return used, number.reshape(places.shape)
+    """Unique places, and the index of each place among them."""
+    unique, number = np.unique(places, return_inverse=True)
+    return unique, number.reshape(places.shape)

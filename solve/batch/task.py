@@ -1,12 +1,18 @@
-"""What is asked of many points, solved here or in parts by an executor, and kept in a store as they come."""
+"""Task of solving many points, in this process or by an executor, optionally with a store."""
 
 import hashlib
+import multiprocessing
+import os
+import signal
+import threading
 from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, as_completed
-from contextlib import ExitStack
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
@@ -18,34 +24,34 @@ from solve.batch.family import Family
 from solve.batch.gathering import gathered
 from solve.batch.store import Store, opened
 from solve.batch.tables import training
-from solve.certify.certified import Request
-from solve.errors import WorkersError
+from solve.certify.certified import SolveRequest
+from solve.errors import MissingLibraryError, ValueOutOfBoundsError, WorkersError
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen
-from solve.results.contents import model_record
+from solve.results.contents import model_info
 from solve.results.points import Kept, PointResults
 from solve.single import request
 from solve.terminal import progress
 
-_PARTS, _FEWEST, _MOST = 32, 8, 2**14
-"""Parts that points are dealt out in; fewer, or more, where a part would have fewer or more points."""
+_CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
+"""Number of chunks of points, and minimum and maximum number of points per chunk. A choice."""
 
-_WITNESSES = 256
-"""Phases at which the matrices of some points show whether a store holds the same calculation, beside one
-between each two at which they jump."""
+_PROBES = 256
+"""Phases at which the matrices of some points identify the calculation in a store, in addition to one between
+every two breaks. A choice."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A family, the method, what is asked of points and what is kept; goes to other threads and processes."""
+    """Family, method, request and stored results; can be sent to other threads and processes."""
 
     family: Family
     method: Rule
-    request: Request
+    request: SolveRequest
     kept: Kept
 
     def batch(self, points: Array) -> Batch:
-        """For points like these (P, v)."""
+        """Batch for points (P, v) and others in their range."""
         return Batch(self.family, training(points), self.method, self.request)
 
     def solved(
@@ -55,46 +61,54 @@ class Task:
         executor: Executor | None = None,
         store: str | Path | None = None,
     ) -> PointResults:
-        """The points (P, v), in a batch for them here, or in parts by the executor; with a store those that
-        it has are read, the others written as their parts are finished. Raises FileError, WorkersError,
-        MissingLibraryError."""
+        """Results of points (P, v), solved in this process or in chunks by an executor.
+
+        Chunks in a store are read, the others are written as they are completed. Raises FileError,
+        WorkersError, MissingLibraryError.
+        """
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
         n = self.family.example.n
-        size = min(_MOST, max(_FEWEST, -(-len(points) // _PARTS)))
+        size = min(_MAX_CHUNK, max(_MIN_CHUNK, -(-len(points) // _CHUNKS)))
         results = PointResults.blank(len(points), n, self.kept)
         with ExitStack() as opening:
-            kept_in = None
+            opened_store = None
             if store is not None:
                 columns = dict(zip(self.family.names, points.T, strict=True))
-                kept_in = opening.enter_context(
+                opened_store = opening.enter_context(
                     opened(store, self._description(batch.region, points), columns, n, self.kept, size)
                 )
-                size = kept_in.size
+                size = opened_store.size
             count = opening.enter_context(progress.task(POINTS, len(points)))
-            every = np.arange(len(points))
-            parts = [every[at : at + size] for at in range(0, len(points), size)]
-            left = list(_read(kept_in, parts, results, count)) if kept_in else parts
-            for index, found in self._parts(batch, points, left, executor, count):
-                if kept_in:
-                    kept_in.write(index, found)
-                results.insert(index, found)
-            if kept_in:
-                kept_in.finish()
+            positions = np.arange(len(points))
+            chunks = [positions[at : at + size] for at in range(0, len(points), size)]
+            if opened_store:
+                chunks = list(_missing(opened_store, chunks, results, count))
+            for index, chunk_results in self._solve(batch, points, chunks, executor, count):
+                if opened_store:
+                    opened_store.write(index, chunk_results)
+                results.insert(index, chunk_results)
+            if opened_store:
+                opened_store.finish()
         return results
 
-    def _parts(
-        self, batch: Batch, points: Array, parts: list[Array], executor: Executor | None, count: progress.Task
+    def _solve(
+        self,
+        batch: Batch,
+        points: Array,
+        chunks: list[Array],
+        executor: Executor | None,
+        count: progress.Task,
     ) -> Iterator[tuple[Array, PointResults]]:
-        """Each part with its results, as they come."""
+        """Chunks with their results, in order of completion."""
         if executor is None:
-            for index in parts:
+            for index in chunks:
                 with progress.subtask(POINTS, len(index)):
-                    found = gathered(batch, points[index], self.kept)
-                yield index, found
+                    results = gathered(batch, points[index], self.kept)
+                yield index, results
             return
-        work = _Part(self, batch.region)
-        waiting = {executor.submit(work, points[index]): index for index in parts}
+        solve_chunk = partial(_solve_chunk, self, batch.region)
+        waiting = {executor.submit(solve_chunk, points[index]): index for index in chunks}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
@@ -105,27 +119,27 @@ class Task:
                 "full? With a store the same call goes on from there"
             ) from None
         finally:
-            # Nobody waits for the rest, where one fails or the user interrupts.
+            # After a failure or an interruption, the other chunks are not needed.
             for future in waiting:
                 future.cancel()
 
     def _description(self, region: Array, points: Array) -> dict[str, Any]:
-        """What decides the results, by which a store is known again."""
-        family, asked, kept = self.family, self.request, self.kept
+        """Everything that determines the results, for identification of a store."""
+        family, request, kept = self.family, self.request, self.kept
         example = family.example
         between = np.convolve(example.breaks, (0.5, 0.5), "valid") if len(example.breaks) > 1 else ()
-        phases = np.append((np.arange(_WITNESSES) + 0.37) * (example.period / _WITNESSES), between)
+        phases = np.append((np.arange(_PROBES) + 0.37) * (example.period / _PROBES), between)
         method = getattr(self.method, "__name__", None) or repr(self.method)
         return {
-            **model_record(example),
+            **model_info(example),
             "points": _digest(points),
             "matrices": _digest(*(family.entries(phases, point[None]) for point in region)),
             "breaks": [*map(float, example.breaks)],
             "method": method,
-            "rtol": asked.rtol,
-            "steps": asked.steps,
-            "engine": asked.engine,
-            "orbit": asked.orbit,
+            "rtol": request.rtol,
+            "steps": request.steps,
+            "engine": request.engine,
+            "orbit": request.orbit,
             "quantities": [*kept.names],
             "spectra": [*kept.spectra],
             "harmonics": kept.harmonics,
@@ -133,17 +147,11 @@ class Task:
         }
 
 
-@dataclass(frozen=True)
-class _Part:
-    """Solves a part of the points, with tables that are learnt from some of all of them (T, v)."""
-
-    task: Task
-    region: Array
-
-    def __call__(self, points: Array) -> PointResults:
-        # Samplers of a model serve one thread.
-        task = replace(self.task, family=copy(self.task.family))
-        return gathered(Batch(task.family, self.region, task.method, task.request), points, task.kept)
+def _solve_chunk(task: Task, region: Array, points: Array) -> PointResults:
+    """Results of a chunk of points, with tables computed from a selection (T, v) of all points."""
+    # The samplers of a model are not shared between threads.
+    family = copy(task.family)
+    return gathered(Batch(family, region, task.method, task.request), points, task.kept)
 
 
 def task_of(
@@ -155,25 +163,90 @@ def task_of(
     steps: int | None = None,
     orbit: bool = True,
 ) -> tuple[Task, list[str]]:
-    """What is asked of points of the family, and what the user should know about the engine. Raises
-    SolveError subclasses for an unknown method or engine, and for a tolerance out of bounds."""
+    """Task for points of a family, and notes on the engine. Raises SolveError subclasses for an unknown
+    method or engine, and for a tolerance out of bounds."""
     used, notes = chosen_engine(engine)
     return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
 
 
-def _read(store: Store, parts: list[Array], results: PointResults, count: progress.Task) -> Iterator[Array]:
-    """Take over the parts that the store has; the others."""
-    for index in parts:
-        found = store.read(index)
-        if found is None:
+def _missing(
+    store: Store, chunks: list[Array], results: PointResults, count: progress.Task
+) -> Iterator[Array]:
+    """Insert stored chunks into the results, and yield the others."""
+    for index in chunks:
+        stored = store.read(index)
+        if stored is None:
             yield index
         else:
-            results.insert(index, found)
+            results.insert(index, stored)
             count.add(len(index))
 
 
-def _digest(*parts: Array) -> str:
+def _digest(*arrays: Array) -> str:
+    """Hash of arrays."""
     digest = hashlib.sha256()
-    for values in parts:
-        digest.update(np.ascontiguousarray(values).tobytes())
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:16]
+
+
+_MAX_WORKERS = 1024
+"""Maximum number of processes. A choice."""
+
+_TIMEOUT = 10.0
+"""Timeout in seconds for a scheduler. A choice."""
+
+_INTERRUPTED = 130
+"""Exit status of an interrupted process: 128 + SIGINT."""
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Executor]:
+    """Context with processes of this machine, which end with the context or with this process. Raises
+    ValueOutOfBoundsError."""
+    if not 1 <= count <= _MAX_WORKERS:
+        raise ValueOutOfBoundsError(
+            f"workers is {count}; allowed: 1 … {_MAX_WORKERS}, such as the number of cores"
+        )
+    executor = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin)
+    before = set(multiprocessing.active_children())
+    try:
+        yield executor
+        executor.shutdown()
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()
+
+
+@contextmanager
+def cluster(address: str) -> Iterator[Executor]:
+    """Context with the workers of a running dask scheduler, such as "tcp://127.0.0.1:8786". Raises
+    WorkersError if it does not answer, MissingLibraryError."""
+    try:
+        from distributed import Client
+        from distributed.comm.addressing import get_address_host
+    except ImportError:
+        raise MissingLibraryError.of_extra("a scheduler", "dask.distributed", "cluster") from None
+    try:
+        # With an invalid address, a client would print a traceback of its own.
+        get_address_host(address)
+        client: Any = Client(address, timeout=_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError, TypeError):
+        raise WorkersError(f"no scheduler answers at '{address}'; start one with: dask scheduler") from None
+    with client:
+        yield client.get_executor(pure=False)
+
+
+def _begin() -> None:
+    """Initialise a worker: it exits at once on an interruption, and at the end of its parent process."""
+    signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: Any) -> None:
+    """Exit when another process ends."""
+    wait([sentinel])
+    os._exit(_INTERRUPTED)

@@ -1,24 +1,30 @@
-"""Matrices of a whole structure for all positions at once.
+"""Assembly of the matrices of a structure at all positions at once.
 
-In ground axes a local matrix A of a link at angle θ becomes RᵀAR, which is affine in 1, c, s, c², cs with
-c = cos θ, s = sin θ (thesis (4.28)). So a structure's matrix is a constant table for each of these and
-each link, and all positions together are one matrix product.
+In ground axes a local matrix A of a link at angle θ becomes RᵀAR, which is linear in 1, c, s, c², cs with
+c = cos θ, s = sin θ (thesis (4.28)). A matrix of the structure is therefore a constant table for each of
+these terms and each link, and its values at all positions are one matrix product.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Latest
 from solve.beams import dynamic_stiffness as exact
 from solve.beams.elements import HELD, Freedoms, Member
 from solve.errors import StructureError
+from solve.model.sampling import Sampler, symbol
+from solve.model.setup import Setup
+
+if TYPE_CHECKING:
+    import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""The products of 1, c, s in terms of 1, c, s, c², cs; s² is 1 − c²."""
+"""Products of 1, c, s as combinations of 1, c, s, c², cs; s² is 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -28,9 +34,12 @@ for _row, _i, _j, _sign in (
 
 @dataclass(frozen=True)
 class Properties:
-    """length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m) of the links, mass (kg) of the joints, the
-    damping ratio of every mode, and springs and dashpots to the ground (N/m, N m, N s/m, N m s), a number for
-    each of the freedoms on which they act."""
+    """Properties of links and joints.
+
+    Of the links: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): of the joints.
+    damping_ratio: of every mode. spring, dashpot: to the ground (N/m, N m, N s/m, N m s), one value for each
+    degree of freedom on which they act.
+    """
 
     length: Array
     E: Array
@@ -44,14 +53,48 @@ class Properties:
     dashpot: Array = field(default_factory=lambda: np.zeros(0))
 
 
+class Kinematics:
+    """Constants and link angles from the generated `properties` of a structure."""
+
+    def __init__(self, setup: Setup):
+        self._p = setup.p
+        self._properties: casadi.Function = setup.function("properties")
+
+    @property
+    def properties(self) -> Properties:
+        """Constants of links and joints."""
+        values = self._properties.call({"phase": 0.0, "p": self._p})
+        columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
+        return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})
+
+    def angle(self, phase: Array) -> Array:
+        """Angles (m, links) of the links at phases (m,)."""
+        return np.split(self._angles(phase), 3, axis=1)[0]
+
+    def rates(self, phase: Array) -> tuple[Array, Array]:
+        """First and second derivatives (m, links) of the angles by the phase."""
+        _, rate, second = np.split(self._angles(phase), 3, axis=1)
+        return rate, second
+
+    @cached_property
+    def _angles(self) -> Latest[Array]:
+        import casadi
+
+        phase = symbol("phase")
+        angle = self._properties(phase=phase, p=self._p)["angle"]
+        rate = casadi.jacobian(angle, phase)
+        rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))
+        return Latest(Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)])))
+
+
 @dataclass(frozen=True)
 class Beams:
-    """Freedoms, properties, and angle(phase): angles (m, links) of the links at phases (m,).
+    """Beams of a structure: degrees of freedom, properties, and the angles of the links.
 
-    carried: whether the held joints are carried along paths that the angles of the links imply, instead of
-    staying where they are.
+    angle(phase): angles (m, links) at phases (m,). carried: whether the held joints follow the paths implied
+    by the angles, instead of being at rest.
 
-    Every matrix is a table (links, 5, n, n) for 1, c, s, c², cs of each link; what exact links add has these
+    Every matrix is a table (links, 5, n, n) for 1, c, s, c², cs of each link; exact links have such a table
     for each of their eight functions of frequency.
     """
 
@@ -62,7 +105,7 @@ class Beams:
 
     @cached_property
     def members(self) -> list[Member]:
-        """The links with their elements."""
+        """Links with their elements."""
         p, freedoms = self.properties, self.freedoms
         joints = [name for name, _ in freedoms.joints]
         return [
@@ -81,19 +124,18 @@ class Beams:
         ]
 
     def divided(self, parts: int) -> "Beams":
-        """The same beams with every exact element cut into parts, which changes no frequency."""
-        counts = tuple(each.count * (parts if each.exact else 1) for each in self.members)
+        """Beams with every exact element divided into parts, which changes no frequency."""
+        counts = tuple(member.count * (parts if member.exact else 1) for member in self.members)
         return replace(self, freedoms=replace(self.freedoms, counts=counts))
 
     @cached_property
     def exact_links(self) -> list[Member]:
-        """The links whose elements are exact."""
+        """Links with exact elements."""
         return [member for member in self.members if member.exact]
 
     @cached_property
     def mass(self) -> Array:
-        """M of the finite elements and the point masses, and of exact links that do not stretch their
-        axial inertia."""
+        """M of finite elements and point masses, and the axial inertia of inextensible exact links."""
         tables = []
         for member in self.members:
             axial = member.element.axial * member.link.inextensible
@@ -104,15 +146,15 @@ class Beams:
     @cached_property
     def point_masses(self) -> Array:
         """Mass matrix M (n, n) of the point masses at the joints."""
-        whole = np.zeros((self.freedoms.n + 1, self.freedoms.n + 1))
+        M = np.zeros((self.freedoms.n + 1, self.freedoms.n + 1))
         for xy, mass in zip(self.freedoms.joint_indices, self.properties.mass, strict=True):
-            whole[xy, xy] += mass
-        return whole[:HELD, :HELD]
+            M[xy, xy] += mass
+        return M[:HELD, :HELD]
 
     @cached_property
     def stiffness(self) -> Array:
         """K of the finite elements and of the springs to the ground."""
-        tables = [self.spread(each, each.stiffness * (not each.exact)) for each in self.members]
+        tables = [self.spread(member, member.stiffness * (not member.exact)) for member in self.members]
         tables[0][0] += self.springs
         return np.stack(tables)
 
@@ -127,37 +169,38 @@ class Beams:
         return self._to_ground(self.freedoms.dashpots, self.properties.dashpot)
 
     def _to_ground(self, names: Sequence[str], values: Array) -> Array:
-        on = [self.freedoms.names.index(name) for name in names]
-        whole = np.zeros((self.freedoms.n, self.freedoms.n))
-        whole[on, on] = values
-        return whole
+        index = [self.freedoms.names.index(name) for name in names]
+        matrix = np.zeros((self.freedoms.n, self.freedoms.n))
+        matrix[index, index] = values
+        return matrix
 
     @cached_property
     def exact(self) -> Array:
         """D of the exact links, (exact links, 8, 5, n, n), for F1 … F8 of each."""
-        tables = [[self.spread(member, each) for each in exact.patterns()] for member in self.exact_links]
+        patterns = exact.patterns()
+        tables = [[self.spread(member, pattern) for pattern in patterns] for member in self.exact_links]
         return np.array(tables)
 
     def spread(self, member: Member, local: Array) -> Array:
-        """Table (5, n, n) of a link whose elements all have the local matrix (k, k)."""
+        """Table (5, n, n) of a link from the local matrix (k, k) of its elements."""
         return self.spread_singly(member, local).sum(axis=0)
 
     def spread_singly(self, member: Member, local: Array) -> Array:
-        """The same for each element of the link by itself: (elements, 5, n, n)."""
+        """Table (elements, 5, n, n) of each element of a link."""
         R = member.element.axes
-        turned = np.einsum("tij,iba,bc,jcd->tad", TERMS, R, local, R, optimize=True)
-        whole = np.zeros((member.count, 5, self.freedoms.n + 1, self.freedoms.n + 1))
-        for each, row in zip(whole, member.indices, strict=True):
-            each[:, row[:, None], row[None, :]] += turned
-        return whole[..., :HELD, :HELD]
+        rotated = np.einsum("tij,iba,bc,jcd->tad", TERMS, R, local, R, optimize=True)
+        tables = np.zeros((member.count, 5, self.freedoms.n + 1, self.freedoms.n + 1))
+        for table, row in zip(tables, member.indices, strict=True):
+            table[:, row[:, None], row[None, :]] += rotated
+        return tables[..., :HELD, :HELD]
 
 
 _ROUNDING = 1e-9
-"""Part of the largest length or singular value that counts as none."""
+"""Distance, or singular value, relative to the largest, below which it is round-off. A choice."""
 
 
 class Positions:
-    """Beams at phases (m,). Raises StructureError where links do not meet at their joints."""
+    """Beams at phases (m,). Raises StructureError if links do not meet at their joints."""
 
     def __init__(self, beams: Beams, phase: Array):
         self.beams = beams
@@ -169,18 +212,19 @@ class Positions:
 
     @property
     def n(self) -> int:
-        """Number of freedoms that no tie takes away."""
+        """Number of degrees of freedom without those removed by inextensible links."""
         return self.beams.freedoms.n if self._free is None else self._free.shape[2]
 
     def matrices(self) -> tuple[Array, Array]:
         """M and K of the finite elements, (m, n, n)."""
         tables = self.beams.mass, self.beams.stiffness
-        M, K = (self._reduced(np.tensordot(self.terms, each, 2)) for each in tables)
+        M, K = (self._reduced(np.tensordot(self.terms, table, 2)) for table in tables)
         return M, K
 
     def dynamic_stiffness(self, index: Array, omega: Array) -> Array:
-        """D(ω) = K − ω²M, (b, n, n), at the positions of number `index` (b,) and ω (b,) rad/s."""
-        M, K = (np.tensordot(self.terms[index], each, 2) for each in (self.beams.mass, self.beams.stiffness))
+        """D(ω) = K − ω²M, (b, n, n), at the positions with indices `index` (b,) and ω (b,) rad/s."""
+        tables = self.beams.mass, self.beams.stiffness
+        M, K = (np.tensordot(self.terms[index], table, 2) for table in tables)
         functions = [member.exact_stiffness(omega) for member in self.beams.exact_links]
         return self._with_exact(K - (omega**2)[:, None, None] * M, index, functions)
 
@@ -190,24 +234,24 @@ class Positions:
         return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
     def interior_count(self, omega: Array) -> Array:
-        """J0 (b,): frequencies below ω (b,) at which no freedom moves; thesis (5.21)."""
+        """J0 (b,): number of frequencies below ω (b,) at which no node moves; thesis (5.21)."""
         counts = np.zeros(len(omega), dtype=int)
         for member in self.beams.exact_links:
             counts += member.interior_count(omega)
         return counts
 
     def expanded(self, vectors: Array) -> Array:
-        """Vectors (m, n, k) of the freedoms that ties leave as vectors (m, N, k) of all of them."""
+        """Vectors (m, N, k) of all degrees of freedom, from those (m, n, k) left by inextensible links."""
         return vectors if self._free is None else self._free @ vectors
 
     @cached_property
     def joints(self) -> Array:
-        """Places x + iy (m) of the joints, (m, joints), the first held one at 0, see `placed`."""
+        """Positions x + iy (m) of the joints, (m, joints), with the first held one at 0; see `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
-        """Vectors x + iy (m, joints) of the joints from those along the links (m, links); that of the first
-        joint that is held, rigidly or elastically, is 0."""
+        """Vectors x + iy (m, joints) of the joints from those along the links (m, links). The vector of the
+        first joint that is held, rigidly or elastically, is 0."""
         joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
         places = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}
@@ -224,11 +268,12 @@ class Positions:
 
     @property
     def _spans(self) -> Array:
-        """From start to end of the links as complex numbers, (m, links)."""
+        """Vectors x + iy from start to end of the links, (m, links)."""
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Of matrices (b, N, N), and what exact links add by their eight functions (b, 8) each: (b, n, n)."""
+        """Matrices (b, n, n) from those (b, N, N) of finite elements and eight functions (b, 8) of each exact
+        link."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms
@@ -236,7 +281,7 @@ class Positions:
         return self._reduced(finite, index)
 
     def _require_closed(self) -> None:
-        """Links must meet at their joints, and held joints stay where they are."""
+        """Raise StructureError unless links meet at their joints and held joints are at rest."""
         freedoms = self.beams.freedoms
         if not np.isfinite(self.angle).all():
             worst = self.phase[~np.isfinite(self.angle).all(axis=1)][0]
@@ -267,8 +312,8 @@ class Positions:
 
     @cached_property
     def _free(self) -> Array | None:
-        """Orthonormal basis (m, N, n) of the motions that stretch no inextensible link; None where all
-        links stretch."""
+        """Orthonormal basis (m, N, n) of motions without stretch of inextensible links; None if all links are
+        extensible."""
         members = [member for member in self.beams.members if member.link.inextensible]
         rows = [row for member in members for row in self._ties(member.number)]
         if not rows:
@@ -284,7 +329,7 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """For each pair of neighbouring nodes of a link a row (m, N): by how much it stretches."""
+        """Stretch between neighbouring nodes of a link as rows (m, N)."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

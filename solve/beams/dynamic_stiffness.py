@@ -1,8 +1,7 @@
-"""Exact dynamic stiffness of a slender beam (thesis Chapter 5, Appendix B with its misprints set right).
+"""Exact dynamic stiffness of a slender beam (thesis Chapter 5, Appendix B, with misprints corrected).
 
-With l = λL, λ⁴ = ρAω²/EI, and b = βL, β² = ρω²/E, the end forces of a beam that vibrates at ω are D times
-its end displacements; D = K − ω²M holds for M = −∂D/∂ω². Everything here is free of dimension and takes
-arrays of any shape.
+With l = λL, λ⁴ = ρAω²/EI, and b = βL, β² = ρω²/E, the end forces of a beam vibrating at ω are D times its end
+displacements; D = K − ω²M with M = −∂D/∂ω². All functions are dimensionless and take arrays of any shape.
 """
 
 import math
@@ -19,24 +18,27 @@ _BENDING = (
     {(0, 2): 1},
     {(0, 0): 1, (2, 2): 1},
 )
-"""Where F1 … F6 stand among v1, θ1, v2, θ2, and with which sign: the upper triangle of thesis (5.18)."""
+"""Positions and signs of F1 … F6 for v1, θ1, v2, θ2: the upper triangle of thesis (5.18)."""
 
 _AXIAL = ({(0, 0): 1, (1, 1): 1}, {(0, 1): 1})
-"""Where F7 and F8 stand among u1, u2."""
+"""Positions and signs of F7 and F8 for u1, u2."""
 
 BENDING_POWERS = np.array([1, 1, 2, 2, 3, 3])
-"""F1 … F6 are the functions below over L to these powers."""
+"""Powers of L by which f1 … f6 are divided in F1 … F6."""
 
 _LARGEST = 300.0
-"""Argument of sinh and cosh at most: the ratios have long reached their limits, and nothing overflows."""
+"""Largest argument of sinh and cosh: the ratios have reached their limits, and cosh² does not overflow."""
 
 _SMALLEST = 0.05
-"""Below this λL the mass functions of bending are those of it: they differ by less than 4e-8 there, and
-their formula would lose more to rounding."""
+"""λL below which the bending mass functions are constant: they change by less than 4e-8 there, and their
+formula would lose more to round-off."""
+
+_POSITIVE = 1e-30
+"""Smallest argument of functions with a removable singularity at 0; the limit is exact in float64."""
 
 
 def patterns() -> Array:
-    """Where EI F1 … EI F6, EA F7, EA F8 stand in D, for u1, u2, v1, θ1, v2, θ2: (8, 6, 6)."""
+    """Positions of EI F1 … EI F6, EA F7, EA F8 in D for u1, u2, v1, θ1, v2, θ2: (8, 6, 6)."""
     tables = np.zeros((8, 6, 6))
     for table, entries, first in zip(tables, (*_BENDING, *_AXIAL), (2,) * 6 + (0,) * 2, strict=True):
         for (i, j), sign in entries.items():
@@ -49,11 +51,11 @@ def bending(l: Array) -> Array:  # noqa: E741 - λL
 
     At l = 0 they are 2, 4, 6, −6, −12, 12: the static stiffness of a beam.
     """
-    l = np.maximum(np.asarray(l, dtype=float), 1e-30)  # noqa: E741
+    l = np.maximum(np.asarray(l, dtype=float), _POSITIVE)  # noqa: E741
     hyperbolic = np.minimum(l, _LARGEST)
     S, C, s, c = np.sinh(hyperbolic), np.cosh(hyperbolic), np.sin(l), np.cos(l)
     delta = clamped(l)
-    small = _sinh_less_sin(hyperbolic, s)
+    small = _sinh_minus_sin(hyperbolic, s)
     twist = 2 * s * np.sinh(hyperbolic / 2) ** 2 + 2 * S * np.sin(l / 2) ** 2 - small
     f = (
         -l * small,
@@ -68,12 +70,12 @@ def bending(l: Array) -> Array:  # noqa: E741 - λL
 
 def axial(b: Array) -> Array:
     """f7, f8 along a new last axis: EA F7 = (EA/L) f7 (B.7, B.8); 1 and −1 at b = 0."""
-    b = np.maximum(np.asarray(b, dtype=float), 1e-30)
+    b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)
     return np.stack((b / np.tan(b), -b / np.sin(b)), axis=-1)
 
 
 def bending_mass(l: Array) -> Array:  # noqa: E741
-    """g1 … g6 = −∂f/∂(l⁴): M has ρA L² g1, …, ρA L g6 in the places of F1 … F6 (B.10–B.15)."""
+    """g1 … g6 = −∂f/∂(l⁴): M has ρA L² g1, …, ρA L g6 at the positions of F1 … F6 (B.10–B.15)."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     f1, f2, f3, f4, f5, f6 = np.moveaxis(bending(l), -1, 0)
     g = (
@@ -89,9 +91,9 @@ def bending_mass(l: Array) -> Array:  # noqa: E741
 
 def axial_mass(b: Array) -> Array:
     """g7, g8 = −∂f/∂(b²): M has ρA L g7 and ρA L g8 (B.16, B.17)."""
-    b = np.maximum(np.asarray(b, dtype=float), 1e-30)
+    b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)
     sine = np.sin(b)
-    g = (_less_sine(2 * b) / 2, 2 * b * np.sin(b / 2) ** 2 - _less_sine(b))
+    g = (_minus_sine(2 * b) / 2, 2 * b * np.sin(b / 2) ** 2 - _minus_sine(b))
     return np.stack(g, axis=-1) / (2 * b * sine**2)[..., None]
 
 
@@ -108,20 +110,20 @@ def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
 def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
     """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of an order by ξ:
     thesis (5.10); linear at b = 0."""
-    b = np.maximum(np.asarray(b, dtype=float), 1e-30)[..., None, None]
+    b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)[..., None, None]
     ends = np.stack((1 - xi, xi), axis=-1)
     return (b * np.array([-1, 1])) ** order * np.sin(b * ends + order * math.pi / 2) / np.sin(b)
 
 
 def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
-    """Derivatives by ξ of what solves the equation of bending, (..., points, 4).
+    """Derivatives by ξ of the fundamental solutions of the bending equation, (..., points, 4).
 
-    Decaying from either end instead of cosh and sinh, which are alike where l is large.
+    Exponentials that decay from either end replace cosh and sinh, which are nearly equal for large l.
     """
-    l, turned = l[..., None], order * math.pi / 2  # noqa: E741
+    l, shift = l[..., None], order * math.pi / 2  # noqa: E741
     parts = (
-        np.sin(l * xi + turned),
-        np.cos(l * xi + turned),
+        np.sin(l * xi + shift),
+        np.cos(l * xi + shift),
         (-1) ** order * np.exp(-l * xi),
         np.exp(-l * (1 - xi)),
     )
@@ -132,18 +134,18 @@ def clamped(l: Array) -> Array:  # noqa: E741
     """δ = cosh l cos l − 1, zero at the frequencies of the beam clamped at both ends."""
     half, hyperbolic = l / 2, np.minimum(l, _LARGEST) / 2
     s, S = np.sin(half), np.sinh(hyperbolic)
-    return 2 * _sinh_less_sin(hyperbolic, s) * (S + s) - 4 * (S * s) ** 2
+    return 2 * _sinh_minus_sin(hyperbolic, s) * (S + s) - 4 * (S * s) ** 2
 
 
 def interior_count(l: Array, b: Array | None = None) -> Array:  # noqa: E741
-    """J0: frequencies of the beam clamped at both ends below the one that l, and b for its axial
-    vibration, stand for. Wittrick and Williams; thesis (5.21)."""
+    """J0: number of frequencies, below that of l and (axial) b, of the beam clamped at both ends. Wittrick
+    and Williams; thesis (5.21)."""
     order = np.floor(l / math.pi)
     flexural = order - (1 + (-1) ** order * np.sign(clamped(l))) / 2
     return (flexural if b is None else flexural + np.floor(b / math.pi)).astype(int)
 
 
-def _less_sine(x: Array) -> Array:
+def _minus_sine(x: Array) -> Array:
     """x − sin x to full relative precision."""
     series = np.zeros_like(x)
     for order in (17, 15, 13, 11, 9, 7, 5, 3):
@@ -151,7 +153,7 @@ def _less_sine(x: Array) -> Array:
     return np.where(x < 1.0, series * x**3, x - np.sin(x))
 
 
-def _sinh_less_sin(x: Array, sine: Array) -> Array:
+def _sinh_minus_sin(x: Array, sine: Array) -> Array:
     """sinh x − sin x to full relative precision; `sine` is sin x."""
     series = np.zeros_like(x)
     for order in (19, 15, 11, 7, 3):

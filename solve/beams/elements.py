@@ -1,5 +1,4 @@
-"""Beam elements: their local matrices from the generated tables, the links that they make up, and the
-freedoms that they share."""
+"""Beam elements: local matrices from generated tables, links of elements, and their degrees of freedom."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,16 +14,17 @@ from solve.beams import dynamic_stiffness as exact
 from solve.model.generated import beam_elements
 
 AXIAL, BENDING = 1, 2
-"""Order of the derivative that the strain energy holds; it names the direction of a freedom."""
+"""Direction of a degree of freedom, named by the order of the derivative in the strain energy."""
 
 Function = Callable[[Array], Array]
 
 EXACT = "dynamic"
-"""The element whose shape functions solve the equation of vibration; its freedoms are the cubic one's."""
+"""Element whose shape functions solve the vibration equation; its degrees of freedom are those of the cubic
+element."""
 
 
 class Freedom(NamedTuple):
-    """The derivative of order `order` of the axial or transverse displacement at ξ = x/L."""
+    """Degree of freedom: derivative of order `order` of the axial or transverse displacement at ξ = x/L."""
 
     direction: int
     order: int
@@ -33,10 +33,10 @@ class Freedom(NamedTuple):
 
 @dataclass(frozen=True)
 class Element:
-    """A plane beam element: axial freedoms first, then those of bending, k together.
+    """Plane beam element with k degrees of freedom, first axial, then bending.
 
-    mass, elongation, bending, geometric and coupling are (k, k) for unit length; coefficients (k, p) of
-    the shape functions are those of 1, ξ, ξ², ….
+    mass, elongation, bending, geometric and coupling: matrices (k, k) for unit length. coefficients (k, p):
+    of the shape functions, for 1, ξ, ξ², ….
     """
 
     name: str
@@ -50,44 +50,44 @@ class Element:
 
     @cached_property
     def axial(self) -> Array:
-        """Which of the freedoms are axial (k,)."""
-        return np.array([each.direction == AXIAL for each in self.freedoms])
+        """Mask (k,) of the axial degrees of freedom."""
+        return np.array([freedom.direction == AXIAL for freedom in self.freedoms])
 
     @cached_property
     def axes(self) -> Array:
-        """Parts (3, k, k) with 1, c and s of the rotation R from ground axes to the link's (thesis (4.26)).
+        """Matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes (thesis (4.26)).
 
-        Translations in ground axes stand in the places of the link's: x for u, y for v.
+        In ground axes, the translations x and y take the positions of u and v.
         """
-        parts = np.zeros((3, len(self.freedoms), len(self.freedoms)))
+        axes = np.zeros((3, len(self.freedoms), len(self.freedoms)))
         for (i, one), (j, other) in product(enumerate(self.freedoms), repeat=2):
             if one.order > 0:
-                parts[0, i, i] = 1.0
+                axes[0, i, i] = 1.0
             elif i == j:
-                parts[1, i, i] = 1.0
+                axes[1, i, i] = 1.0
             elif (one.xi, 0) == (other.xi, other.order):
-                parts[2, i, j] = 1.0 if one.direction == AXIAL else -1.0
-        return parts
+                axes[2, i, j] = 1.0 if one.direction == AXIAL else -1.0
+        return axes
 
     def scaled(self, table: Array, L: float) -> Array:
-        """A table (k, k) for freedoms that are derivatives by ξ as one for derivatives by x."""
+        """Table (k, k) for derivatives by ξ, converted to derivatives by x."""
         return table * np.multiply.outer(self._powers(L), self._powers(L))
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:
-        """Axial and transverse displacement (points, k) at ξ for each unit freedom, or their derivatives of
-        an order by x."""
+        """Axial and transverse displacement (points, k) at ξ for unit degrees of freedom, or their
+        derivatives of an order by x."""
         coefficients = polynomial.polyder(self.coefficients, order, axis=1)
         powers = xi[:, None] ** np.arange(coefficients.shape[1])
         shapes = powers @ coefficients.T * self._powers(L) / L**order
         return shapes * self.axial, shapes * ~self.axial
 
     def _powers(self, L: float) -> Array:
-        return L ** np.array([each.order for each in self.freedoms], dtype=float)
+        return L ** np.array([freedom.order for freedom in self.freedoms], dtype=float)
 
 
 @lru_cache
 def element(name: str) -> Element:
-    """The element of a name that the generated tables know; the exact one has the cubic's freedoms."""
+    """Element of the generated tables by name; the exact one has the degrees of freedom of the cubic one."""
     tables = beam_elements()
     stated = tables.ELEMENTS["cubic" if name == EXACT else name]
     axial, bending = families = [tables.FAMILIES[stated[direction]] for direction in ("axial", "bending")]
@@ -113,22 +113,21 @@ def element(name: str) -> Element:
 
 
 def _filled(shape: tuple[int, int], *blocks: tuple[slice, slice, Sequence]) -> Array:
-    """Zeros with blocks of rows, columns and values."""
-    whole = np.zeros(shape)
+    """Matrix of zeros with blocks of rows, columns and values."""
+    matrix = np.zeros(shape)
     for rows, columns, values in blocks:
-        whole[rows, columns] = values
-    return whole
+        matrix[rows, columns] = values
+    return matrix
 
 
 HELD = -1
-"""Index of a freedom that is held at zero."""
+"""Index of a degree of freedom that is fixed at zero."""
 
 _UNITS = {"x": "m", "y": "m", "turn": "rad", "curvature": "1/m"}
 
 
 class Link(NamedTuple):
-    """A straight beam: its joints, the freedoms by which its ends turn ("" where clamped), and whether
-    it only bends."""
+    """Straight beam: joints, rotations of its ends ("" if clamped), and whether it is inextensible."""
 
     name: str
     start: str
@@ -139,7 +138,7 @@ class Link(NamedTuple):
 
 
 class Node(NamedTuple):
-    """A place on a link, from 0 to 1, and the freedoms (x, y) by which it moves."""
+    """Node at a fraction of a link's length, with the indices of its displacements x and y."""
 
     place: float
     x: int
@@ -148,12 +147,11 @@ class Node(NamedTuple):
 
 @dataclass(frozen=True)
 class Freedoms:
-    """Numbering of the freedoms for chosen elements; displacements are in ground axes.
+    """Numbering of the degrees of freedom for chosen elements; displacements are in ground axes.
 
-    joints: name, and whether its place is held. kinds, counts: the element of each link and how many
-    of them. Rotations belong to a link's end, or to several that are welded; curvatures to a link's end,
-    and vanish where the end is alone on its pin. springs, dashpots: freedoms between which and the ground
-    there are some.
+    joints: name, and whether the joint is held. kinds, counts: element of each link and number of elements.
+    Rotations belong to the end of a link, or to several welded ends; curvatures to the end of a link, and
+    vanish at a free pin. springs, dashpots: degrees of freedom connected to the ground by one.
     """
 
     links: tuple[Link, ...]
@@ -165,33 +163,33 @@ class Freedoms:
 
     @property
     def anchored(self) -> set[str]:
-        """Joints whose place is held, rigidly or elastically."""
+        """Joints that are held, rigidly or elastically."""
         elastic = {*self.springs, *self.dashpots}
         return {name for name, held in self.joints if held or {f"{name}_x", f"{name}_y"} & elastic}
 
     @property
     def elements(self) -> list[Element]:
-        """The element of each link."""
+        """Element of each link."""
         return [element(kind) for kind in self.kinds]
 
     @property
     def names(self) -> list[str]:
-        """Names of the freedoms, such as A_x, crank_A_turn, coupler_1_y (interior node 1)."""
+        """Names of the degrees of freedom, such as A_x, crank_A_turn, coupler_1_y (interior node 1)."""
         return list(self._numbers)
 
     @property
     def units(self) -> list[str]:
-        """Units of the freedoms."""
+        """Units of the degrees of freedom."""
         return [_UNITS[name.rpartition("_")[2]] for name in self.names]
 
     @property
     def n(self) -> int:
-        """Number of freedoms."""
+        """Number of degrees of freedom."""
         return len(self._numbers)
 
     @cached_property
     def indices(self) -> list[Array]:
-        """For each link the freedoms of its elements, (elements, k); HELD where there is none."""
+        """Indices (elements, k) of the degrees of freedom of each link's elements; HELD if fixed."""
         return [
             np.array([[self._numbers.get(name, HELD) for name in row] for row in rows])
             for rows in self._labels
@@ -199,18 +197,19 @@ class Freedoms:
 
     @cached_property
     def nodes(self) -> list[list[Node]]:
-        """For each link its nodes from start to end."""
+        """Nodes of each link from start to end."""
         nodes: list[dict[float, list[int]]] = [{} for _ in self.links]
-        for own, each, count, rows in zip(nodes, self.elements, self.counts, self.indices, strict=True):
-            for (first, row), (i, freedom) in product(enumerate(rows), enumerate(each.freedoms)):
+        columns = nodes, self.elements, self.counts, self.indices
+        for of_link, kind, count, rows in zip(*columns, strict=True):
+            for (first, row), (i, freedom) in product(enumerate(rows), enumerate(kind.freedoms)):
                 if freedom.order == 0:
-                    node = own.setdefault((first + freedom.xi) / count, [HELD, HELD])
+                    node = of_link.setdefault((first + freedom.xi) / count, [HELD, HELD])
                     node[freedom.direction == BENDING] = row[i]
-        return [[Node(place, *own[place]) for place in sorted(own)] for own in nodes]
+        return [[Node(place, *of_link[place]) for place in sorted(of_link)] for of_link in nodes]
 
     @property
     def joint_indices(self) -> Array:
-        """The freedoms x and y of the joints, (joints, 2)."""
+        """Indices of the displacements x and y of the joints, (joints, 2)."""
         return np.array(
             [[self._numbers.get(f"{joint}_{axis}", HELD) for axis in "xy"] for joint, _ in self.joints]
         )
@@ -222,38 +221,43 @@ class Freedoms:
 
     @cached_property
     def _labels(self) -> list[list[list[str]]]:
-        """For each link and element the names of its freedoms, "" where held."""
+        """Names of the degrees of freedom of each link and element, "" if fixed."""
         return [
-            [[self._label(number, first, freedom) for freedom in each.freedoms] for first in range(count)]
-            for number, (each, count) in enumerate(zip(self.elements, self.counts, strict=True))
+            [[self._label(number, first, freedom) for freedom in kind.freedoms] for first in range(count)]
+            for number, (kind, count) in enumerate(zip(self.elements, self.counts, strict=True))
         ]
 
     def _label(self, number: int, first: int, freedom: tuple[int, int, float]) -> str:
         link, count = self.links[number], self.counts[number]
         direction, order, xi = freedom
         place = first + xi
-        what = ("x" if direction == AXIAL else "y") if order == 0 else ("turn", "curvature")[order - 1]
+        suffix = ("x" if direction == AXIAL else "y") if order == 0 else ("turn", "curvature")[order - 1]
         if 0 < place < count:
-            nodes_an_element = len({each.xi for each in self.elements[number].freedoms}) - 1
-            return f"{link.name}_{round(place * nodes_an_element)}_{what}"
+            intervals = len({freedom.xi for freedom in self.elements[number].freedoms}) - 1
+            return f"{link.name}_{round(place * intervals)}_{suffix}"
         joint, rotation = (link.start, link.start_rotation) if place == 0 else (link.end, link.end_rotation)
         if order == 0:
-            return "" if dict(self.joints)[joint] else f"{joint}_{what}"
+            return "" if dict(self.joints)[joint] else f"{joint}_{suffix}"
         if order == 1:
-            return f"{rotation}_{what}" if rotation else ""
-        bears = f"{rotation}_turn" in (*self.springs, *self.dashpots)
-        return "" if self.alone(rotation) and not bears else f"{link.name}_{joint}_{what}"
+            return f"{rotation}_{suffix}" if rotation else ""
+        carries_moment = f"{rotation}_turn" in (*self.springs, *self.dashpots)
+        free_pin = self.alone(rotation) and not carries_moment
+        return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
     def alone(self, rotation: str) -> bool:
-        """Whether a link's end turns freely by itself, so that it bears no moment."""
+        """Whether a rotation belongs to a single end, which therefore carries no moment."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
 
 @dataclass(frozen=True)
 class Member:
-    """The link of a number with its elements: how many, their freedoms (elements, k) in the structure, the
-    numbers of its joints, and of each element L (m), EA (N), EI (N m²), mu (kg/m); E (Pa), height (m)."""
+    """Link with its elements.
+
+    number: of the link. start, end: numbers of its joints. indices (elements, k): degrees of freedom in the
+    structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): of each element. E (Pa), height
+    (m): of the link.
+    """
 
     number: int
     link: Link
@@ -271,7 +275,7 @@ class Member:
 
     @property
     def exact(self) -> bool:
-        """Whether its elements are exact."""
+        """Whether the elements are exact."""
         return self.element.name == EXACT
 
     @cached_property
@@ -287,55 +291,56 @@ class Member:
 
     @cached_property
     def geometric(self) -> Array:
-        """Stiffness by a unit axial force, tension positive (1/m, 1, …): thesis (4.38)."""
+        """Geometric stiffness of a unit axial force, tension positive (1/m, 1, …): thesis (4.38)."""
         return self.element.scaled(self.element.geometric, self.L) / self.L
 
     @cached_property
     def rotary(self) -> tuple[Array, Array]:
-        """M J + P and M J² + 2 P J − M, with R′ = J R and the skew P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]:
-        how rotation couples both displacements."""
+        """Coupling of both displacements by the rotation: M J + P and M J² + 2 P J − M, with R′ = J R and
+        the skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M
 
     def rotations(self, angle: Array) -> Array:
-        """R (m, k, k) from ground axes to the link's, for the angles (m, links) of all links."""
-        own = angle[:, self.number]
-        return np.tensordot(np.stack((np.ones_like(own), np.cos(own), np.sin(own)), -1), self.element.axes, 1)
+        """R (m, k, k) from ground axes to link axes, for the angles (m, links) of all links."""
+        theta = angle[:, self.number]
+        terms = np.stack((np.ones_like(theta), np.cos(theta), np.sin(theta)), -1)
+        return np.tensordot(terms, self.element.axes, 1)
 
     def local(self, angle: Array, q: Array, elements: slice = slice(None)) -> Array:
-        """Values (m, elements, k) of the elements' freedoms in the axes of the link, for a structure's
-        q (n, m) and the angles (m, links) of all links."""
-        whole = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
-        ground, own = whole[:, self.indices[elements]], angle[:, self.number, None, None]
+        """Values (m, elements, k) of the degrees of freedom in link axes, for a structure's q (n, m) and the
+        angles (m, links) of all links."""
+        extended = np.concatenate((q.T, np.zeros((q.shape[1], 1))), axis=1)
+        ground, theta = extended[:, self.indices[elements]], angle[:, self.number, None, None]
         # One product for all phases; products with the rotations of each phase take three times as long.
         k = ground.shape[-1]
-        still, c, s = (ground.reshape(-1, k) @ each.T for each in self.element.axes)
-        still, c, s = (each.reshape(ground.shape) for each in (still, c, s))
-        return still + np.cos(own) * c + np.sin(own) * s
+        constant, c, s = (
+            (ground.reshape(-1, k) @ axes.T).reshape(ground.shape) for axes in self.element.axes
+        )
+        return constant + np.cos(theta) * c + np.sin(theta) * s
 
     def place(self, fraction: float) -> tuple[int, float]:
-        """The element at a fraction of the link's length, and ξ there. Between two elements it belongs to
-        the one that begins there."""
+        """Element at a fraction of the link's length, and ξ in it; between two elements, the second."""
         first = min(int(fraction * self.count), self.count - 1)
         return first, fraction * self.count - first
 
     def shapes(self, xi: Array, order: int = 0, omega: Array | float | None = None) -> tuple[Array, Array]:
-        """Axial and transverse displacement (..., points, k) at ξ for the unit freedoms of an element, or
-        their derivatives of an order by x. Exact elements vibrate at ω (...) in rad/s."""
+        """Axial and transverse displacement (..., points, k) at ξ for unit degrees of freedom of an element,
+        or their derivatives of an order by x. omega (...): frequency of exact elements in rad/s."""
         if not self.exact:
             return self.element.shapes(self.L, xi, order)
-        at = np.asarray(omega, dtype=float)
-        axial, transverse = np.zeros((2, *at.shape, len(xi), 6))
-        b = np.zeros_like(at) if self.link.inextensible else self._axial_number(at)
+        frequency = np.asarray(omega, dtype=float)
+        axial, transverse = np.zeros((2, *frequency.shape, len(xi), 6))
+        b = np.zeros_like(frequency) if self.link.inextensible else self._axial_number(frequency)
         axial[..., :2] = exact.axial_shapes(b, xi, order)
         scale = np.array([1.0, self.L, 1.0, self.L])
-        transverse[..., 2:] = exact.bending_shapes(self._bending_number(at), xi, order) * scale
+        transverse[..., 2:] = exact.bending_shapes(self._bending_number(frequency), xi, order) * scale
         return axial / self.L**order, transverse / self.L**order
 
     def stresses(self, xi: Array, omega: Array | None = None) -> tuple[Array, Array]:
-        """E u′ and −E (h/2) v″ (..., points, k) in Pa for the same unit freedoms: the axial stress, and that
-        of bending at the + surface."""
+        """E u′ and −E (h/2) v″ (..., points, k) in Pa for unit degrees of freedom: axial stress, and bending
+        stress at the + surface."""
         elongation, curvature = self.shapes(xi, 1, omega)[0], self.shapes(xi, 2, omega)[1]
         return self.E * elongation, -self.E * self.height / 2 * curvature
 
@@ -358,7 +363,7 @@ class Member:
         return weights
 
     def interior_count(self, omega: Array) -> Array:
-        """Frequencies below ω (b,) of the elements with their ends clamped: J0 of thesis (5.21)."""
+        """Number of frequencies below ω (b,) of the elements with clamped ends: J0 of thesis (5.21)."""
         axial = None if self.link.inextensible else self._axial_number(omega)
         return self.count * exact.interior_count(self._bending_number(omega), axial)
 
@@ -379,6 +384,6 @@ def freedoms(
     springs: Sequence[str] = (),
     dashpots: Sequence[str] = (),
 ) -> Freedoms:
-    """Freedoms of the links and joints of a generated module."""
-    rows = (tuple(Link(*each) for each in links), tuple(joints), tuple(kinds), tuple(counts))
+    """Degrees of freedom of the links and joints of a generated module."""
+    rows = (tuple(Link(*link) for link in links), tuple(joints), tuple(kinds), tuple(counts))
     return Freedoms(*rows, tuple(springs), tuple(dashpots))

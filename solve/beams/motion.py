@@ -1,8 +1,8 @@
-"""Equations of motion of a structure of beams whose links move (thesis (4.32), (6.15)).
+"""Equations of motion of a structure of beams with moving links (thesis (4.32), (6.15)).
 
-Coordinates are displacements from the rigid positions, in ground axes. With R from ground axes to a
-link's, R′ = J R, and the link's ω and ω̇, an element has in its own axes (thesis (4.22), P skew)
-M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ; δ = R q makes of it
+Coordinates are displacements from the rigid positions, in ground axes. Let R, with R′ = J R, transform from
+ground axes to link axes, and let ω and ω̇ be those of the link. In link axes the terms of an element are
+M δ̈ + 2ωP δ̇ + (K + ω̇P − ω²M) δ with the skew-symmetric P (thesis (4.22)). Substitution of δ = R q yields
 
     C = 2ω Rᵀ(M J + P) R        K + Rᵀ[ω̇(M J + P) + ω²(M J² + 2 P J − M)] R
 
@@ -13,40 +13,22 @@ and from dashpots to the ground.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Generic, TypeVar
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.approximation import interpolated
+from solve.arrays import Array, Latest
 from solve.beams.assembly import Beams, Positions
 from solve.beams.elements import AXIAL, HELD, Member
 from solve.model.modes import lowest_frequencies, modal_damping
-from solve.trigonometric import interpolated
-
-Value = TypeVar("Value")
-
-
-class Latest(Generic[Value]):
-    """A function of phases (m,) that keeps what it gave last, which is not to be changed: the phases of one
-    grid are asked for at one speed after another."""
-
-    def __init__(self, function: Callable[[Array], Value]):
-        self._function = function
-        self._kept: tuple[bytes, Value] | None = None
-
-    def __call__(self, phase: Array) -> Value:
-        key, kept = phase.tobytes(), self._kept
-        if kept is None or kept[0] != key:
-            kept = self._kept = key, self._function(phase)
-        return kept[1]
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
-    """q̈_r of the elements' own freedoms in the axes of their links, (m, elements, k) for each link, and that
-    of the joints as x + iy, (m, joints).
+    """Rigid-motion accelerations q̈_r of the elements' degrees of freedom in link axes, (m, elements, k) for
+    each link, and of the joints as x + iy, (m, joints).
 
-    rate, second (m, links): first and second derivative of the links' angles by time; by the phase they
-    give q̈_r/Ω² at constant Ω. Held freedoms accelerate too where their link does.
+    rate, second (m, links): first and second derivatives of the angles by time. Derivatives by the phase
+    yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if their link does.
     """
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
@@ -56,9 +38,10 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
         local = np.zeros((len(positions.phase), *member.indices.shape))
         for i, freedom in enumerate(member.element.freedoms):
             if freedom.order == 0:
-                place = (np.arange(member.count) + freedom.xi) / member.count
-                along = start * backwards + place * span
-                local[:, :, i] = np.real(along) if freedom.direction == AXIAL else np.imag(along)
+                fraction = (np.arange(member.count) + freedom.xi) / member.count
+                acceleration = start * backwards + fraction * span
+                axial = freedom.direction == AXIAL
+                local[:, :, i] = np.real(acceleration) if axial else np.imag(acceleration)
             elif freedom.order == 1:
                 local[:, :, i] = second[:, number, None]
         accelerations.append(local)
@@ -66,27 +49,27 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
 
 
 def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
-    """−M q̈_r (m, n) of the elements and of the joints' masses; rate, second as in `rigid_accelerations`."""
+    """Inertia load −M q̈_r (m, n) of elements and joint masses; rate, second as in `rigid_accelerations`."""
     beams, freedoms = positions.beams, positions.beams.freedoms
     load = np.zeros((len(positions.phase), freedoms.n + 1))
     accelerations, joints = rigid_accelerations(positions, rate, second)
     for member, local in zip(beams.members, accelerations, strict=True):
         ground = local @ member.mass.T @ member.rotations(positions.angle)
-        for row, each in zip(member.indices, np.swapaxes(ground, 0, 1), strict=True):
-            load[:, row] -= each
+        for row, force in zip(member.indices, np.swapaxes(ground, 0, 1), strict=True):
+            load[:, row] -= force
     for xy, mass, acceleration in zip(freedoms.joint_indices, beams.properties.mass, joints.T, strict=True):
         load[:, xy] -= mass * np.stack((acceleration.real, acceleration.imag), axis=1)
     return load[:, :HELD]
 
 
-_AVERAGED = 36
-"""Positions over which the lowest frequencies are averaged for Rayleigh damping."""
+_RAYLEIGH_POSITIONS = 36
+"""Positions per revolution over which the lowest frequencies are averaged for Rayleigh damping. A choice."""
 
 
 def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
-    """C = αM + βK (m, n, n) at phases (m,) that gives the two lowest modes, averaged over a turn, the ratio
-    ζ."""
-    phase = np.linspace(0.0, period, _AVERAGED, endpoint=False)
+    """Rayleigh damping C = αM + βK (m, n, n) at phases (m,), with the ratio ζ of the two lowest modes at
+    their mean frequencies over a revolution."""
+    phase = np.linspace(0.0, period, _RAYLEIGH_POSITIONS, endpoint=False)
     first, second = lowest_frequencies(*Positions(beams, phase).matrices(), 2).mean(axis=0)
     ratio = 2 * beams.properties.damping_ratio / (first + second)
 
@@ -98,8 +81,8 @@ def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
 
 
 def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
-    """Modal damping C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,): 2ζ times the geometric mean of M and K,
-    and as smooth in the phase as these."""
+    """Modal damping C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). It is 2ζ times the geometric mean of M and
+    K, and as smooth in the phase as these."""
     ratio, n = beams.properties.damping_ratio, beams.freedoms.n
     if ratio == 0:
         return lambda phase: np.zeros((len(phase), n, n))
@@ -109,24 +92,24 @@ def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
 _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 
-_TERMS = 2**23
-"""Bytes of matrices from which coefficients of the speed are taken at a time. Arrays of a whole grid at once
-are returned to the system and cleared again, which takes a third of the time (27 coordinates, 3840 phases);
-half and twice the size take as long."""
+_CHUNK_BYTES = 2**23
+"""Bytes of matrices per chunk of phases when coefficients of the speed are computed. Arrays of a whole grid
+would be returned to the system and cleared again: measured, a third of the time with 27 coordinates and 3840
+phases. Half and twice the size take the same time."""
 
-_POSITIONS = 180
-"""Positions of a turn at which the axial forces are looked at."""
+_BUCKLING_POSITIONS = 180
+"""Positions per revolution at which axial forces are checked for buckling. A choice."""
 
 _HALF_WAVES = {0: 1.0, 1: 0.5, 2: 2.0}
-"""Half waves of the buckled link by how many of its ends are clamped: both pinned; the other end free; both
+"""Half waves of the buckled link by the number of clamped ends: both pinned; the other end free; both
 clamped."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """M, C, K, d of moving beams for all phases at once.
+    """M, C, K, d of moving beams at many phases.
 
-    rates(phase): first and second derivative (m, links) by the phase of the links' angles.
+    rates(phase): first and second derivatives (m, links) of the links' angles by the phase.
     """
 
     beams: Beams
@@ -151,19 +134,21 @@ class Motion:
         if self.terms == "full":
             gyroscopic, stiffness = self._of_rotation(positions, rate, second)
             C, K = C + gyroscopic, K + stiffness
-        return M, C, K if axial is None else K + self._of_axial_forces(positions, axial), d
+        if axial is not None:
+            K = K + self._of_axial_forces(positions, axial)
+        return M, C, K, d
 
     def speed_terms(self, phase: Array) -> Array:
         """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d, with
         derivatives with respect to the phase, at phases (m,); entries and powers are those of
         `speed_powers`."""
-        coefficients = np.empty((len(phase), len(self._present[0])))
-        size = max(1, _TERMS // (8 * 5 * self.beams.freedoms.n**2))
+        coefficients = np.empty((len(phase), len(self._nonzero[0])))
+        size = max(1, _CHUNK_BYTES // (8 * 5 * self.beams.freedoms.n**2))
         for first in range(0, len(phase), size):
-            self._put_speed_terms(phase[first : first + size], coefficients[first : first + size])
+            self._write_speed_terms(phase[first : first + size], coefficients[first : first + size])
         return coefficients
 
-    def _put_speed_terms(self, phase: Array, coefficients: Array) -> None:
+    def _write_speed_terms(self, phase: Array, coefficients: Array) -> None:
         """Write the coefficients at phases (m,) into an array (m, R)."""
         positions, (rate, second) = self._positions(phase), self.rates(phase)
         M, K = positions.matrices()
@@ -175,30 +160,30 @@ class Motion:
             axial = self.axial_forces(positions, K, d)
             stiffness = stiffness + self._of_axial_forces(positions, axial)
         parts = M, self._damping(phase) + self.beams.dashpots, gyroscopic, K, stiffness, d
-        every = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        entries = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
         # Unlike "raise", the mode "clip" writes into the output without a copy.
-        np.take(every, self._present[0], axis=1, out=coefficients, mode="clip")
+        np.take(entries, self._nonzero[0], axis=1, out=coefficients, mode="clip")
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
         """Entry, in ascending order, and power of the speed of each coefficient of `speed_terms`, (R,)."""
-        return self._present[1:]
+        return self._nonzero[1:]
 
     @cached_property
-    def _present(self) -> tuple[Array, Array, Array]:
+    def _nonzero(self) -> tuple[Array, Array, Array]:
         """Nonzero entries, in ascending order, of M, damping, gyroscopic matrix, stiffness, rotational
         stiffness and load at any phase; their positions and powers of the speed."""
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
-        mass, elastic = (np.any(each != 0, axis=(0, 1)) for each in (self.beams.mass, self.beams.stiffness))
-        turning, centrifugal = (np.any(each != 0, axis=(0, 1)) for each in self._rotary)
+        tables = self.beams.mass, self.beams.stiffness, *self._rotary
+        mass, elastic, turning, centrifugal = (np.any(table != 0, axis=(0, 1)) for table in tables)
         full = np.full((n, n), self.terms == "full")
-        geometric = np.any([np.any(each != 0, axis=(0, 1)) for each in self._geometric], axis=0)
+        geometric = np.any([np.any(table != 0, axis=(0, 1)) for table in self._geometric], axis=0)
         stiffness = full & (turning | centrifugal) | (self.stiffening == "on") & geometric
         # Modal damping couples all coordinates.
         damping = damped & (mass | elastic | (self.damping == "modal")) | (self.beams.dashpots != 0)
         masks = mass, damping, full & turning, elastic, stiffness, np.ones(n, dtype=bool)
-        of = [np.arange(n * n) + part * n * n for part in (0, 1, 1, 2, 2)]
-        entry = np.concatenate([*of, np.arange(n) + 3 * n * n])
+        of_matrices = [np.arange(n * n) + part * n * n for part in (0, 1, 1, 2, 2)]
+        entry = np.concatenate([*of_matrices, np.arange(n) + 3 * n * n])
         power = np.repeat([2, 1, 2, 0, 2, 2], [n * n] * 5 + [n])
         present = np.flatnonzero(np.concatenate([mask.ravel() for mask in masks]))
         present = present[np.argsort(entry[present], kind="stable")]
@@ -207,19 +192,19 @@ class Motion:
     def _of_rotation(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
         """Contributions (m, n, n) of the rotation of the links to C and to K; rate, second (m, links): first
         and second derivatives of their angles."""
-        first, turned, squared = (each[..., None] * positions.terms for each in (rate, second, rate**2))
+        first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         turning, centrifugal = self._rotary
         stiffness = np.tensordot(turned, turning, 2) + np.tensordot(squared, centrifugal, 2)
         return 2 * np.tensordot(first, turning, 2), stiffness
 
     def _of_axial_forces(self, positions: Positions, axial: list[Array]) -> Array:
         """Contribution (m, n, n) of axial forces (m, elements) in the links to K."""
-        parts = zip(axial, self._geometric, strict=True)
-        added = [
+        by_link = zip(axial, self._geometric, strict=True)
+        stiffness = [
             np.tensordot(forces[..., None] * positions.terms[:, number, None], table, 2)
-            for number, (forces, table) in enumerate(parts)
+            for number, (forces, table) in enumerate(by_link)
         ]
-        return np.sum(added, axis=0)
+        return np.sum(stiffness, axis=0)
 
     def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
         """ω and ω̇ (m, links) of the links; phase, speed and acceleration as when called."""
@@ -236,33 +221,34 @@ class Motion:
         return forces
 
     def unit_axial_forces(self, positions: Positions) -> list[Array]:
-        """The same at 1 rad/s; they grow with the square of the speed."""
+        """Axial forces at 1 rad/s; they are proportional to the square of the speed."""
         load = self._unit_load(positions.phase)
         return self.axial_forces(positions, positions.matrices()[1], load)
 
     def buckling_warnings(self, speed: float) -> list[str]:
-        """A sentence for each link whose compression at a speed (rad/s) exceeds Euler's load."""
+        """Warnings about links whose compression at a speed (rad/s) exceeds the Euler load."""
         phase, forces = self._compression
         warnings = []
         for member, force in zip(self.beams.members, forces.T, strict=True):
             clamped = member.link[3:5].count("")
             euler = (_HALF_WAVES[clamped] * np.pi / (member.count * member.L)) ** 2 * member.EI
-            at = int(np.argmax(force))
-            pressure = speed**2 * force[at]
-            if pressure > euler:
+            worst = int(np.argmax(force))
+            compression = speed**2 * force[worst]
+            if compression > euler:
                 warnings.append(
-                    f"stiffening: at {np.degrees(phase[at]):.4g} deg link {member.link.name} bears a "
-                    f"compression of {pressure:.4g} N, beyond its Euler load of {euler:.4g} N; it may buckle "
-                    "there, which no linear model follows: lower the speed, or give it a stiffer section"
+                    f"stiffening: at {np.degrees(phase[worst]):.4g} deg link {member.link.name} bears a "
+                    f"compression of {compression:.4g} N, beyond its Euler load of {euler:.4g} N; it may "
+                    "buckle there, which no linear model follows: lower the speed, or give it a stiffer "
+                    "section"
                 )
         return warnings
 
     @cached_property
     def _compression(self) -> tuple[Array, Array]:
-        """Phases (m,), and the largest compression in each link's elements there at 1 rad/s, (m, links)."""
-        phase = np.linspace(0.0, self.period, _POSITIONS, endpoint=False)
+        """Phases (m,), and the largest compression in the elements of each link at 1 rad/s, (m, links)."""
+        phase = np.linspace(0.0, self.period, _BUCKLING_POSITIONS, endpoint=False)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
-        return phase, np.stack([-each.min(axis=1) for each in forces], axis=1)
+        return phase, np.stack([-by_element.min(axis=1) for by_element in forces], axis=1)
 
     @cached_property
     def _positions(self) -> "Latest[Positions]":
@@ -270,7 +256,7 @@ class Motion:
 
     @cached_property
     def _unit_load(self) -> "Latest[Array]":
-        """Load d (m, n) at a constant speed of 1 rad/s; it grows with the square of the speed."""
+        """Load d (m, n) at a constant speed of 1 rad/s; it is proportional to the square of the speed."""
         return Latest(lambda phase: inertia_load(self._positions(phase), *self.rates(phase)))
 
     @cached_property
@@ -289,20 +275,20 @@ class Motion:
     def _rotary(self) -> tuple[Array, Array]:
         """Tables (links, 5, n, n) of `Member.rotary` for 1, c, s, c², cs of each link."""
         beams = self.beams
-        tables = [[beams.spread(member, each) for each in member.rotary] for member in beams.members]
+        tables = [[beams.spread(member, local) for local in member.rotary] for member in beams.members]
         turning, centrifugal = np.swapaxes(tables, 0, 1)
         return turning, centrifugal
 
     @cached_property
     def _geometric(self) -> list[Array]:
-        """For each link, stiffness by unit axial force of each element, (elements, 5, n, n)."""
+        """Geometric stiffness per unit axial force of each element, (elements, 5, n, n) for each link."""
         return [self.beams.spread_singly(member, member.geometric) for member in self.beams.members]
 
 
 @dataclass(frozen=True)
 class State:
-    """Beams at phases (k,), Ω, one or (k,), in rad/s, and Ω̇ in rad/s², with q, q̇, q̈ (n, k), derivatives by
-    time."""
+    """State of the beams: q, q̇, q̈ (n, k), derivatives by time, at phases (k,), a speed, one or (k,), in
+    rad/s, and an acceleration in rad/s²."""
 
     motion: Motion
     phase: Array
@@ -314,7 +300,7 @@ class State:
 
     @cached_property
     def positions(self) -> Positions:
-        """The rigid positions."""
+        """Rigid positions of the links."""
         return Positions(self.motion.beams, self.phase)
 
     @cached_property
@@ -330,7 +316,7 @@ class State:
 
     @cached_property
     def rigid_accelerations(self) -> list[Array]:
-        """q̈_r of the elements' own freedoms in the axes of their links, (k, elements, freedoms) a link."""
+        """Rigid-motion accelerations in link axes, (k, elements, freedoms) for each link."""
         return rigid_accelerations(self.positions, *self.rates)[0]
 
     def local(self, member: Member, element: int, order: int = 0) -> Array:

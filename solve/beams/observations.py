@@ -1,5 +1,5 @@
-"""What is seen of a moving structure of beams: deflections and stresses at points of its links, forces at its
-joints, and what each mode gives to them (thesis Fig. 6.4)."""
+"""Outputs of a moving structure of beams: deflections and stresses at points of links, joint forces, and
+contributions of the modes (thesis Fig. 6.4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,10 +18,10 @@ SURFACES = {"plus": 1.0, "minus": -1.0}
 
 @dataclass(frozen=True)
 class Point:
-    """The place of a link's axis at a fraction of its length, 0 … 1, in the axes of its rigid motion.
+    """Point of a link's axis at a fraction of its length, 0 … 1, in the axes of its rigid motion.
 
-    angle: angles (k, links) of the links; q: coordinates (n, k); omega: frequencies (k,) in rad/s at which
-    exact elements vibrate.
+    Arguments of the methods: angles (k, links) of the links, q (n, k), and frequencies omega (k,) in rad/s of
+    exact elements.
     """
 
     member: Member
@@ -69,14 +69,14 @@ def _sum(shapes: Array, local: Array) -> Array:
     return (local * shapes[..., 0, :]).sum(axis=1)
 
 
-_OF_JOINTS = ("force_x", "force_y", "moment")
+_JOINT_FORCES = ("force_x", "force_y", "moment")
 
 
 def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     """Force along x and y (N) and moment (N m), (k,) each, on the start (0) or end (1) of a link.
 
-    Inertia of the rigid motion and of the deflections counts; damping does not: it belongs to the modes,
-    to no link.
+    It includes the inertia of the rigid motion and of the deflections, but not the damping, which is that of
+    the modes and not of a link.
     """
     key = member.number, place
     if key not in state.joint_forces:
@@ -86,16 +86,16 @@ def joint_force(state: State, member: Member, place: int) -> tuple[Array, Array,
 
 def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array, Array]:
     forces = _element_forces(state, member, -1 if place else 0)
-    along, across, moment = (
+    axial, transverse, moment = (
         forces[:, member.element.freedoms.index(Freedom(direction, order, place))]
         for direction, order in ((AXIAL, 0), (BENDING, 0), (BENDING, 1))
     )
-    force = (along + 1j * across) * np.exp(1j * state.positions.angle[:, member.number])
+    force = (axial + 1j * transverse) * np.exp(1j * state.positions.angle[:, member.number])
     return np.real(force), np.imag(force), moment
 
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
-    """Forces (k, freedoms) on an element of a link in its axes: the left side of its equation of motion."""
+    """Forces (k, freedoms) on an element in link axes: the left side of its equation of motion."""
     number = member.number
     q, qd, qdd = (state.local(member, index, order) for order in range(3))
     accelerations = qdd + state.rigid_accelerations[number][:, index]
@@ -111,11 +111,11 @@ def _element_forces(state: State, member: Member, index: int) -> Array:
 
 
 def quantity(state: State, kind: str, member: Member, place: float) -> Array:
-    """Values (k,) of a kind of output at a place of a link, from 0 at its start to 1."""
+    """Values (k,) of a kind of output at a fraction of a link's length."""
     if kind == "strain_energy":
         return state.strain_energy()
-    if kind in _OF_JOINTS:
-        return joint_force(state, member, int(place))[_OF_JOINTS.index(kind)]
+    if kind in _JOINT_FORCES:
+        return joint_force(state, member, int(place))[_JOINT_FORCES.index(kind)]
     point = Point(member, place)
     local = state.local(member, point.element)
     if kind == "deflection":
@@ -124,16 +124,18 @@ def quantity(state: State, kind: str, member: Member, place: float) -> Array:
 
 
 LINEAR = ("deflection", "stress_plus", "stress_minus")
-"""Kinds of outputs that are sums of what the modes give."""
+"""Kinds of outputs that are linear in the deflections, and hence sums of contributions of the modes."""
 
-_NEIGHBOURS = 4
-"""Modes above those wanted that may take their place along the turn."""
+_EXTRA_MODES = 4
+"""Further modes that are tracked, since modes may change their order over the revolution. A choice."""
 
 
 @dataclass(frozen=True)
 class Contributions:
-    """Of the lowest modes, each followed along the turn, to an output: values (modes, k) and frequencies
-    (modes, k) in rad/s at phases (k,); total (k,): of all modes together."""
+    """Contributions of the lowest modes, tracked over the revolution, to an output.
+
+    values (modes, k) and frequencies (modes, k) in rad/s at phases (k,); total (k,): sum over all modes.
+    """
 
     output: str
     phase: Array
@@ -143,26 +145,32 @@ class Contributions:
 
 
 def contributions(state: State, output: str, values: Callable[[State], Array], count: int) -> Contributions:
-    """What the lowest modes give to an output with the values (k,) at states, linear in q:
-    q = Σ φ_i η_i with the modes φ_i of each position, η = Φᵀ M q; phases rise in small steps."""
+    """Contributions of the lowest modes to an output that is linear in q: q = Σ φ_i η_i with the modes φ_i of
+    each position and η = Φᵀ M q.
+
+    values(state): output (k,). The phases ascend in small steps.
+    """
     M, K = state.positions.matrices()
-    lowest = followed(M, K, count)
+    lowest = tracked_modes(M, K, count)
     eta = np.einsum("kni,knm,mk->ik", lowest.vectors, M, state.q, optimize=True)
-    parts = np.einsum("kni,ik->ink", lowest.vectors, eta)
-    by_mode = np.array([values(replace(state, q=part)) for part in parts])
+    deflections = np.einsum("kni,ik->ink", lowest.vectors, eta)
+    by_mode = np.array([values(replace(state, q=deflection)) for deflection in deflections])
     return Contributions(output, state.phase, by_mode, lowest.frequencies.T, values(state))
 
 
-def followed(M: Array, K: Array, count: int) -> Modes:
-    """The lowest modes at the first of the positions (k, n, n), each followed to the others: the mode of the
-    next position that is most like it (modal assurance criterion) continues it, with its sign."""
+def tracked_modes(M: Array, K: Array, count: int) -> Modes:
+    """Lowest modes at the first of the positions (k, n, n), tracked over the others.
+
+    A mode is continued by the most similar mode of the next position (modal assurance criterion), with its
+    sign.
+    """
     from scipy.optimize import linear_sum_assignment
 
-    pool = min(count + _NEIGHBOURS, M.shape[1])
-    frequencies, vectors = (part[..., :pool].copy() for part in modes(M, K))
+    pool = min(count + _EXTRA_MODES, M.shape[1])
+    frequencies, vectors = (array[..., :pool].copy() for array in modes(M, K))
     for k in range(1, len(M)):
-        likeness = vectors[k - 1].T @ M[k] @ vectors[k]
-        _, order = linear_sum_assignment(-(likeness**2))
-        sign = np.where(likeness[np.arange(pool), order] < 0, -1.0, 1.0)
+        similarity = vectors[k - 1].T @ M[k] @ vectors[k]
+        _, order = linear_sum_assignment(-(similarity**2))
+        sign = np.where(similarity[np.arange(pool), order] < 0, -1.0, 1.0)
         frequencies[k], vectors[k] = frequencies[k, order], vectors[k][:, order] * sign
     return Modes(frequencies[:, :count], vectors[:, :, :count])

@@ -54,16 +54,16 @@ class Body:
 
     def assembled_singly(self, local: Array) -> Array:
         """Matrices of the single elements: (elements, k, k)."""
-        whole = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
-        for each, (rows, _) in zip(whole, self._rows(), strict=True):
-            each[rows[:, None], rows] += local
-        return whole[:, :-1, :-1]
+        matrices = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
+        for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
+            matrix[rows[:, None], rows] += local
+        return matrices[:, :-1, :-1]
 
     @property
     def loads(self) -> Array:
         """Inertia loads (k, 4) of rigid motions: uniform and linearly increasing, along the link and across
         it."""
-        member, made = self.member, np.zeros((len(self.own) + 1, 4))
+        member, loads = self.member, np.zeros((len(self.own) + 1, 4))
         for number, (rows, _) in enumerate(self._rows()):
             shapes = np.zeros((len(rows), 4))
             for i, freedom in enumerate(member.element.freedoms):
@@ -73,8 +73,8 @@ class Body:
                     shapes[i, along + 1] = (number + freedom.xi) * member.L
                 elif freedom.order == 1:
                     shapes[i, along + 1] = 1.0
-            made[rows] += member.mass @ shapes
-        return made[:-1]
+            loads[rows] += member.mass @ shapes
+        return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
         """For each element: positions in `own` of its degrees of freedom, with len(own) for fixed ones, and a
@@ -103,10 +103,10 @@ class LinkBasis:
     def axes(self) -> Array:
         """Parts (3, r, r) of R_r: constant, cosine and sine."""
         b, r = len(self.body.interface), self.local.shape[1]
-        parts = np.zeros((3, r, r))
-        parts[:, :b, :b] = self.body.axes[:, self.body.interface[:, None], self.body.interface]
-        parts[0, range(b, r), range(b, r)] = 1.0
-        return parts
+        axes = np.zeros((3, r, r))
+        axes[:, :b, :b] = self.body.axes[:, self.body.interface[:, None], self.body.interface]
+        axes[0, range(b, r), range(b, r)] = 1.0
+        return axes
 
     @cached_property
     def turned(self) -> tuple[Array, Array]:
@@ -140,41 +140,41 @@ class Basis:
     @property
     def r(self) -> int:
         """Number of reduced coordinates."""
-        return len(self.retained) + sum(len(each.at) - len(each.body.interface) for each in self.links)
+        return len(self.retained) + sum(len(link.at) - len(link.body.interface) for link in self.links)
 
     @property
     def declared(self) -> list[tuple[str, str, str]]:
         """Name, unit and meaning of each reduced coordinate."""
         freedoms = self.beams.freedoms
-        made = [
+        declared = [
             (freedoms.names[at], freedoms.units[at], "displacement from the rigid motion")
             for at in self.retained
         ]
-        for each in self.links:
-            link = each.body.member.link.name
-            for number in range(len(each.at) - len(each.body.interface)):
+        for basis in self.links:
+            link = basis.body.member.link.name
+            for number in range(len(basis.at) - len(basis.body.interface)):
                 meaning = f"largest deflection of {link} in its mode {number + 1}, ends fixed"
-                made.append((f"{link}_mode_{number + 1}", "m", meaning))
-        return made
+                declared.append((f"{link}_mode_{number + 1}", "m", meaning))
+        return declared
 
     def spread(self, tables: Sequence[Array]) -> Array:
         """Table (links, 5, r, r) of a structure from one table (5, …, …) per link."""
-        whole = np.zeros((len(self.links), 5, self.r, self.r))
-        for each, link, table in zip(whole, self.links, tables, strict=True):
-            each[:, link.at[:, None], link.at] += table
-        return whole
+        spread = np.zeros((len(self.links), 5, self.r, self.r))
+        for target, link, table in zip(spread, self.links, tables, strict=True):
+            target[:, link.at[:, None], link.at] += table
+        return spread
 
     @cached_property
     def tables(self) -> tuple[Array, Array, Array]:
         """Tables (links, 5, n, r) of T and of B and B₂ of each link."""
-        made = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
+        tables = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
         for number, link in enumerate(self.links):
             rows, columns = link.body.own[:, None], link.at
-            for table, local in zip(made, (link.local, *link.turned), strict=True):
+            for table, local in zip(tables, (link.local, *link.turned), strict=True):
                 table[number][:, rows, columns] += link.expanding(local)
         # Retained coordinates are identical in q and p.
-        made[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
-        T, B, B2 = made
+        tables[0, 0, 0, self.retained, np.arange(len(self.retained))] = 1.0
+        T, B, B2 = tables
         return T, B, B2
 
     def at(self, positions: Positions) -> Array:
@@ -184,7 +184,7 @@ class Basis:
     def rates(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
         """Ṫ and T̈ (m, n, r), for first and second derivatives (m, links) of the angles of the links."""
         _, B, B2 = self.tables
-        first, turned, squared = (part[..., None] * positions.terms for part in (rate, second, rate**2))
+        first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         return np.tensordot(first, B, 2), np.tensordot(turned, B, 2) + np.tensordot(squared, B2, 2)
 
 
@@ -192,10 +192,10 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
     """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
     share or on which springs or dashpots act. No link has a rigid-body motion with both ends fixed."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
-    made = np.array([sum(at in each for each in ends) > 1 for at in range(freedoms.n)])
-    made[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
-    made[[freedoms.names.index(name) for name in (*freedoms.springs, *freedoms.dashpots)]] = True
-    return made
+    mask = np.array([sum(index in link for link in ends) > 1 for index in range(freedoms.n)])
+    mask[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
+    mask[[freedoms.names.index(name) for name in (*freedoms.springs, *freedoms.dashpots)]] = True
+    return mask
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
@@ -209,28 +209,28 @@ def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
             f"reduce is {modes} modes per link; allowed: 1 to {most} for these elements; {most} retains all "
             "modes"
         )
-    kept = np.flatnonzero(retained)
-    links, end = [], len(kept)
+    interface = np.flatnonzero(retained)
+    links, end = [], len(interface)
     for body in bodies:
-        link = _link_basis(body, modes, static, np.searchsorted(kept, body.own[body.interface]), end)
+        link = _link_basis(body, modes, static, np.searchsorted(interface, body.own[body.interface]), end)
         links.append(link)
         end += len(link.at) - len(body.interface)
-    return Basis(beams, kept, links)
+    return Basis(beams, interface, links)
 
 
 def _link_basis(body: Body, modes: int, static: bool, at: Array, end: int) -> LinkBasis:
     """Basis of a link. at (b,): indices of the interface among the reduced coordinates; end: index of the
     first mode."""
     M, K = body.assembled(body.member.mass), body.assembled(body.member.stiffness)
-    made = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
-    local, b = made.basis, len(body.interface)
+    reduced = craig_bampton(M, K, body.interface, min(modes, len(body.own) - len(body.interface)))
+    local, b = reduced.basis, len(body.interface)
     if static:
         loads = np.concatenate((M @ local[:, :b], body.loads), axis=1)
         local = np.concatenate((local, static_shapes(K, local, body.interface, loads)), axis=1)
     scales = np.array([_largest(body, shape) for shape in local[:, b:].T])
     local = np.concatenate((local[:, :b], local[:, b:] / scales), axis=1)
     at = np.concatenate((at, end + np.arange(local.shape[1] - b)))
-    return LinkBasis(body, local, at, made.frequencies, made.discarded)
+    return LinkBasis(body, local, at, reduced.frequencies, reduced.discarded)
 
 
 _POINTS = 33
@@ -241,7 +241,7 @@ def _largest(body: Body, shape: Array) -> float:
     """Largest displacement of a shape (k,) along a link, with its sign."""
     member, xi = body.member, np.linspace(0.0, 1.0, _POINTS)
     values = np.append(shape, 0.0)
-    found = [part @ values[rows] for rows, _ in body._rows() for part in member.shapes(xi)]
-    curve = np.concatenate(found)
+    pieces = [shapes @ values[rows] for rows, _ in body._rows() for shapes in member.shapes(xi)]
+    curve = np.concatenate(pieces)
     # The first of equal extrema, so that round-off does not select another.
     return float(curve[np.flatnonzero(np.abs(curve) > (1 - 1e-6) * np.abs(curve).max())[0]])

@@ -1,4 +1,4 @@
-"""A structure of beams from a generated module: a model whose matrices are assembled, not printed."""
+"""Model of a structure of beams from a generated module, with assembled matrices."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -7,51 +7,49 @@ from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
-from solve.arrays import Array, Asked, Plane, Recent
-from solve.beams.assembly import Beams, Positions, Properties
+from solve.arguments import SMALL
+from solve.arrays import Array, LazyMapping, Plane, Recent
+from solve.beams.assembly import Beams, Kinematics, Positions
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
-from solve.beams.frozen import lowest, shapes
-from solve.beams.motion import Latest, Motion, State
+from solve.beams.frequencies import lowest, shapes
+from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
 from solve.contracts import DrawnLink, Matrices, ModeShape
 from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
-from solve.model.damping import beyond_critical
+from solve.model.bounds import REDUCE
 from solve.model.model import Model
-from solve.model.options import REDUCE
-from solve.model.sampling import Sampler, symbol
-from solve.model.setup import Setup
-from solve.model.sketches import SAMPLES, stated_lines
-from solve.sizes import SMALL
+from solve.model.modes import beyond_critical
+from solve.model.setup import SAMPLES, Setup
 
 if TYPE_CHECKING:
-    import casadi
+    pass
 
 MOST = 200
-"""Frequencies of a structure with exact elements, which has infinitely many."""
+"""Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
 
-_MOST_ENTRIES = 2**22
-"""Entries of a matrix over the positions that are looked at together; more are taken in parts."""
+_CHUNK_ENTRIES = 2**22
+"""Entries of matrices at the positions processed together, in chunks. A choice."""
 
-_MOST_KEPT = 2**26
+_CACHE_BYTES = 2**26
 """Memory limit in bytes of tables cached for solutions at other speeds: about ten grids of 384 steps with 9
 coordinates, or two with 27."""
 
-_SPEEDS = 3
-"""Speeds from which the matrices follow at all others: Ω²M, ΩC, K, d go with 1, Ω and Ω²."""
+_SPEED_NODES = 3
+"""Number of speeds that determine the matrices at all others: Ω²M, ΩC, K, d are quadratic in Ω."""
 
-_STILL = {"terms": "full", "stiffening": "off", "damping": "modal"}
-"""Options of the motion, and what stands for them where a structure has none because it stands still."""
+_AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
+"""Values of the options of the motion for structures at rest, which do not have them."""
 
-_ASSEMBLED = 36
-"""Positions of a turn at which the links must meet."""
+_ASSEMBLY_POSITIONS = 36
+"""Positions per revolution at which the assembly of the links is checked. A choice."""
 
 
 class Response(Protocol):
-    """An orbit, or its quasi-static solution."""
+    """Orbit, or its quasi-static solution."""
 
     @property
     def speed(self) -> float:
-        """In rad/s."""
+        """Speed in rad/s."""
         ...
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
@@ -59,42 +57,8 @@ class Response(Protocol):
         ...
 
 
-class Kinematics:
-    """What the generated `properties` of a structure give: its constants, and its links' angles."""
-
-    def __init__(self, setup: Setup):
-        self._p = setup.p
-        self._properties: casadi.Function = setup.function("properties")
-
-    @property
-    def properties(self) -> Properties:
-        """The constants of links and joints."""
-        values = self._properties.call({"phase": 0.0, "p": self._p})
-        columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
-        return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})
-
-    def angle(self, phase: Array) -> Array:
-        """Angles (m, links) of the links at phases (m,)."""
-        return np.split(self._angles(phase), 3, axis=1)[0]
-
-    def rates(self, phase: Array) -> tuple[Array, Array]:
-        """First and second derivative (m, links) of the links' angles by the phase."""
-        _, rate, second = np.split(self._angles(phase), 3, axis=1)
-        return rate, second
-
-    @cached_property
-    def _angles(self) -> Latest[Array]:
-        import casadi
-
-        phase = symbol("phase")
-        angle = self._properties(phase=phase, p=self._p)["angle"]
-        rate = casadi.jacobian(angle, phase)
-        rows = map(casadi.densify, (angle, rate, casadi.jacobian(rate, phase)))
-        return Latest(Sampler(casadi.Function("angles", [phase], [casadi.vertcat(*rows)])))
-
-
 class StructureModel(Model):
-    """Links and joints of a generated module, with the elements that the options choose."""
+    """Links and joints of a generated module, with elements chosen by the options."""
 
     outputs_apart = True
 
@@ -105,19 +69,19 @@ class StructureModel(Model):
         matrices: Callable[[Array, float], Matrices] | None = None,
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
-        """matrices, coordinates: given if they differ from those of the motion; `expanded` then gives the
-        degrees of freedom. coordinates: name, unit and meaning of each."""
+        """matrices, coordinates: if different from those of the motion; `expanded` then returns the degrees
+        of freedom. coordinates: name, unit and meaning of each."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
-        own = [(name, unit, "displacement from the rigid motion") for name, unit in units]
-        super().__init__(setup, matrices or motion, coordinates or own)
-        self.motion, self.beams = motion, motion.beams
+        default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
+        super().__init__(setup, matrices or motion, coordinates or default)
+        self.motion, self.beams, self.structure = motion, motion.beams, self
         self.moves = setup.module.MOVES
         self.links = _drawn(chosen)
         self._name_both_surfaces()
 
     def _name_both_surfaces(self) -> None:
-        """PLACE_stress: the larger stress of PLACE_stress_plus and PLACE_stress_minus."""
+        """Define PLACE_stress, the larger of PLACE_stress_plus and PLACE_stress_minus."""
         for plus in (name for name, (kind, *_) in self.observed.items() if kind == "stress_plus"):
             both = plus.removesuffix("_plus")
             self.largest_of = {**self.largest_of, both: (plus, f"{both}_minus")}
@@ -129,7 +93,7 @@ class StructureModel(Model):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Raises StructureError where the links cannot be assembled all the way round."""
+        """Model of a setup. Raises StructureError if the links cannot be assembled at all phases."""
         if REDUCE in setup.options:
             raise ValueOutOfBoundsError(
                 f"{setup.module.NAME} was loaded with all coordinates; to reduce it, load it again with "
@@ -145,8 +109,8 @@ class StructureModel(Model):
         chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts, *elastic)
         beams = Beams(chosen, kinematics.properties, kinematics.angle)
         if module.MOVES:
-            Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLED, endpoint=False))
-        terms = {name: setup.options.get(name, usual) for name, usual in _STILL.items()}
+            Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLY_POSITIONS, endpoint=False))
+        terms = {name: setup.options.get(name, default) for name, default in _AT_REST.items()}
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
@@ -163,16 +127,18 @@ class StructureModel(Model):
         return self.motion(phase, speed[:, None], acceleration)
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
-        """At more than three speeds by Lagrange's polynomials between three of them."""
+        """Entries at speeds (P,), beyond three speeds by Lagrange interpolation between three of them."""
         low, high = speeds.min(), speeds.max()
-        if len(speeds) <= _SPEEDS or high - low < 1e-3 * high:
+        if len(speeds) <= _SPEED_NODES or high - low < 1e-3 * high:
             return super().entries_over(phase, speeds)
         x = (speeds - low) / (high - low)
         weights = np.stack(((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)), axis=1)
-        return np.tensordot(weights, super().entries_over(phase, np.linspace(low, high, _SPEEDS)), axes=1)
+        return np.tensordot(
+            weights, super().entries_over(phase, np.linspace(low, high, _SPEED_NODES)), axes=1
+        )
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """None if points are solved one by one, since tables would only take memory."""
+        """Terms of the speed; None for large systems, which are solved one by one, to save memory."""
         if self.n > SMALL:
             return None
         self.require_motion()
@@ -181,10 +147,7 @@ class StructureModel(Model):
 
     @cached_property
     def _speed_terms(self) -> Recent:
-        return Recent(self.motion.speed_terms, _MOST_KEPT)
-
-    def many_points(self, names: Sequence[str]) -> None:
-        return None
+        return Recent(self.motion.speed_terms, _CACHE_BYTES)
 
     @property
     def assembled(self) -> bool:
@@ -192,7 +155,7 @@ class StructureModel(Model):
 
     @property
     def freedoms(self) -> int:
-        """Those that no inextensible link takes away."""
+        """Number of degrees of freedom without those removed by inextensible links."""
         return self.at_positions(np.zeros(1)).n
 
     @property
@@ -200,19 +163,19 @@ class StructureModel(Model):
         return MOST if self.beams.exact_links else self.freedoms
 
     def frequencies(self, positions: Array, count: int) -> Array:
-        parts = math.ceil(len(positions) * self.freedoms**2 / _MOST_ENTRIES)
+        chunks = max(1, math.ceil(len(positions) * self.freedoms**2 / _CHUNK_ENTRIES))
         return np.concatenate(
-            [lowest(self.at_positions(part), count) for part in np.array_split(positions, max(parts, 1))]
+            [lowest(self.at_positions(chunk), count) for chunk in np.array_split(positions, chunks)]
         )
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
         return shapes(self.beams, position, frequencies)
 
     def pinned_frequencies(self) -> dict[str, float]:
-        """Of bending: (π/L)² √(EI/µ)."""
+        """Lowest bending frequencies (π/L)² √(EI/µ) of the links, pinned at both ends, in rad/s."""
         p = self.beams.properties
-        alone = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
-        return dict(zip((link.name for link in self.links), alone.tolist(), strict=True))
+        frequencies = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
+        return dict(zip((link.name for link in self.links), frequencies.tolist(), strict=True))
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
@@ -223,14 +186,14 @@ class StructureModel(Model):
 
         def value(name: str) -> Array:
             kind, link, place = self.observed[name]
-            # What is of the whole structure names no link.
+            # Outputs of the entire structure have no link.
             return quantity(state, kind, self._member(link or self.links[0].name), place)
 
-        return Asked(self.outputs, value)
+        return LazyMapping(self.outputs, value)
 
     @cached_property
     def observed(self) -> dict[str, tuple[str, str, float]]:
-        """What each output is: its kind, and the link and the fraction of its length where it is taken."""
+        """Kind of each output, its link, and the fraction of the link's length."""
         return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -240,8 +203,8 @@ class StructureModel(Model):
         damped = ratio > 0 or self.beams.properties.dashpot.any()
         if not damped and self.options["terms"] == "instantaneous":
             warnings.append(
-                "terms=instantaneous leaves out M'q', what M changes as the links turn: without damping that "
-                "feeds energy, and |ρ| > 1 at every speed says nothing of stability; use --option terms=full"
+                "terms=instantaneous neglects M'q', the change of M with the phase: without damping this "
+                "adds energy, and |ρ| > 1 at every speed does not imply instability; use --option terms=full"
             )
         if ratio > 1 and self.options["damping"] == "modal":
             warnings.append(beyond_critical(ratio))
@@ -249,99 +212,147 @@ class StructureModel(Model):
             warnings += self.motion.buckling_warnings(speed)
         return warnings
 
-    def joint_force(self, link: str, joint: str, turn: Response, phase: Array) -> tuple[Array, Array, Array]:
-        """Force along x and y (N) and moment (N m), (k,) each, of a joint on a link that ends there, at
-        phases (k,) of an orbit, or of its quasi-static solution. Raises UnknownNameError."""
+    def joint_force(self, link: str, joint: str, orbit: Response, phase: Array) -> tuple[Array, Array, Array]:
+        """Force and moment of a joint on a link.
+
+        Parameters
+        ----------
+        link, joint : str
+            Names of the link and of a joint at one of its ends.
+        orbit : Orbit
+            Orbit, or its quasi-static solution.
+        phase : (k,) array
+            Phases.
+
+        Returns
+        -------
+        tuple of (k,) arrays
+            Force along x and y in N, and moment in N m.
+
+        Raises
+        ------
+        UnknownNameError
+        """
         member = self._member(link)
         ends = member.link[1:3]
         require_name(f"joint of link {link}", joint, ends)
-        state = self.expanded(phase, turn.speed, *turn.state(phase))
+        state = self.expanded(phase, orbit.speed, *orbit.state(phase))
         return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
-        """Transverse displacement (k,) in m from the rigid motion, at a fraction (0 … 1) of a link's length,
-        for q (n, k) at phases (k,). Raises UnknownNameError and ValueOutOfBoundsError."""
+        """Transverse displacement from the rigid motion.
+
+        Parameters
+        ----------
+        link : str
+            Name of the link.
+        fraction : float
+            Fraction of its length, 0 to 1.
+        phase : (k,) array
+            Phases.
+        q : (n, k) array
+            Coordinates.
+
+        Returns
+        -------
+        (k,) array
+            Displacement in m.
+
+        Raises
+        ------
+        UnknownNameError, ValueOutOfBoundsError
+        """
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).displacement(self.beams.angle(phase), q)[1]
 
     def stress(self, link: str, fraction: float, surface: str, phase: Array, q: Array) -> Array:
-        """Axial stress (k,) in Pa, E (u′ ∓ (h/2) v″), on the surface "plus" or "minus" of a link at a
-        fraction (0 … 1) of its length, for q (n, k) at phases (k,).
+        """Axial stress E (u′ ∓ (h/2) v″) on a surface of a link.
 
-        Raises UnknownNameError and ValueOutOfBoundsError.
+        Parameters
+        ----------
+        link, fraction, phase, q
+            As in `deflection`.
+        surface : {"plus", "minus"}
+            Surface at +h/2 or −h/2.
+
+        Returns
+        -------
+        (k,) array
+            Stress in Pa.
+
+        Raises
+        ------
+        UnknownNameError, ValueOutOfBoundsError
         """
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
     def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
-        """Its links, bent, and what it states besides."""
+        """Deflected links, and the lines of the sketch."""
         fractions = np.linspace(0.0, 1.0, SAMPLES["beam"]).tolist()
         links = {
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
             for link in self.links
         }
-        return {**links, **stated_lines(self.setup, phase, speed, q[:0])}
+        return {**links, **self.setup.stated_lines(phase, speed, q[:0])}
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
-        """Places x + iy (k,) in m, rigid and with deflections q (n, k), of a point that a section carries
-        at the fraction `along` (0 … 1) of a link, `across` m beside its axis; the first held joint is at 0.
+        """Positions x + iy (k,) in m, rigid and with deflections q (n, k), of a point of a link.
 
-        Raises UnknownNameError and ValueOutOfBoundsError.
+        along: fraction of the length, 0 … 1. across: distance from the axis in m. The first held joint is at
+        0. Raises UnknownNameError and ValueOutOfBoundsError.
         """
-        point, positions, q = (
-            self.point(link, along),
-            self.at_positions(phase),
-            self.expanded(phase, 0.0, q).q,
-        )
+        point, positions = self.point(link, along), self.at_positions(phase)
+        q = self.expanded(phase, 0.0, q).q
         number = point.member.number
         direction = np.exp(1j * positions.angle[:, number])
         rigid = along * self.beams.properties.length[number] + 1j * across
         u, v = point.displacement(positions.angle, q)
-        moved = u + 1j * v - across * point.rotation(positions.angle, q)
-        places = positions.joints[:, point.member.start] + rigid * direction
-        return places, places + moved * direction
+        deflection = u + 1j * v - across * point.rotation(positions.angle, q)
+        rigid_positions = positions.joints[:, point.member.start] + rigid * direction
+        return rigid_positions, rigid_positions + deflection * direction
 
     def modal_contributions(
-        self, turn: Response, output: str, count: int = 4, samples: int = 720
+        self, orbit: Response, output: str, count: int = 4, samples: int = 720
     ) -> Contributions:
-        """What the lowest modes of each position, followed along the turn, give to a deflection or stress
-        of an orbit, or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Contributions of the lowest modes, tracked over the revolution, to a deflection or stress of an
+        orbit or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
         kind, link, place = self.require_part_of_modes(output)
         most = self.beams.freedoms.n
         if not 1 <= count <= most:
             raise ValueOutOfBoundsError(f"{count} modes requested; allowed: 1 to {most}")
         phase = np.linspace(0.0, self.period, samples + 1)
-        state = self.expanded(phase, turn.speed, *turn.state(phase))
+        state = self.expanded(phase, orbit.speed, *orbit.state(phase))
         member = self._member(link)
-        return contributions(state, output, lambda part: quantity(part, kind, member, place), count)
+        return contributions(state, output, lambda modal: quantity(modal, kind, member, place), count)
 
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
         """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
-        linear = {name: each for name, each in self.observed.items() if each[0] in LINEAR}
+        linear = {name: entry for name, entry in self.observed.items() if entry[0] in LINEAR}
         require_name(f"deflection or stress of {self.name}", output, linear)
         return linear[output]
 
     def _member(self, link: str) -> Member:
-        members = {each.link.name: each for each in self.beams.members}
+        members = {member.link.name: member for member in self.beams.members}
         require_name(f"link of {self.name}", link, members)
         return members[link]
 
     def point(self, link: str, fraction: float) -> Point:
-        """The place at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
+        """Point at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
         ValueOutOfBoundsError."""
         if not 0 <= fraction <= 1:
             raise ValueOutOfBoundsError(f"place on link {link} is {fraction}; allowed: 0 to 1 of its length")
         return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
-        """The structure frozen at phases (m,)."""
+        """Structure at fixed phases (m,)."""
         return Positions(self.beams, phase)
 
     def require_motion(self) -> None:
-        """Raise NoMotionError where the links stand still, or their elements have frequencies only."""
+        """Raise NoMotionError if the structure is at rest, or its elements have no equations of motion."""
         if not self.module.MOVES:
             raise NoMotionError(
-                f"{self.name} is a structure of which only the frequencies are known; "
+                f"{self.name} is a structure at rest, which has natural frequencies only; "
                 f"run: python -m solve frequencies {self.name}"
             )
         if EXACT in self.beams.freedoms.kinds:
@@ -351,8 +362,8 @@ class StructureModel(Model):
             )
         if any(link.inextensible for link in self.beams.freedoms.links):
             raise NoMotionError(
-                f"{self.name} has inextensible links, of which only the frequencies are known; "
-                "let them stretch"
+                f"{self.name} has inextensible links, which have natural frequencies only; "
+                "make them extensible"
             )
 
 
@@ -365,8 +376,8 @@ def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
 
 
 def _of_each_link(setup: Setup, option: str) -> list[str]:
-    parts = str(setup.options[option]).split(",")
-    return parts if len(parts) > 1 else parts * len(setup.module.LINKS)
+    values = str(setup.options[option]).split(",")
+    return values if len(values) > 1 else values * len(setup.module.LINKS)
 
 
 def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:

@@ -1,4 +1,4 @@
-"""What is asked of points, and their solutions with their estimated errors."""
+"""Requests for solutions, and solutions with their error estimates and warnings."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -11,38 +11,62 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import SolveError
 from solve.methods.method import Method, Solutions
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.multipliers import KNOWN_ON_CIRCLE, STABLE, UNDETERMINED, verdicts
 from solve.period.points import Points
 
 NEAR_ONE = 1e-3
-"""Distance of a multiplier from +1 below which the height of a response deserves a warning."""
+"""Distance of a multiplier from +1 below which the response deserves a warning: its amplitude then changes by
+the order of 1/distance with small changes of the parameters. A choice."""
 
 
 @dataclass(frozen=True)
-class Request:
-    """What is asked of points: `steps`, or as many as `rtol` needs; with `orbit` the periodic solutions.
+class SolveRequest:
+    """Accuracy or number of steps with which points are solved.
 
-    witness: a method for any system, with which errors of a reduction are estimated. reference: from points
-    to converging methods, with which approximations are compared.
+    Parameters
+    ----------
+    orbit : bool
+        Whether periodic solutions are required, or multipliers only.
+    rtol : float
+        Tolerance of the relative errors of orbit and multipliers.
+    steps : int, optional
+        Steps per period; without, as many as `rtol` requires.
+    engine : str
+        COMPILED or NUMPY.
+    reduction_method : Method
+        Method for any system, with which errors of a reduction are estimated.
+    reference_methods : callable
+        Converging methods for points, with which methods that do not converge are compared.
     """
 
     orbit: bool
     rtol: float
     steps: int | None
     engine: str
-    witness: Method
-    reference: Callable[[Points], Iterator[tuple[Method, Array]]]
+    reduction_method: Method
+    reference_methods: Callable[[Points], Iterator[tuple[Method, Array]]]
 
 
 class ReductionError(NamedTuple):
-    """What a reduction changes, estimated.
+    """Estimated effect of a reduction; NaN without an estimate.
 
-    modes: retained modes a link. coordinates, full: their number with and without the reduction.
-    discarded: lowest frequency of the discarded modes in rad/s. orbit: the largest max|error|/max|q| of
-    all coordinates of the full system, NaN without an orbit. multipliers: the largest |error| divided by
-    the spectral radius. spectral_radius: that of the dominant multiplier. outputs: max|error|/max|output|
-    of each. NaN where there is no estimate.
+    Attributes
+    ----------
+    modes : int
+        Retained modes per link.
+    coordinates, full : int
+        Number of coordinates with and without the reduction.
+    discarded : float
+        Lowest frequency of the discarded modes in rad/s.
+    orbit : float
+        Largest max|error|/max|q| of all coordinates of the full system; NaN without an orbit.
+    multipliers : float
+        Largest |error| divided by the spectral radius.
+    spectral_radius : float
+        Error of the dominant multiplier, divided by the spectral radius.
+    outputs : mapping
+        max|error|/max|output| of each output.
     """
 
     modes: int
@@ -56,13 +80,13 @@ class ReductionError(NamedTuple):
 
     @property
     def parts(self) -> list[str]:
-        """The errors in words, of the outputs the largest."""
-        parts = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
-        parts.append(f"multipliers {self.multipliers:.1e}")
+        """The errors as phrases; of the outputs the largest."""
+        phrases = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
+        phrases.append(f"multipliers {self.multipliers:.1e}")
         if self.outputs:
             worst = max(self.outputs, key=lambda name: self.outputs[name])
-            parts.append(f"outputs up to {self.outputs[worst]:.1e} ({worst})")
-        return parts
+            phrases.append(f"outputs up to {self.outputs[worst]:.1e} ({worst})")
+        return phrases
 
     @property
     def warnings(self) -> list[str]:
@@ -71,16 +95,34 @@ class ReductionError(NamedTuple):
         if self.coordinates == self.full:
             return []
         if math.isnan(self.multipliers):
-            return [f"{count}: what that changes cannot be estimated at this speed; increase reduce"]
-        return [f"{count}, which changes about: {', '.join(self.parts)} (relative)"]
+            return [f"{count}: the error cannot be estimated at this speed; increase reduce"]
+        return [f"{count}; estimated relative errors: {', '.join(self.parts)}"]
+
+
+@dataclass(frozen=True)
+class Failed:
+    """Position of a point without solution, and the reason."""
+
+    position: int
+    reason: SolveError
 
 
 @dataclass(frozen=True)
 class Certified:
-    """Points that the same method and grid served, with their estimated errors.
+    """Solutions of points by one method on one grid, with error estimates.
 
-    positions (k,) among the points asked for; errors (k, 2) of orbit and multipliers, relative; absolute
-    (k,): of the multipliers; modes: frozen ones; reduction (k,): a `ReductionError` each, or none.
+    Attributes
+    ----------
+    positions : (k,)
+        Positions among the requested points.
+    errors : (k, 2)
+        Relative errors of orbit and multipliers.
+    absolute : (k,)
+        Absolute errors of the multipliers.
+    modes : FrozenModes
+        FrozenModes modes of the points.
+    reduction : tuple of ReductionError
+        One per point, or none.
     """
 
     positions: Array
@@ -88,8 +130,8 @@ class Certified:
     solutions: Solutions
     errors: Array
     absolute: Array
-    request: Request
-    modes: Frozen
+    request: SolveRequest
+    modes: FrozenModes
     reduction: tuple[ReductionError, ...] = ()
 
     def __len__(self) -> int:
@@ -102,102 +144,103 @@ class Certified:
 
     @cached_property
     def verdicts(self) -> Array:
-        """Positions (k,) in VERDICTS, see `solve.period.multipliers.verdicts`."""
+        """Verdicts (k,) as positions in VERDICTS; see `solve.period.multipliers.verdicts`."""
         return verdicts_of(self.solutions, self.absolute, self.modes)
 
     @property
-    def _nothing_else(self) -> Array:
-        """Points (k,) with no multipliers but those of rigid-body modes."""
-        found = self.solutions
-        if found.free is None:
-            return np.zeros(len(self), dtype=bool)
-        return np.asarray(found.free.modes.multiplicity == found.Phi.shape[-1])
+    def _without_multipliers(self) -> Array:
+        """Points (k,) that have no multipliers except those of rigid-body modes."""
+        return _rigid_body_only(self.solutions)
 
     @cached_property
-    def _left_open(self) -> Array:
-        """Points (k,) without a verdict though their multipliers are known well."""
+    def _is_on_circle(self) -> Array:
+        """Points (k,) without a verdict although their multipliers are accurate."""
         return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
 
     @property
     def doubtful(self) -> Array:
-        """Points (k,) that deserve a warning."""
+        """Points (k,) with warnings."""
         multipliers = self.solutions.multipliers
-        found = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
-        found |= (
-            ((multipliers.resolved == 0) & ~self._nothing_else) | self._left_open | bool(self.method.warnings)
-        )
+        doubtful = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
+        doubtful |= (multipliers.resolved == 0) & ~self._without_multipliers
+        doubtful |= self._is_on_circle | bool(self.method.warnings)
         if self.request.steps is not None and not self.method.l_stable:
-            found |= ~self.modes.within(self.steps * self.method.follows / self.modes.period)
-        return found
+            doubtful |= ~self.modes.is_within(self.steps * self.method.follows / self.modes.period)
+        return doubtful
 
     def warnings(self, at: int) -> list[str]:
-        """What is doubtful about one of the points, a sentence each."""
-        orbit, multipliers = map(float, self.errors[at])
+        """Warnings about the point at one position, a sentence each."""
         method, request, rho = self.method, self.request, self.solutions.multipliers
-        parts = [("orbit", orbit), ("multipliers", multipliers)]
+        orbit, multipliers = map(float, self.errors[at])
+        is_below_round_off = not rho.resolved[at] and not self._without_multipliers[at]
         warnings = list(method.warnings)
-        if not rho.resolved[at] and not self._nothing_else[at]:
-            parts.pop()
+        if is_below_round_off:
             warnings.append(
-                "no multiplier keeps a digit in the monodromy matrix: they are so small that nothing is left "
-                "of a disturbance after one turn"
+                "all multipliers are below the round-off of the monodromy matrix; disturbances vanish within "
+                "one period"
             )
-        missed = [f"{name} to {error:.1e}" for name, error in parts if error > request.rtol]
         if request.steps is not None or multipliers > request.rtol:
-            reach = float(self.modes[np.array([at])].reach[0])
-            known = request.orbit and orbit <= request.rtol
-            warnings += unresolved_modes(method, reach, self.steps, orbit if known else None)
-        if missed:
-            where = "at the precision in reach" if request.steps is None else f"with {request.steps} steps"
-            where = where if method.converges else "is an approximation that"
-            warnings.append(
-                f"{method.name} {where} gives the {' and the '.join(missed)} only, "
-                f"not to rtol {request.rtol:g}"
-            )
-        near = float(rho.distance_from_one[at])
-        if near < NEAR_ONE:
-            # Below its error a distance is rounding, another one on each engine.
-            lies = "within its error" if near <= self.absolute[at] else f"only {near:.1e}"
+            phase_advance = float(self.modes[np.array([at])].phase_advance[0])
+            is_accurate = request.orbit and orbit <= request.rtol
+            orbit_error = orbit if is_accurate else None
+            warnings += unresolved_modes_warning(method, phase_advance, self.steps, orbit_error)
+        warnings += self._missed_tolerances(orbit, None if is_below_round_off else multipliers)
+        distance = float(rho.distance_from_one[at])
+        if distance < NEAR_ONE:
+            # A distance below its error is round-off, which depends on the engine.
+            lies = "within its error" if distance <= self.absolute[at] else f"only {distance:.1e}"
             warnings.append(
                 f"a multiplier is {lies} from +1 (resonance or a stability boundary): "
-                "the height of the response means little here"
+                "the amplitude of the response is unreliable here"
             )
-        if self._left_open[at]:
-            lost = rho.values.shape[-1] > rho.resolved[at]
-            known = max(float(self.absolute[at]), float(rho.bound[at]) if lost else 0.0)
+        if self._is_on_circle[at]:
+            has_unresolved = rho.values.shape[-1] > rho.resolved[at]
+            error = max(float(self.absolute[at]), float(rho.bound[at]) if has_unresolved else 0.0)
             warnings.append(
-                f"some multipliers lie on the unit circle, or meet there, within their error ({known:.1e}): "
-                "whether the motion stays bounded or grows with time is not known"
+                f"some multipliers lie on the unit circle, or meet there, within their error ({error:.1e}): "
+                "the accuracy does not decide whether the motion remains bounded"
             )
         return warnings
 
+    def _missed_tolerances(self, orbit: float, multipliers: float | None) -> list[str]:
+        """A warning if an error exceeds the tolerance."""
+        errors = {"orbit": orbit} if multipliers is None else {"orbit": orbit, "multipliers": multipliers}
+        rtol, steps = self.request.rtol, self.request.steps
+        missed = [f"{name} to {error:.1e}" for name, error in errors.items() if error > rtol]
+        if not missed:
+            return []
+        where = "at the attainable accuracy" if steps is None else f"with {steps} steps"
+        where = where if self.method.converges else "is an approximation that"
+        return [f"{self.method.name} {where} gives the {' and the '.join(missed)} only, not to rtol {rtol:g}"]
 
-def verdicts_of(solutions: Solutions, errors: Array, modes: Frozen) -> Array:
-    """Positions (P,) in VERDICTS of the motion without rigid-body modes, see `verdicts`; "stable" where there
-    is no other."""
-    found = verdicts(solutions.Phi, solutions.multipliers, errors, modes)
+
+def verdicts_of(solutions: Solutions, errors: Array, modes: FrozenModes) -> Array:
+    """Verdicts (P,) as positions in VERDICTS of the motion relative to rigid-body modes; "stable" without
+    other motion."""
+    of_vibration = verdicts(solutions.Phi, solutions.multipliers, errors, modes)
+    return np.where(_rigid_body_only(solutions), STABLE, of_vibration)
+
+
+def _rigid_body_only(solutions: Solutions) -> Array:
+    """Points (P,) that have no multipliers except those of rigid-body modes."""
     if solutions.free is None:
-        return found
-    return np.where(solutions.free.modes.multiplicity == solutions.Phi.shape[-1], STABLE, found)
+        return np.zeros(len(solutions), dtype=bool)
+    return np.asarray(solutions.free.modes.multiplicity == solutions.Phi.shape[-1])
 
 
-@dataclass(frozen=True)
-class Failed:
-    """Why a point has no solution, at its position."""
+def unresolved_modes_warning(
+    method: Method, phase_advance: float, steps: int, orbit_error: float | None = None
+) -> list[str]:
+    """A warning if the method preserves modes that its steps do not resolve.
 
-    position: int
-    reason: SolveError
-
-
-def unresolved_modes(method: Method, reach: float, steps: int, orbit: float | None = None) -> list[str]:
-    """A warning where the method keeps modes that its steps do not resolve; reach: ω_max T; orbit: its error,
-    where that is known to be small."""
-    if method.l_stable or reach <= steps * method.follows:
+    phase_advance: ω_max T in rad. orbit_error: the error of the orbit, if it is small.
+    """
+    if method.l_stable or phase_advance <= steps * method.follows:
         return []
-    enough = f", or at least {math.ceil(reach / method.follows)} steps" if method.converges else ""
-    right = "" if orbit is None else f" though the orbit is right to {orbit:.1e}"
+    enough = f", or at least {math.ceil(phase_advance / method.follows)} steps" if method.converges else ""
+    right = "" if orbit_error is None else f", although the error of the orbit is {orbit_error:.1e}"
     return [
-        f"ω_max h = {reach / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
-        f"{method.name} neither follows nor damps them: the multipliers may be false{right}; "
+        f"ω_max h = {phase_advance / steps:.2g}: {steps} steps leave stiff modes unresolved, and "
+        f"{method.name} neither resolves nor damps them: the multipliers may be wrong{right}; "
         f"use radau{enough}"
     ]

@@ -10,97 +10,98 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.certify.estimates import ROUND_OFF
 from solve.methods.collocation import Collocation, lagrange
 from solve.period.grid import Grid
-from solve.period.multipliers import EPS
 from solve.period.points import Points, Tables
 
 PHASES = 1001
-"""Number of fixed phases at which coefficients are compared: odd, so that few coincide with the stages of a
-grid. A feature that is narrower than the distance between all sampled phases may be missed."""
+"""Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few coincide
+with the stages of a grid. A feature narrower than the spacing of all sampled phases may be missed."""
 
-_LEAST_PHASES = 64
-"""Fewest phases from which harmonics are computed, however many coordinates there are."""
+MIN_PHASES = 64
+"""Smallest number of phases from which harmonics are computed: a choice that resolves 32 harmonics."""
 
 _MEMORY = 2**27
-"""Bytes of the coefficients that are compared, or whose harmonics are computed, at a time."""
-
-_INSIDE = 1e-9
-"""Fraction of the period by which the last compared phase lies before the end of the period."""
-
-_ROUND_OFF = 64 * EPS
-"""Relative size of coefficients below which they are round-off of the function that computes them."""
+"""Bytes of the coefficients that are processed at a time."""
 
 
-class _OfArrays:
-    """Cache of values computed from arrays that are kept elsewhere, as long as the first of these exists."""
+class _ArrayCache:
+    """Cache of values computed from arrays, as long as the first of these arrays exists."""
 
     def __init__(self, compute: Callable[..., Any]):
         self._compute = compute
-        self._known: dict[tuple[int, ...], tuple[list[weakref.ref[Any]], Any]] = {}
+        self._values: dict[tuple[int, ...], tuple[list[weakref.ref[Any]], Any]] = {}
 
     def __call__(self, *arrays: Any) -> Any:
         key = tuple(map(id, arrays))
-        references, value = self._known.get(key, ([], None))
-        if not references or any(each() is not one for each, one in zip(references, arrays, strict=True)):
+        references, value = self._values.get(key, ([], None))
+        if not references or any(ref() is not array for ref, array in zip(references, arrays, strict=True)):
             value = self._compute(*arrays)
-            first = weakref.ref(arrays[0], lambda _: self._known.pop(key, None))
-            self._known[key] = [first, *map(weakref.ref, arrays[1:])], value
+            first = weakref.ref(arrays[0], lambda _: self._values.pop(key, None))
+            self._values[key] = [first, *map(weakref.ref, arrays[1:])], value
         return value
 
 
 def harmonics(points: Points, loads: bool) -> Array:
-    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients, 0 if they are round-off.
+    """Relative amplitudes (P, k) of the harmonics 0, 1, … of the coefficients, 0 for round-off.
 
-    Each is the maximum over all entries, with or without the `loads`, relative to the largest harmonic of the
+    Each is the largest over all entries, with or without the `loads`, relative to the largest harmonic of the
     entry. For systems with jumps only the mean is returned, since their harmonics decay too slowly.
     """
     if points.breaks:
         return np.ones((len(points), 1))
-    count = min(PHASES, max(_LEAST_PHASES, _MEMORY // (8 * (3 * points.n**2 + points.n))) | 1)
+    count = min(PHASES, max(MIN_PHASES, _MEMORY // (8 * _entry_count(points.n))) | 1)
     tables = points.tables(_fixed_phases(points.period, count))
-    spectrum = _spectrum(tables.table) if tables.own else _known_spectrum(tables.table)
-    terms = tables.entry < (3 * points.n**2 + points.n if loads else 3 * points.n**2)
-    entries, starts = np.unique(tables.entry[terms], return_index=True)
-    found = np.empty((len(points), spectrum.shape[-2]))
-    most = max(1, _MEMORY // (16 * spectrum.shape[-2] * len(tables.entry)))
-    for some in (slice(first, first + most) for first in range(0, len(points), most)):
-        of_terms = (spectrum[some] if tables.own else spectrum) * tables.coefficients[some, None]
-        amplitudes = np.abs(np.add.reduceat(of_terms[..., terms], starts, axis=-1))
+    spectrum = _spectrum(tables.table) if tables.own else _cached_spectrum(tables.table)
+    is_used = tables.entry < (_entry_count(points.n) if loads else 3 * points.n**2)
+    entries, starts = np.unique(tables.entry[is_used], return_index=True)
+    relative = np.empty((len(points), spectrum.shape[-2]))
+    chunk = max(1, _MEMORY // (16 * spectrum.shape[-2] * len(tables.entry)))
+    for rows in (slice(first, first + chunk) for first in range(0, len(points), chunk)):
+        terms = (spectrum[rows] if tables.own else spectrum) * tables.coefficients[rows, None]
+        amplitudes = np.abs(np.add.reduceat(terms[..., is_used], starts, axis=-1))
         largest = amplitudes.max(axis=1)
-        amplitudes[amplitudes <= _ROUND_OFF * _sizes(largest, entries, points.n)[:, None]] = 0.0
-        found[some] = (amplitudes / np.where(largest > 0, largest, 1.0)[:, None]).max(axis=-1)
-    return found
+        amplitudes[amplitudes <= ROUND_OFF * _entry_sizes(largest, entries, points.n)[:, None]] = 0.0
+        relative[rows] = (amplitudes / np.where(largest > 0, largest, 1.0)[:, None]).max(axis=-1)
+    return relative
 
 
-def _sizes(largest: Array, entries: Array, n: int) -> Array:
+def _entry_count(n: int) -> int:
+    """Number of entries of M, C, K and d."""
+    return 3 * n**2 + n
+
+
+def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
     """Sizes (P, E) to which the round-off of entries with the `largest` values (P, E) is relative.
 
-    An entry that vanishes in exact arithmetic, a sum of products, has the round-off of its terms. These are
-    bounded by the diagonals as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½, and a load d_i by
+    An entry that vanishes in exact arithmetic, as a sum of products, has the round-off of its terms. These
+    are bounded by the diagonals as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½, and a load d_i by
     max_j |d_j| (D_ii / D_jj)^½ with the largest diagonal of M, C and K. entries (E,): numbers of the entries.
     """
-    full = np.zeros((len(largest), 3 * n**2 + n))
-    full[:, entries] = largest
-    matrices, loads = full[:, :-n].reshape(-1, 3, n, n), full[:, -n:]
+    every_entry = np.zeros((len(largest), _entry_count(n)))
+    every_entry[:, entries] = largest
+    matrices, loads = every_entry[:, :-n].reshape(-1, 3, n, n), every_entry[:, -n:]
     roots = np.sqrt(np.einsum("pkii->pki", matrices))
-    of_matrices = (roots[..., None] * roots[:, :, None]).reshape(len(largest), -1)
+    matrix_sizes = (roots[..., None] * roots[:, :, None]).reshape(len(largest), -1)
     root = roots.max(axis=1)
-    known = root > 0
-    most = np.where(known, loads / np.where(known, root, 1.0), 0.0).max(axis=1, keepdims=True)
-    return np.maximum(largest, np.concatenate((of_matrices, most * root), axis=1)[:, entries])
+    is_positive = root > 0
+    scaled_loads = np.where(is_positive, loads / np.where(is_positive, root, 1.0), 0.0)
+    load_sizes = scaled_loads.max(axis=1, keepdims=True) * root
+    return np.maximum(largest, np.concatenate((matrix_sizes, load_sizes), axis=1)[:, entries])
 
 
 def _spectrum(table: Array) -> Array:
     """Harmonics (…, k, R) of the terms of a table, up to the last that is not round-off."""
     with np.errstate(over="ignore", invalid="ignore"):
-        made = np.fft.rfft(table, axis=-2, norm="forward")
-        size = np.abs(made)
-        size = (size > _ROUND_OFF * size.max(axis=-2, keepdims=True)).reshape(-1, *made.shape[-2:])
-    return made[..., : int(np.flatnonzero(size.any(axis=(0, 2))).max(initial=0)) + 1, :]
+        spectrum = np.fft.rfft(table, axis=-2, norm="forward")
+        sizes = np.abs(spectrum)
+        is_resolved = sizes > ROUND_OFF * sizes.max(axis=-2, keepdims=True)
+    is_resolved = is_resolved.reshape(-1, *spectrum.shape[-2:]).any(axis=(0, 2))
+    return spectrum[..., : int(np.flatnonzero(is_resolved).max(initial=0)) + 1, :]
 
 
-_known_spectrum = _OfArrays(_spectrum)
+_cached_spectrum = _ArrayCache(_spectrum)
 
 
 @lru_cache(maxsize=8)
@@ -109,129 +110,141 @@ def _fixed_phases(period: float, count: int) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Phases:
-    """Phases of the steps of a grid at which coefficients are sampled and compared.
+class SampledPhases:
+    """Phases of a grid at which coefficients are sampled, and further ones at which they are compared.
 
-    lower (m, s) and higher (m, s + 1): stages of two methods. compared (Q,), rising: further phases, of which
-    each is number `place` (Q,) in its step, `step` (Q,). of_lower (m, c, s) and of_higher (m, c, s + 1):
-    Lagrange polynomials of all stages at the phases of each step, at most c. weights (Q, s): increments of
-    the coefficients at the stages of the lower method per unit difference at a compared phase."""
+    Attributes
+    ----------
+    lower, higher : (m, s), (m, s + 1)
+        Stages of the two methods.
+    compared : (Q,)
+        Further phases in ascending order.
+    step, place : (Q,)
+        Step of each compared phase, and its number within the step.
+    lower_basis, higher_basis : (m, c, s), (m, c, s + 1)
+        Lagrange polynomials of all stages at the compared phases of each step, of which there are at most c.
+    weights : (Q, s)
+        Increments of the coefficients at the stages of the lower method per unit difference at a compared
+        phase.
+    """
 
     lower: Array
     higher: Array
     compared: Array
     step: Array
     place: Array
-    of_lower: Array
-    of_higher: Array
+    lower_basis: Array
+    higher_basis: Array
     weights: Array
 
     @classmethod
-    def of(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "Phases":
-        """On a grid, for two methods of which the first gives the solution."""
-        c = np.array(lower.c), np.array(higher.c)
-        nodes = np.union1d(*c)
-        fixed, every = _fixed_phases(grid.period, PHASES), np.arange(grid.steps)
-        ends = grid.stages(np.array([0.0, 1.0]))
-        step = np.searchsorted(grid.nodes, fixed, side="right") - 1
-        inside = (fixed > ends[step, 0]) & (fixed < ends[step, 1])
-        # The last end is not that of the next period, whose coefficients may jump.
-        ends = np.minimum(ends, grid.period * (1 - _INSIDE))
-        compared = np.concatenate((fixed[inside], ends.T.ravel()))
-        step = np.concatenate((step[inside], every, every))
-        theta = np.clip((compared - grid.nodes[step]) / grid.h[step], 0.0, 1.0)
-        order = np.lexsort((theta, step))
-        compared, step, theta = compared[order], step[order], theta[order]
-        weights = lagrange(c[0], theta) * (_trapezoidal(step, theta, nodes)[:, None] / lower.b)
-        basis = lagrange(nodes, theta)
+    def of(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "SampledPhases":
+        """Phases on a grid for two methods, of which the first gives the solution."""
+        nodes = np.union1d(lower.c, higher.c)
+        compared, step = _compared_phases(grid)
+        fraction = np.clip((compared - grid.nodes[step]) / grid.h[step], 0.0, 1.0)
+        order = np.lexsort((fraction, step))
+        compared, step, fraction = compared[order], step[order], fraction[order]
+        quadrature = _trapezoidal(step, fraction, nodes)[:, None] / lower.b
+        weights = lagrange(np.array(lower.c), fraction) * quadrature
+        basis = lagrange(nodes, fraction)
         place = np.arange(len(step)) - np.searchsorted(step, step)
-        of_lower, of_higher = (np.zeros((grid.steps, place.max() + 1, len(each))) for each in c)
-        of_lower[step, place] = basis[:, np.searchsorted(nodes, c[0])]
+        lower_basis, higher_basis = (
+            np.zeros((grid.steps, place.max() + 1, len(method.c))) for method in (lower, higher)
+        )
+        lower_basis[step, place] = basis[:, np.searchsorted(nodes, lower.c)]
         # A node of both methods counts once.
-        of_higher[step, place] = basis[:, np.searchsorted(nodes, c[1])] * ~np.isin(c[1], c[0])
-        stages = grid.stages(c[0]), grid.stages(c[1])
-        return cls(*stages, compared, step, place, of_lower, of_higher, weights)
+        higher_basis[step, place] = basis[:, np.searchsorted(nodes, higher.c)] * ~np.isin(higher.c, lower.c)
+        stages, more_stages = (grid.stages(np.array(method.c)) for method in (lower, higher))
+        return cls(stages, more_stages, compared, step, place, lower_basis, higher_basis, weights)
 
     def __len__(self) -> int:
         return len(self.lower)
 
-    def of_steps(self, first: int, end: int) -> "Phases":
-        """Those of neighbouring steps."""
-        some = slice(*np.searchsorted(self.step, (first, end)).tolist())
-        steps = slice(first, end)
-        return Phases(
+    def of_steps(self, first: int, end: int) -> "SampledPhases":
+        """Phases of the steps from `first` to before `end`."""
+        rows, steps = slice(*np.searchsorted(self.step, (first, end)).tolist()), slice(first, end)
+        return SampledPhases(
             self.lower[steps],
             self.higher[steps],
-            self.compared[some],
-            self.step[some] - first,
-            self.place[some],
-            self.of_lower[steps],
-            self.of_higher[steps],
-            self.weights[some],
+            self.compared[rows],
+            self.step[rows] - first,
+            self.place[rows],
+            self.lower_basis[steps],
+            self.higher_basis[steps],
+            self.weights[rows],
         )
 
-    def relative_difference(self, points: Points, round_off: float) -> Array:
-        """Largest difference (P,) of entries at the compared phases from their interpolation, relative to the
-        largest value of the entry; 0 where it is round-off. round_off: relative to the sizes of entries."""
-        size = 8 * (3 * points.n**2 + points.n) * _rows(points)
+    def relative_difference(self, points: Points, roundoff: float) -> Array:
+        """Largest difference (P,) of entries from their interpolant, relative to the largest value of the
+        entry; 0 if it is round-off, which is relative to the sizes of entries."""
+        rows = len(points) if points.bytes_a_phase else 1
+        size = 8 * _entry_count(points.n) * rows
         size *= self.lower.size + self.higher.size + len(self.compared)
-        parts = min(len(self), -(-size // _MEMORY))
-        ends = np.linspace(0, len(self), parts + 1).astype(int).tolist()
-        found = [self.of_steps(*some) if parts > 1 else self for some in itertools.pairwise(ends)]
-        made = [part.differences(points)[1:] for part in found]
-        differences, largest = (np.max(each, axis=0) for each in zip(*made, strict=True))
+        count = min(len(self), -(-size // _MEMORY))
+        ends = np.linspace(0, len(self), count + 1).astype(int).tolist()
+        chunks = [self.of_steps(*pair) if count > 1 else self for pair in itertools.pairwise(ends)]
+        maxima = [chunk.differences(points)[1:] for chunk in chunks]
+        differences, largest = (np.max(values, axis=0) for values in zip(*maxima, strict=True))
         terms = points.tables(self.compared[:1])
         entries, starts = np.unique(terms.entry, return_index=True)
         weights = np.abs(terms.coefficients)
         differences = np.add.reduceat(weights * differences, starts, axis=-1)
         largest = np.maximum.reduceat(weights * largest, starts, axis=-1)
-        visible = differences > round_off * _sizes(largest, entries, points.n)
+        is_visible = differences > roundoff * _entry_sizes(largest, entries, points.n)
         relative = differences / np.where(largest > 0, largest, 1.0)
-        return np.asarray(np.where(visible, relative, 0.0).max(axis=-1))
+        return np.asarray(np.where(is_visible, relative, 0.0).max(axis=-1))
 
     def differences(self, points: Points) -> tuple[Array, Array, Array]:
-        """Differences (…, Q, R) of coefficients at the compared phases from their interpolation, the largest
+        """Differences (…, Q, R) of coefficients from their interpolant at the compared phases, the largest
         differences (…, R) and the largest coefficients (…, R)."""
         compared, lower, higher = (
             points.tables(phase.ravel()).table for phase in (self.compared, self.lower, self.higher)
         )
-        return (_known_differences if compared.ndim == 2 else _differences)(compared, lower, higher, self)
+        return (_cached_differences if compared.ndim == 2 else _differences)(compared, lower, higher, self)
 
-    def added(self, differences: Array) -> Array:
+    def increments(self, differences: Array) -> Array:
         """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""
         m, s = self.lower.shape
-        made = np.zeros((*differences.shape[:-2], m, s, differences.shape[-1]))
-        parts = self.weights[:, :, None] * differences[..., :, None, :]
-        of_steps: Any = (..., self.step, slice(None), slice(None))
-        np.add.at(made, of_steps, parts)
-        return made.reshape(*made.shape[:-3], m * s, -1)
+        increments = np.zeros((*differences.shape[:-2], m, s, differences.shape[-1]))
+        steps: Any = (..., self.step, slice(None), slice(None))
+        np.add.at(increments, steps, self.weights[:, :, None] * differences[..., :, None, :])
+        return increments.reshape(*increments.shape[:-3], m * s, -1)
 
 
-def _rows(points: Points) -> int:
-    return len(points) if points.bytes_a_phase else 1
+def _compared_phases(grid: Grid) -> tuple[Array, Array]:
+    """Fixed phases inside the steps of a grid, then both ends of every step (Q,), and the step of each."""
+    fixed, steps = _fixed_phases(grid.period, PHASES), np.arange(grid.steps)
+    ends = grid.stages(np.array([0.0, 1.0]))
+    step = np.searchsorted(grid.nodes, fixed, side="right") - 1
+    is_inside = (fixed > ends[step, 0]) & (fixed < ends[step, 1])
+    # The coefficients may jump at the end of the period, which belongs to the next one.
+    ends = np.minimum(ends, grid.period * (1 - 1e-9))
+    return np.concatenate((fixed[is_inside], ends.T.ravel())), np.concatenate((step[is_inside], steps, steps))
 
 
-def _differences(compared: Array, lower: Array, higher: Array, phases: Phases) -> tuple[Array, Array, Array]:
-    found = compared.copy()
-    for samples, basis in ((lower, phases.of_lower), (higher, phases.of_higher)):
+def _differences(
+    compared: Array, lower: Array, higher: Array, phases: SampledPhases
+) -> tuple[Array, Array, Array]:
+    differences = compared.copy()
+    for samples, basis in ((lower, phases.lower_basis), (higher, phases.higher_basis)):
         by_step = samples.reshape(*samples.shape[:-2], len(phases), -1, samples.shape[-1])
-        found -= np.matmul(basis, by_step)[..., phases.step, phases.place, :]
+        differences -= np.matmul(basis, by_step)[..., phases.step, phases.place, :]
     largest = np.maximum(np.abs(lower).max(axis=-2), np.abs(higher).max(axis=-2))
-    return found, np.abs(found).max(axis=-2), largest
+    return differences, np.abs(differences).max(axis=-2), largest
 
 
-_known_differences = _OfArrays(_differences)
+_cached_differences = _ArrayCache(_differences)
 
 
-class Resampled:
-    """Points whose coefficients at the stages of a grid take those at further phases into account.
+class ResampledPoints:
+    """Points whose coefficients at the stages of a grid are projected from those at further phases.
 
     A collocation method weights the residual of a step by the Lagrange polynomials of its stages. These
     coefficients are local averages with the same weights, so that a feature between two stages contributes
-    its integral. Polynomial coefficients of the degree that the stages resolve do not change.
-    """
+    its integral. Polynomial coefficients of the degree that the stages resolve do not change."""
 
-    def __init__(self, points: Points, phases: Phases):
+    def __init__(self, points: Points, phases: SampledPhases):
         self.points, self.phases = points, phases
         self.n, self.period, self.breaks = points.n, points.period, points.breaks
         self.bytes_a_phase = points.bytes_a_phase
@@ -243,26 +256,30 @@ class Resampled:
     def __len__(self) -> int:
         return len(self.points)
 
-    def __getitem__(self, positions: Array) -> "Resampled":
-        return Resampled(self.points[positions], self.phases)
+    def __getitem__(self, positions: Array) -> "ResampledPoints":
+        return ResampledPoints(self.points[positions], self.phases)
 
     def tables(self, phase: Array) -> Tables:
+        """Tables at phases (k,): projected ones at the stages of consecutive steps, else the original
+        ones."""
         tables, stages = self.points.tables(phase), self.phases.lower
         first, m = int(np.searchsorted(stages[:, 0], phase[0])), len(phase) // stages.shape[1]
         if not np.array_equal(phase, stages[first : first + m].ravel()):
             return tables
         phases = self.phases if m == len(stages) else self.phases.of_steps(first, first + m)
-        table = tables.table + phases.added(phases.differences(self.points)[0])
+        table = tables.table + phases.increments(phases.differences(self.points)[0])
         return Tables(table, tables.coefficients, tables.entry, tables.n)
 
 
-def _trapezoidal(step: Array, theta: Array, nodes: Array) -> Array:
-    """Weights (Q,) of the fractions θ (Q,) of steps (Q,), rising, among these and the nodes of the steps."""
+def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
+    """Trapezoidal weights (Q,) of ascending fractions (Q,) of steps (Q,), among these and the nodes of each
+    step."""
     m = int(step[-1]) + 1
-    owner = np.concatenate((step, np.repeat(np.arange(m), len(nodes))))
-    fraction = np.concatenate((theta, np.tile(nodes, m)))
-    order = np.lexsort((fraction, owner))
-    gaps = np.where(np.diff(owner[order]) == 0, np.diff(fraction[order]), 0.0) / 2
-    width = np.empty(len(order))
-    width[order] = np.append(gaps, 0.0) + np.append(0.0, gaps)
-    return width[: len(theta)]
+    every_step = np.concatenate((step, np.repeat(np.arange(m), len(nodes))))
+    every_fraction = np.concatenate((fraction, np.tile(nodes, m)))
+    order = np.lexsort((every_fraction, every_step))
+    same_step = np.diff(every_step[order]) == 0
+    gaps = np.where(same_step, np.diff(every_fraction[order]), 0.0) / 2
+    weights = np.empty(len(order))
+    weights[order] = np.append(gaps, 0.0) + np.append(0.0, gaps)
+    return weights[: len(fraction)]

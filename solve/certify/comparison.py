@@ -6,9 +6,9 @@ from functools import lru_cache
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.certified import Request
-from solve.certify.coefficients import Phases, Resampled, harmonics
-from solve.certify.solving import Solving
+from solve.certify.certified import SolveRequest
+from solve.certify.coefficients import ResampledPoints, SampledPhases, harmonics
+from solve.certify.point_solver import PointSolver
 from solve.methods.collocation import Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions
@@ -17,105 +17,119 @@ from solve.period.multipliers import EPS
 from solve.period.points import Points
 
 _COEFFICIENTS = 1e-3
-"""Fraction of `rtol` by which coefficients may differ from their interpolation, relative to the stiffness of
+"""Fraction of `rtol` by which coefficients may differ from their interpolant, relative to the stiffness of
 the softest mode. The response amplifies this by at most the phase advance of a resolved mode, some hundred
 radians."""
 
 _ROUND_OFF = 512 * EPS
-"""Relative difference of coefficients from their interpolation that is round-off: 4e-14 at most for the
-models of this project, 2e-13 with noise of the last digit and 3000 steps."""
+"""Relative difference of coefficients from their interpolant that is round-off: 4e-14 at most for the models
+of this project, 2e-13 with noise of the last digit and 3000 steps."""
 
-_AMPLIFIED = 100.0
-"""Factor by which the response may amplify aliased harmonics of the coefficients: a lightly damped
-resonance."""
+_AMPLIFICATION = 100.0
+"""Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a
+damping ratio of 0.5 %."""
 
 
 class Comparison(ABC):
     """A solution and a better one on a related grid; their difference is the error of the first.
 
-    solving, better: solvers of both. times: ratio of their numbers of steps. remaining: error of the better
-    solution as a fraction of the difference.
+    Attributes
+    ----------
+    solver, better_solver : PointSolver
+        Solvers of both.
+    step_ratio : int
+        Ratio of their numbers of steps.
+    remaining : float
+        Error of the better solution as a fraction of the difference.
     """
 
-    times: int
+    step_ratio: int
     remaining = 0.0
 
-    def __init__(self, solving: Solving, better: Solving):
-        self.solving, self.better = solving, better
+    def __init__(self, solver: PointSolver, better_solver: PointSolver):
+        self.solver, self.better_solver = solver, better_solver
 
     @property
-    def most(self) -> int:
+    def max_steps(self) -> int:
         """Largest number of steps of the first solution."""
-        return min(self.solving.most, self.better.most // self.times)
+        return min(self.solver.max_steps, self.better_solver.max_steps // self.step_ratio)
 
-    def solved(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
+    def chunks(self, steps: int, positions: Array) -> list[Array]:
+        """The positions, split so that both solutions fit into memory."""
+        return self.better_solver.chunks(steps * self.step_ratio, positions)
+
+    def solve(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
         """Both solutions of points at positions (k,), the first on the given number of steps."""
-        return self.solving.solved(steps, positions), self.better.solved(steps * self.times, positions)
+        first = self.solver.solve(steps, positions)
+        return first, self.better_solver.solve(steps * self.step_ratio, positions)
 
     @abstractmethod
-    def unresolved(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Errors (k, 2) due to variations of the coefficients that neither grid resolves, for the solutions
-        of points at positions (k,) on this number of steps."""
+    def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+        """Errors (k, 2) due to features of the coefficients that neither grid samples, for solutions of
+        points at positions (k,) on this number of steps."""
 
 
 class TwoOrders(Comparison):
     """s and s + 1 stages on the same grid.
 
-    A collocation step with one stage more solves the error equation of the step with s stages. The difference
+    A collocation step with one more stage solves the error equation of the step with s stages. The difference
     of their maps is therefore the dual-weighted residual with an exact discrete adjoint. Since the equations
-    are linear, the periodic solutions of both chains propagate these local errors exactly.
-    """
+    are linear, the periodic solutions of both sets of maps propagate these local errors exactly."""
 
-    times = 1
+    step_ratio = 1
 
-    def unresolved(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        solving, method = self.solving, self.solving.method
-        points = method.linearised(solving.points[positions], solutions)
-        phases = phases_of(steps, points.period, points.breaks, method.stages, self.better.method.stages)
-        found = np.zeros((len(points), 2))
-        allowed = _COEFFICIENTS * solving.request.rtol * solving.softest(positions)
-        at = np.flatnonzero(phases.relative_difference(points, _ROUND_OFF) > allowed)
-        if len(at):
-            equations = method.linearised(solving.equations[positions[at]], solutions[at])
-            held = solving.held(positions[at]) if method.linear else free(equations)
-            again = solving.on_grid(method.corrector, Resampled(equations, phases), steps, held)
-            found[at] = np.inf
-            at, again = at[again.known], again[again.known]
-            found[at] = solving.differences(again, solutions[at], positions[at])
-        return found
+    def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+        """Differences from solutions whose coefficients are projected on the stages, if these differ from
+        their interpolant."""
+        solver, method = self.solver, self.solver.method
+        points = method.linearised(solver.points[positions], solutions)
+        stages = method.stages, self.better_solver.method.stages
+        phases = _sampled_phases(steps, points.period, points.breaks, *stages)
+        errors = np.zeros((len(points), 2))
+        allowed = _COEFFICIENTS * solver.request.rtol * solver.relative_stiffness(positions)
+        rows = np.flatnonzero(phases.relative_difference(points, _ROUND_OFF) > allowed)
+        if len(rows):
+            equations = method.linearised(solver.equations[positions[rows]], solutions[rows])
+            rigid = solver.rigid_body_modes(positions[rows]) if method.linear else free(equations)
+            resampled = ResampledPoints(equations, phases)
+            projected = solver.solve_points(method.corrector, resampled, steps, rigid)
+            errors[rows] = np.inf
+            rows, projected = rows[projected.known], projected[projected.known]
+            errors[rows] = solver.differences(projected, solutions[rows], positions[rows])
+        return errors
 
 
 class DoubledSteps(Comparison):
     """m and 2m steps of the same method, for methods without a variant of higher order."""
 
-    times = 2
+    step_ratio = 2
 
     @property
     def remaining(self) -> float:
-        return 1 / (2.0**self.solving.method.order - 1)
+        return 1 / (2.0**self.solver.method.order - 1)
 
-    def unresolved(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        method, points = self.solving.method, self.solving.points[positions]
+    def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
+        """Amplitudes of the harmonics of the coefficients that evenly spaced samples alias, amplified."""
+        method, points = self.solver.method, self.solver.points[positions]
         if not method.samples_evenly:
             return np.zeros((len(points), 2))
         # A Fourier series couples each of its harmonics with those of the coefficients.
         resolved = steps // (2 if method.spectral else 1)
-        beyond = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
-        return np.column_stack(tuple(beyond)) * _AMPLIFIED
+        aliased = (harmonics(points, loads)[:, resolved + 1 :].sum(axis=1) for loads in (True, False))
+        return np.column_stack(tuple(aliased)) * _AMPLIFICATION
 
 
-def compared(points: Points, method: Method, request: Request) -> Comparison:
+def comparison_of(points: Points, method: Method, request: SolveRequest) -> Comparison:
     """Comparison that estimates the errors of a method at points."""
-    solving = Solving(points, method, request)
-    higher = method.with_another_stage
-    return (
-        DoubledSteps(solving, solving) if higher is None else TwoOrders(solving, solving.with_method(higher))
-    )
+    solver, higher = PointSolver(points, method, request), method.with_another_stage
+    if higher is None:
+        return DoubledSteps(solver, solver)
+    return TwoOrders(solver, solver.with_method(higher))
 
 
 @lru_cache(maxsize=32)
-def phases_of(
+def _sampled_phases(
     steps: int, period: float, breaks: tuple[float, ...], lower: Collocation, higher: Collocation
-) -> Phases:
+) -> SampledPhases:
     """Phases sampled and compared on a grid by two methods."""
-    return Phases.of(Grid.uniform(steps, period, breaks), lower, higher)
+    return SampledPhases.of(Grid.uniform(steps, period, breaks), lower, higher)

@@ -1,1 +1,1 @@
-"""The commands, one a file; heavy packages are imported when a command runs, not before."""
+"""Commands of `solve`. Heavy packages are imported when a command runs."""

@@ -1,6 +1,7 @@
-"""Commands as programs: `solve`, and `python -m models.NAME` of a model's own."""
+"""Programs with commands: `solve`, and `python -m models.NAME` with a model's own commands."""
 
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from solve.errors import SolveError
@@ -11,11 +12,22 @@ if TYPE_CHECKING:
 
 
 class Program(NamedTuple):
-    """Commands under the name that the user types.
+    """Program with commands.
 
-    package: where each has a file and a function of its name. listed: a line about each, for the `--help` of
-    all; of several also the first line of its own. about: what they are together, None for one alone.
-    example: words of a call behind the name.
+    Parameters
+    ----------
+    name : str
+        Name that the user types.
+    package : str
+        Package with a module for each command.
+    listed : mapping of str to str
+        Description of each command for `--help`: the first line of its docstring.
+    about : str or None
+        Description of the program; None for one with a single command.
+    example : str
+        Arguments of an example.
+    modules : mapping of str to str
+        Module of each command; by default the module has the command's name.
     """
 
     name: str
@@ -23,51 +35,58 @@ class Program(NamedTuple):
     listed: Mapping[str, str]
     about: str | None
     example: str
+    modules: Mapping[str, str] = MappingProxyType({})
 
     def run(self, arguments: Sequence[str]) -> int:
         """Run one command and return its exit status: 2 with one line on standard error for bad input."""
-        return command_line.run_cli(self.name, self._called, arguments, SolveError)
+        return command_line.run_cli(self.name, self._run_command, arguments, SolveError)
 
     def main(self) -> NoReturn:
         """Entry point of the module."""
-        command_line.main(self.name, self._called, SolveError)
+        command_line.main(self.name, self._run_command, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
-        """All of them, for Typer; of several only the one that is called is loaded."""
-        # Loaded within: an interruption may come while Python still reads the packages.
+        """Commands for Typer. Of several commands, only the one that is called is loaded."""
+        # Imported here, so that an interruption during the import is handled.
         from solve.commands.reading import application
 
         return application(self.name, self.listed, self.command, self.about, self.example, called)
 
     def command(self, name: str) -> Callable[..., None]:
-        """The function of a command."""
+        """Function of a command."""
         from importlib import import_module
 
-        return getattr(import_module(f"{self.package}.{name}"), name)
+        return getattr(import_module(f"{self.package}.{self.modules.get(name, name)}"), name)
 
-    def _called(self, arguments: Sequence[str]) -> int | None:
-        from solve.commands.reading import called
+    def _run_command(self, arguments: Sequence[str]) -> int | None:
+        from solve.commands.reading import run_command
 
-        return called(self.name, self.commands, arguments)
+        return run_command(self.name, self.commands, arguments)
 
 
 COMMANDS = {
     "periodic": "Periodic vibration, its spectrum and its stability.",
-    "floquet": "Floquet multipliers, exponents and the verdict of stability.",
-    "compare": "Methods side by side: error, steps and time.",
+    "floquet": "Floquet multipliers, exponents and the stability verdict.",
+    "compare": "Comparison of methods: error, steps and time.",
     "sweep": "Periodic vibration and stability over many speeds, and values of parameters.",
     "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
-    "transient": "Start-up from any state, until the periodic vibration is reached; run-up to a speed.",
-    "sensitivity": "What matters most: derivatives by parameters and the speed, at one speed or at many.",
-    "fit": "Parameters of the model from measured vibration, with intervals.",
-    "branch": "Nonlinear orbits over the speed, followed through the speeds where they turn back.",
-    "validity": "How far the linear model is off over speed, and up to which speed to trust it.",
+    "transient": "Start-up from any state until the periodic vibration is reached; run-up to a speed.",
+    "sensitivity": "Derivatives of quantities by parameters and the speed, at one speed or many.",
+    "fit": "Parameters of the model from measured vibration, with confidence intervals.",
+    "branch": "Branch of nonlinear orbits over the speed, followed through its turning points.",
+    "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
     "report": "Everything about a model on one page of HTML.",
-    "animate": "The mechanism in motion, its vibration magnified, as an animation or a picture.",
-    "export": "The equations for another tool: MATLAB, C, or an FMU.",
+    "animate": "Mechanism in motion with magnified vibration, as an animation or a picture.",
+    "export": "Equations for another tool: MATLAB, C, or an FMU.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
+}
+MODULES = {
+    **dict.fromkeys(("periodic", "floquet", "compare", "transient"), "one_speed"),
+    **dict.fromkeys(("sweep", "chart", "bands", "critical", "branch", "validity"), "many_speeds"),
+    **dict.fromkeys(("sensitivity", "fit", "frequencies"), "parameters"),
+    **dict.fromkeys(("report", "animate", "export"), "documents"),
 }
 SOLVE = Program(
     "solve",
@@ -75,5 +94,6 @@ SOLVE = Program(
     COMMANDS,
     "Steady-state vibration and stability of systems with periodic coefficients.",
     'periodic cam --case 1 --speed "600 rpm" --plot cam.png',
+    MODULES,
 )
 run = SOLVE.run

@@ -1,4 +1,4 @@
-"""What a command does with its result: picture, file, then tables or JSON, then warnings."""
+"""Output of a command: files, then tables or JSON, then warnings."""
 
 import json
 import sys
@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from solve.commands.groups import Results
-from solve.results.contents import plain
-from solve.results.files import Whole, write_whole
+from solve.results.contents import to_json
+from solve.results.files import AtomicFiles, write_atomic
 from solve.results.result import Result
 from solve.results.save import writer
-from solve.views.proof import proof_printout
 from solve.views.show import printout
+from solve.views.stability import proof_printout
 from solve.views.style import Figure, drawn
 from solve.views.tables import RenderableType, assembled, console, text
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ContradictionError(Exception):
-    """A proof and the ordinary verdict contradict each other: an internal error."""
+    """Contradiction of a proof and the ordinary verdict: an internal error."""
 
 
 def deliver_result(
@@ -40,26 +40,27 @@ def deliver_result(
     beside: Mapping[Path, Callable[[], Figure | str]] | None = None,
     proof: "Proof | None" = None,
 ) -> None:
-    """Write and print what the flags ask for; standard output has the tables or the JSON, no more.
+    """Write and print the output that the flags request. Standard output contains only tables or JSON.
 
-    Record, report and figure are the result's own where none is given; beside: further pictures, and
-    texts. choices: what the user set beyond the case; notes come before the warnings. Raises
-    ContradictionError, in the end, for a proof that the result contradicts.
+    record, report, figure: by default of the result. beside: further pictures and texts by file.
+    choices: texts of --set and --option. notes: printed before the warnings. Raises ContradictionError at the
+    end if the proof contradicts the result.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
-    with Whole() as files:
+    with AtomicFiles() as files:
         for file, draw in pictures.items():
             if file is not None:
-                made = draw()
-                files.write(file, partial(_write_text, made) if isinstance(made, str) else drawn(made, file))
+                content = draw()
+                write = partial(_write_text, content) if isinstance(content, str) else drawn(content, file)
+                files.write(file, write)
         if data is not None:
             files.write(data, writer(result, data))
-    with _naming([file for file in (*pictures, data) if file is not None]):
+    with _listing([file for file in (*pictures, data) if file is not None]):
         if flags.json:
-            made = (record or result.record)()
-            made |= {} if proof is None else {"proof": plain(proof.record)}
-            print(json.dumps(made, ensure_ascii=False, allow_nan=False))
+            values = (record or result.record)()
+            values |= {} if proof is None else {"proof": to_json(proof.record)}
+            print(json.dumps(values, ensure_ascii=False, allow_nan=False))
         else:
             console().print(report() if report else printout(result, choices))
             if proof is not None:
@@ -70,39 +71,39 @@ def deliver_result(
         raise ContradictionError(f"{proof.verdict} is proved, but the ordinary verdict is {result.verdict}")
 
 
-def _write_text(words: str, stream: BinaryIO) -> None:
-    stream.write(words.encode())
+def _write_text(text: str, stream: BinaryIO) -> None:
+    stream.write(text.encode())
 
 
-def deliver_page(made: "Report", file: Path) -> None:
-    """Write the page of a report to a checked file; print what was found, and what is missing on it."""
-    write_whole(file, made.write)
-    with _naming([file]):
-        for sentence in made.summary:
+def deliver_page(report: "Report", file: Path) -> None:
+    """Write the page of a report to a checked file; print its findings, missing sections and warnings."""
+    write_atomic(file, report.write)
+    with _listing([file]):
+        for sentence in report.summary:
             console().print(sentence)
         sys.stdout.flush()
         headings = dict[str, list[str]]()
-        for heading, reason in made.missing.items():
+        for heading, reason in report.missing.items():
             headings.setdefault(reason, []).append(heading)
-        missing = [f"left out: {', '.join(each)}: {reason}" for reason, each in headings.items()]
-        doubts = []
-        for said, headings in made.warnings.items():
-            orbits = ", ".join(filter(None, map(made.orbit_of, headings)))
-            doubts.append(f"{said} ({orbits})" if orbits else said)
-        print_warnings([*missing, *doubts])
+        missing = [f"left out: {', '.join(names)}: {reason}" for reason, names in headings.items()]
+        warnings = []
+        for warning, names in report.warnings.items():
+            orbits = ", ".join(filter(None, map(report.orbit_of, names)))
+            warnings.append(f"{warning} ({orbits})" if orbits else warning)
+        print_warnings([*missing, *warnings])
 
 
-def deliver_animation(made: "Animation", file: Path) -> None:
-    """Write the animation to a checked file; print what it shows."""
-    made.save(file)
-    with _naming([file]):
-        console().print(made.title, soft_wrap=True)
+def deliver_animation(animation: "Animation", file: Path) -> None:
+    """Write the animation to a checked file; print its title."""
+    animation.save(file)
+    with _listing([file]):
+        console().print(animation.title, soft_wrap=True)
         sys.stdout.flush()
-        print_warnings(made.warnings)
+        print_warnings(animation.warnings)
 
 
 @contextmanager
-def _naming(written: Sequence[Path]) -> Iterator[None]:
+def _listing(written: Sequence[Path]) -> Iterator[None]:
     """List the written files on standard error, even if the output that follows fails."""
     try:
         yield
@@ -111,7 +112,7 @@ def _naming(written: Sequence[Path]) -> Iterator[None]:
 
 
 def print_warnings(warnings: Sequence[str], written: Sequence[Path] = ()) -> None:
-    """What is doubtful, then which files were written, on standard error."""
+    """Print warnings and the names of written files on standard error."""
     terminal = console(stderr=True)
     for warning in warnings:
         line = assembled(("warning: ", "bold yellow"), (warning, "yellow"))

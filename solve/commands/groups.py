@@ -1,13 +1,12 @@
-"""Flags that several commands share, each group stated once as a dataclass.
+"""Flags that several commands share, in groups: a dataclass per group.
 
-A command takes whole groups as its parameters; `flattened` shows their fields to Typer as the
-command's own flags, so that a new command is a short file.
+A command takes groups as parameters. `flattened` makes their fields flags of the command, for Typer.
 """
 
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,19 +14,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type
 
 import typer
 
-from solve.commands.parse import assignments, number, quantities, whole
+from solve.arguments import MOST, limited
+from solve.commands.parse import assignments, integer, number, quantities, spread
 from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
-from solve.loading import case_numbers, model_of, parameter_units, setup_of
+from solve.loading import case_numbers, missing_parameters, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
-from solve.model.bounds import measured
+from solve.model.bounds import REDUCE, measured
 from solve.model.cases import Case
 from solve.model.model import Model
-from solve.model.options import REDUCE
 from solve.model.setup import Setup
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
-from solve.sizes import MOST, limited
 from solve.units import speeds_in_si
 
 if TYPE_CHECKING:
@@ -39,9 +37,11 @@ if TYPE_CHECKING:
 
 
 class Flag(NamedTuple):
-    """What a flag is for, and the form of its value, as `--help` shows them; default: what stands there for a
-    default that is chosen later; read: how its value is read, if not as a number or text. Flags of truth have
-    no value."""
+    """Description of a flag for `--help`.
+
+    form: of its value; none for a Boolean flag. default: text for a default that is chosen later. read:
+    function that reads the value, if it is neither a number nor a text.
+    """
 
     help: str
     form: str | None = None
@@ -49,27 +49,34 @@ class Flag(NamedTuple):
     read: Callable[[str], Any] | None = None
 
     def option(self, name: str, kind: Any) -> Any:
-        """For Typer, the flag of a parameter of this kind. Numbers are read in one way."""
+        """Typer's option for a parameter of this name and type."""
         names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
-        parser = next((read for each, read in ((int, whole), (float, number)) if _holds(kind, each)), None)
+        readers = (int, integer), (float, number)
+        parser = next((read for number_type, read in readers if _contains(kind, number_type)), None)
         parser = self.read or parser
         shown = self.default or True
         return typer.Option(*names, help=self.help, metavar=self.form, parser=parser, show_default=shown)
 
 
-def _holds(kind: Any, wanted: type) -> bool:
-    return kind is wanted or any(_holds(part, wanted) for part in get_args(kind))
+def _contains(kind: Any, wanted: type) -> bool:
+    """Whether a type is the wanted one or has it among its arguments."""
+    return kind is wanted or any(_contains(argument, wanted) for argument in get_args(kind))
 
 
 Varied = Mapping[str, Sequence[float | str]]
 """Values of parameters, or of the speed, by name."""
 
 _NONE: Varied = MappingProxyType({})
+_NO_VALUES: Mapping[str, float | str] = MappingProxyType({})
+
+_MOST_TRIALS = 4096
+"""Largest number of combinations of varied parameters that are tried as the values of the model: a choice,
+which limits the time until a study is refused."""
 
 
 @dataclass(frozen=True)
 class CaseNumbers:
-    """The numbers of a model that the command itself names."""
+    """Numbers of a model that the command itself names."""
 
     case: Annotated[str | None, Flag("Case of the case file; the first by default.", "NAME")] = None
     cases: Annotated[str | None, Flag("Another case file (.toml).", "FILE")] = None
@@ -78,18 +85,18 @@ class CaseNumbers:
     ] = None
 
     def case_of(self, model: str) -> Case:
-        """The case with its numbers. Raises SolveError subclasses for bad input."""
+        """Case with its numbers. Raises SolveError subclasses for bad input."""
         return case_numbers(model, self.case, self.cases, self.parameters)
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """Numbers that replace those of the case, or texts with unit. Raises ValueOutOfBoundsError."""
+        """Numbers of --set, or texts with unit. Raises ValueOutOfBoundsError."""
         return quantities("--set", self.set or [])
 
 
 @dataclass(frozen=True)
 class Numbers(CaseNumbers):
-    """The numbers and options of a model that the command itself names."""
+    """Numbers and options of a model that the command itself names."""
 
     option: Annotated[list[str] | None, Flag("Choose an option of the model; repeatable.", "NAME=VALUE")] = (
         None
@@ -101,73 +108,90 @@ class Numbers(CaseNumbers):
     def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
         """Model of that name. Raises NoMotionError for a model without equations of motion and
         NoVibrationError for a rigid one, unless the study allows them."""
-        model = model_of(self.setup(name, varied))
+        model = self._first_model(name, varied)
         if not still and (model.vibrates or not rigid):
             model.require_motion()
         return model
 
-    def setup(self, name: str, varied: Varied = _NONE) -> Setup:
-        """What the model of that name is made from; a parameter that varies has its first value where neither
-        the case nor --set gives one. Raises SolveError subclasses for bad input."""
+    def _first_model(self, name: str, varied: Varied) -> Model:
+        """Model with the first values of the varied parameters that it allows. Raises the error of the first
+        values if it allows none."""
+        try:
+            return model_of(self.setup(name, {each: values[0] for each, values in varied.items()}))
+        except (ValueOutOfBoundsError, DesiredMotionError):
+            unset = self.unset(name)
+            ranges = {each: values for each, values in varied.items() if each in unset}
+            for trial in spread(ranges, _MOST_TRIALS):
+                with suppress(ValueOutOfBoundsError, DesiredMotionError):
+                    return model_of(self.setup(name, trial))
+            raise
+
+    def unset(self, name: str) -> list[str]:
+        """Parameters of the model of that name to which neither the case nor --set gives a value."""
+        return missing_parameters(name, self.case, self.cases, self.parameters)
+
+    def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
+        """Setup of the model of that name; values: of parameters that neither the case nor --set gives.
+        Raises SolveError subclasses for bad input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
                 raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
             options[REDUCE] = self.reduce
-        first = {parameter: values[0] for parameter, values in varied.items() if parameter != SPEED}
-        return setup_of(name, self.case, self.cases, options, self.parameters, first)
+        others = {parameter: value for parameter, value in values.items() if parameter != SPEED}
+        return setup_of(name, self.case, self.cases, options, self.parameters, others)
 
     @property
     def choices(self) -> list[str]:
-        """What the user set beyond the case."""
+        """Texts of --set and --option."""
         return [*(self.set or []), *(self.option or [])]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem(Numbers):
-    """The model and its numbers."""
+    """Model and its numbers."""
 
     model: Annotated[
         str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
     ]
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
-        """As `of`, the model that the user names."""
+        """Model that the user names; see `Numbers.of`."""
         return self.of(self.model, still, rigid, varied)
 
     def numbers_set(self) -> str:
         """Numbers of --set in the model's units, with the case's units where these differ; empty if the model
         needs further numbers."""
         try:
-            case, parts = self.case_of(self.model), []
+            case, texts = self.case_of(self.model), []
         except MissingValueError:
             return ""
         units = parameter_units(self.model)
-        for name, given in self.parameters.items():
-            text, own = measured(case.parameters[name], units[name]), case.units.get(name)
-            other = isinstance(given, float) and own not in (None, units[name])
-            parts.append(
-                f"{text} for {name}, which the case gives in {own}" if other else f"{text} for {name}"
-            )
-        return "; ".join(parts)
+        for name, value in self.parameters.items():
+            text = f"{measured(case.parameters[name], units[name])} for {name}"
+            case_unit = case.units.get(name)
+            if isinstance(value, float) and case_unit not in (None, units[name]):
+                text += f", which the case gives in {case_unit}"
+            texts.append(text)
+        return "; ".join(texts)
 
 
 @dataclass(frozen=True)
 class Speed:
-    """One speed of rotation."""
+    """Speed of rotation."""
 
-    speed: Annotated[str | None, Flag("Speed with unit: rpm, rad/s or Hz; else the case's.", '"600 rpm"')] = (
-        None
-    )
+    speed: Annotated[
+        str | None, Flag("Speed with unit (rpm, rad/s, Hz); by default that of the case.", '"600 rpm"')
+    ] = None
 
     def omega(self, model: Model) -> float:
-        """Ω in rad/s. Raises MissingValueError where neither the flag nor the model's case gives it."""
+        """Ω in rad/s, by default that of the case. Raises MissingValueError."""
         return model.speed_or_usual(self.speed)
 
 
 @dataclass(frozen=True)
 class Speeds:
-    """Many speeds of rotation."""
+    """Several speeds of rotation."""
 
     speeds: Annotated[
         str | None, Flag('N speeds from A to B, or a list: "600 900 1200 rpm".', '"A:B:N unit"')
@@ -182,68 +206,68 @@ class Speeds:
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings that some methods have."""
+    """Settings of some methods."""
 
     gamma: Annotated[float | None, Flag("newmark: γ, 1/2 by default.", "G")] = None
     beta: Annotated[float | None, Flag("newmark: β, 1/4 by default.", "B")] = None
-    order: Annotated[int | None, Flag("Order, of methods that have several.", "P")] = None
+    order: Annotated[int | None, Flag("Order of methods with several orders.", "P")] = None
 
     @property
     def settings(self) -> dict[str, float | None]:
-        """By name, None where a setting is not given."""
+        """Settings by name; None if not given."""
         return {field.name: getattr(self, field.name) for field in fields(Settings)}
 
 
 @dataclass(frozen=True)
 class Accuracy(Settings):
-    """The method, and how exact its result shall be."""
+    """Method and tolerance."""
 
-    method: Annotated[str, Flag("Method; auto chooses.", "NAME")] = "auto"
-    rtol: Annotated[float, Flag("Relative error of orbit and multipliers to reach.", "R")] = 1e-8
+    method: Annotated[str, Flag("Method; auto selects one.", "NAME")] = "auto"
+    rtol: Annotated[float, Flag("Relative tolerance of orbit and multipliers.", "R")] = 1e-8
 
     @property
     def rule(self) -> Rule:
-        """The method with its settings. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Method with its settings. Raises UnknownNameError, ValueOutOfBoundsError."""
         return chosen(self.method, **self.settings)
 
 
 @dataclass(frozen=True)
 class Steps(Accuracy):
-    """The same where the steps can be given."""
+    """Method, tolerance and steps."""
 
-    steps: Annotated[int | None, Flag("Steps a period; by default as many as --rtol needs.", "N")] = None
+    steps: Annotated[int | None, Flag("Steps per period; by default as many as --rtol requires.", "N")] = None
 
 
 @dataclass(frozen=True)
 class OnePoint(Steps):
-    """The same for a single speed."""
+    """Method, tolerance and steps at a single speed."""
 
-    all_multipliers: Annotated[bool, Flag("Every multiplier to --rtol of itself, however small.")] = False
+    all_multipliers: Annotated[bool, Flag("Apply --rtol to each multiplier individually.")] = False
 
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
-        """What a function such as `solve.periodic` gives."""
+        """Result of a function such as `solve.periodic`."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
 
 
 @dataclass(frozen=True)
 class Proving:
-    """Whether the verdict of a single speed is proved."""
+    """Proof of the verdict at a single speed."""
 
-    prove: Annotated[bool, Flag("Prove verdict and bounds by ball arithmetic; needs python-flint.")] = False
+    prove: Annotated[bool, Flag("Prove verdict and bounds by ball arithmetic; requires python-flint.")] = (
+        False
+    )
     digits: Annotated[
         int | None, Flag("With --prove: decimal digits of multipliers; 20 by default.", "N")
     ] = None
-    rounded: Annotated[bool, Flag("With --prove: for all numbers that are rounded to the given ones.")] = (
-        False
-    )
+    rounded: Annotated[bool, Flag("With --prove: for all numbers that round to the given ones.")] = False
 
     def require_provable(self, model: Model) -> None:
-        """Raise SolveError subclasses for what cannot be proved, before anything is solved."""
-        given = [f"--digits {self.digits}"] if self.digits is not None else []
-        given += ["--rounded"] if self.rounded else []
-        if given and not self.prove:
-            raise ValueOutOfBoundsError(f"{given[0]} requires --prove; add it")
-        if len(given) > 1:
+        """Raise SolveError subclasses, before the calculation, if a proof is impossible."""
+        flags = [f"--digits {self.digits}"] if self.digits is not None else []
+        flags += ["--rounded"] if self.rounded else []
+        if flags and not self.prove:
+            raise ValueOutOfBoundsError(f"{flags[0]} requires --prove; add it")
+        if len(flags) > 1:
             raise ValueOutOfBoundsError("--rounded has the digits of the numbers; leave out --digits")
         if self.prove:
             from solve.proof.prove import checked_digits, require_provable
@@ -252,7 +276,7 @@ class Proving:
             require_provable(model)
 
     def proof(self, result: "Stability") -> "Proof | None":
-        """The proof of a result, if it was requested."""
+        """Proof of a result, if it was requested."""
         if not self.prove:
             return None
         from solve.proof.prove import prove
@@ -262,38 +286,38 @@ class Proving:
 
 @dataclass(frozen=True)
 class Moved:
-    """Parameters that move speeds which were found."""
+    """Parameters by which derivatives of computed speeds are requested."""
 
     by: Annotated[
-        list[str] | None, Flag("Give derivatives of these speeds by a parameter instead; repeatable.", "NAME")
+        list[str] | None, Flag("Derivatives of these speeds by a parameter instead; repeatable.", "NAME")
     ] = None
 
     def require_known(self, model: "Model") -> None:
-        """Raise SolveError subclasses for what moves no speed, before anything is solved."""
+        """Raise SolveError subclasses, before the calculation, for other names."""
         if self.by:
             from solve.studies.sensitivities import moving_parameters
 
             moving_parameters(model, self.by)
 
-    def of(self, found: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
-        """The derivatives where any are asked for, else what was found."""
+    def of(self, result: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
+        """Derivatives of the speeds of a result if requested, otherwise the result."""
         if not self.by:
-            return found
+            return result
         from solve.studies.sensitivities import speed_sensitivities
 
-        return speed_sensitivities(found, self.by, accuracy.rule, accuracy.rtol)
+        return speed_sensitivities(result, self.by, accuracy.rule, accuracy.rtol)
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where many points are solved, and kept as they are finished."""
+    """Processes that solve many points, and the folder of finished points."""
 
     store: Annotated[
-        str | None, Flag("Keep finished points in this folder; the same command goes on from there.", "DIR")
+        str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")
     ] = None
-    workers: Annotated[int | None, Flag("Processes of this machine that share the points.", "N")] = None
+    workers: Annotated[int | None, Flag("Number of processes on this machine that solve points.", "N")] = None
     scheduler: Annotated[
-        str | None, Flag("A running dask scheduler, whose workers share the points.", "tcp://HOST:PORT")
+        str | None, Flag("Running dask scheduler whose workers solve points.", "tcp://HOST:PORT")
     ] = None
 
     @contextmanager
@@ -301,8 +325,8 @@ class Places:
         """Keywords `executor` and `store` of functions such as `solve.sweep`. Raises ValueOutOfBoundsError,
         WorkersError, MissingLibraryError."""
         if self.workers is not None and self.scheduler is not None:
-            raise ValueOutOfBoundsError("--workers and --scheduler name two places to work; give one of them")
-        from solve.batch.executors import cluster, processes
+            raise ValueOutOfBoundsError("--workers and --scheduler are both given; give one of them")
+        from solve.batch.task import cluster, processes
 
         with ExitStack() as opening:
             executor = None
@@ -314,56 +338,54 @@ class Places:
                 yield {"executor": executor, "store": self.store}
             except KeyboardInterrupt:
                 if self.store is not None:
-                    print(f"solve: what is finished is kept in '{self.store}'", file=sys.stderr)
+                    print(f"solve: finished points are stored in '{self.store}'", file=sys.stderr)
                 raise
 
 
 @dataclass(frozen=True)
 class Results:
-    """Where the results go."""
+    """Output of a result."""
 
-    plot: Annotated[str | None, Flag("Draw them: .png, .pdf or .svg by the file's ending.", "FILE")] = None
-    save: Annotated[str | None, Flag("Save them: .npz, .csv, .mat or .nc by the file's ending.", "FILE")] = (
-        None
-    )
+    plot: Annotated[str | None, Flag("Picture of the result: .png, .pdf or .svg.", "FILE")] = None
+    save: Annotated[str | None, Flag("Data of the result: .npz, .csv, .mat or .nc.", "FILE")] = None
     json: Annotated[bool, Flag("Print one JSON object instead of tables.")] = False
 
     def __post_init__(self) -> None:
-        """Raises FileError before anything is calculated."""
+        """Raise FileError before the calculation."""
         self.files()
 
     def files(self) -> tuple[Path | None, Path | None]:
-        """The files of --plot and --save. Raises FileError."""
+        """Files of --plot and --save. Raises FileError."""
         picture = None if self.plot is None else checked(self.plot, PICTURES, "picture")
         return picture, None if self.save is None else checked_data(self.save)
 
 
 @dataclass(frozen=True)
 class Common:
-    """What every command takes."""
+    """Flags of every command."""
 
-    limit: Annotated[float | None, Flag(f"Most numbers to hold at once; by default {MOST}.", "N")] = None
+    limit: Annotated[float | None, Flag(f"Maximum count of numbers in memory; by default {MOST}.", "N")] = (
+        None
+    )
     debug: Annotated[bool, Flag("Show the traceback of an internal error.")] = False
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with the fields of its groups, and of `Common`, as parameters of its own, for Typer to
-    read."""
+    """Command whose parameters are the fields of its groups and of `Common`, for Typer."""
     hints = get_type_hints(command, include_extras=True)
     groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
     parameters, common = [], inspect.signature(Common).parameters
     for name, parameter in inspect.signature(command).parameters.items():
-        alone = [parameter.replace(annotation=hints[name])]
-        group = inspect.signature(groups[name]).parameters.values() if name in groups else alone
-        parameters += [_for_typer(each) for each in group]
-
-    parameters += [_for_typer(each) for each in common.values()]
+        single = [parameter.replace(annotation=hints[name])]
+        group = inspect.signature(groups[name]).parameters.values() if name in groups else single
+        parameters += map(_for_typer, group)
+    parameters += map(_for_typer, common.values())
 
     def flat(**values: Any) -> None:
-        chosen = Common(**{name: values.pop(name) for name in common})
+        shared = Common(**{name: values.pop(name) for name in common})
         for name, group in groups.items():
             values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
-        with limited(chosen.limit), _naming_what_is_set(values.values()):
+        with limited(shared.limit), _naming_set_numbers(values.values()):
             command(**values)
 
     flat.__doc__ = command.__doc__
@@ -373,16 +395,17 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @contextmanager
-def _naming_what_is_set(groups: Iterable[Any]) -> Iterator[None]:
-    """Add the numbers of --set to errors that name no parameter to change."""
+def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
+    """Add the numbers of --set to errors that name no parameter."""
     try:
         yield
     except (MatricesError, DesiredMotionError) as error:
-        given = next((each.numbers_set() for each in groups if isinstance(each, Problem)), "")
-        raise type(error)(f"{error}; values set: {given}" if given else str(error)) from None
+        numbers = next((group.numbers_set() for group in groups if isinstance(group, Problem)), "")
+        raise type(error)(f"{error}; values set: {numbers}" if numbers else str(error)) from None
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
-    kind, stated = get_args(parameter.annotation)
-    option = stated.option(parameter.name, kind) if isinstance(stated, Flag) else stated
+    """Parameter with Typer's option in place of a `Flag`."""
+    kind, flag = get_args(parameter.annotation)
+    option = flag.option(parameter.name, kind) if isinstance(flag, Flag) else flag
     return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option])

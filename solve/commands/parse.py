@@ -1,6 +1,7 @@
-"""Texts of the command line as values."""
+"""Values of flags from the texts of the command line."""
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +12,27 @@ from solve.results.files import checked
 from solve.units import evenly, quantity, require_size_of_number
 
 
-def whole(text: str) -> int:
-    """A whole number, for Typer to read a flag with."""
+def integer(text: str) -> int:
+    """Integer from the text of a flag, for Typer."""
     return _read(int, text, "a whole number, such as 60")
 
 
 def number(text: str) -> float:
-    """A number, for Typer to read a flag with."""
+    """Number from the text of a flag, for Typer."""
     value = _read(float, text, "a number, such as 1e-6")
     require_size_of_number(f"'{text}'", value)
     return value
 
 
-def part(text: str) -> float:
-    """A part as a number or in per cent, for Typer to read a flag with.
+def fraction(text: str) -> float:
+    """Fraction from the text of a flag, a number or in per cent, for Typer.
 
-    >>> part("5%")
+    >>> fraction("5%")
     0.05
     """
-    # Typer has a default read too.
+    # Typer passes the default, a number, too.
     number, percent = str(text).removesuffix("%"), str(text).endswith("%")
-    return _read(float, number, "a part, such as 5% or 0.05") / (100 if percent else 1)
+    return _read(float, number, "a fraction, such as 5% or 0.05") / (100 if percent else 1)
 
 
 def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
@@ -49,7 +50,7 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
     """
     values: dict[str, str] = {}
     for text in texts:
-        name, equals, value = (part.strip() for part in text.partition("="))
+        name, equals, value = (piece.strip() for piece in text.partition("="))
         if not (name and equals and value):
             raise ValueOutOfBoundsError(f"{flag} is '{text}'; write {flag} {form}, without spaces")
         if name in values:
@@ -59,7 +60,7 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
 
 
 def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
-    """Numbers by name from texts NAME=NUMBER; texts themselves where a unit follows the number.
+    """Numbers by name from texts NAME=NUMBER; the text itself if a unit follows the number.
 
     >>> quantities("--set", ["k1=8e4", "r=30mm"])
     {'k1': 80000.0, 'r': '30mm'}
@@ -86,15 +87,33 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
     return name, evenly(range_, f"{flag} {name}")
 
 
+def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
+    """Combinations of values by name, up to `most`: in order for one name, spread over all for several.
+
+    >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
+    [{'x': 0, 'y': 0}, {'x': 1, 'y': 1}, {'x': 0, 'y': 1}]
+    """
+    total = math.prod(map(len, ranges.values())) if ranges else 0
+    step = 1 if len(ranges) == 1 else round(total * (math.sqrt(5) - 1) / 2)
+    while total > 1 and math.gcd(step, total) > 1:
+        step += 1
+    for k in range(min(total, most)):
+        combination, place = {}, k * step % total
+        for name, values in ranges.items():
+            place, at = divmod(place, len(values))
+            combination[name] = values[at]
+        yield combination
+
+
 def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) -> Path:
-    """The file of --out, that can be written. Raises MissingValueError, FileError."""
+    """Writable file of --out. Raises MissingValueError, FileError."""
     if path is None:
         raise MissingValueError(f"no file given; add one, such as --out {example}")
     return checked(path, endings, kind)
 
 
 def figure_kept(text: str) -> str:
-    """What to keep of a modulus over a turn, by its name max or rms. Raises UnknownNameError."""
+    """Name of the statistic of a modulus over a period: max or rms. Raises UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
     require_name("figure", text, figures)
     return figures[text]

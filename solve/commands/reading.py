@@ -1,4 +1,4 @@
-"""A program's commands, read by Typer."""
+"""Reading of a program's command lines by Typer."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from solve.terminal import progress
 from solve.terminal.command_line import UniqueOptions
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Of the Click that Typer brings along or depends on, whichever it is."""
+"""Usage error of the Click that Typer includes or depends on."""
 
 
 class _Command(UniqueOptions, TyperCommand):
@@ -26,10 +26,10 @@ def application(
     example: str,
     called: str | None,
 ) -> typer.Typer:
-    """The commands of a program, each with the flags of its groups, but those of several that are not called;
-    one alone needs no name of its own."""
-    epilog, alone = f"For example: {program} {example}", len(listed) == 1
-    made = typer.Typer(
+    """Commands of a program. Of several commands, only the one that is called has its flags; a single command
+    needs no name on the command line."""
+    epilog, single = f"For example: {program} {example}", len(listed) == 1
+    app = typer.Typer(
         name=program,
         help=about,
         epilog=epilog,
@@ -38,10 +38,10 @@ def application(
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     )
-    for name, words in listed.items():
-        command = _with_flags(load(name)) if alone or name == called else _named(words)
-        made.command(name, cls=_Command, epilog=epilog if alone else None)(command)
-    return made
+    for name, description in listed.items():
+        command = _with_flags(load(name)) if single or name == called else _placeholder(description)
+        app.command(name, cls=_Command, epilog=epilog if single else None)(command)
+    return app
 
 
 def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
@@ -50,43 +50,42 @@ def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
     return flattened(command)
 
 
-def _named(about: str) -> Callable[..., None]:
-    """What stands in the list of commands for one that is not called."""
+def _placeholder(description: str) -> Callable[..., None]:
+    """Function that stands for a command in the list of `--help`."""
 
-    def listed() -> None: ...
+    def placeholder() -> None: ...
 
-    listed.__doc__ = about
-    return listed
+    placeholder.__doc__ = description
+    return placeholder
 
 
-def called(
+def run_command(
     program: str, commands: Callable[[str | None], typer.Typer], arguments: Sequence[str]
 ) -> int | None:
-    """Run the command named by the arguments, showing its progress."""
-    # Pictures go into files, whatever is set for windows.
+    """Run the command named by the arguments and show its progress."""
+    # Pictures are written to files, whatever backend the environment sets.
     os.environ["MPLBACKEND"] = "agg"
-    loaded = commands(_command_in(arguments))
+    app = commands(_command_in(arguments))
     try:
         with progress.show_progress(program):
-            return loaded(list(arguments) or ["--help"], prog_name=program, standalone_mode=False)
+            return app(list(arguments) or ["--help"], prog_name=program, standalone_mode=False)
     except _UsageError as error:
-        _hint(error)
+        _add_hint(error)
         raise
 
 
 def _command_in(arguments: Sequence[str]) -> str | None:
-    """The command that is called, or whose line a shell wants to complete."""
+    """Name of the command that is called, or that a shell completes."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     return next(iter([*arguments] or line.split()[1:]), None)
 
 
-def _hint(error: Any) -> None:
-    """Say how what belongs to the model is given, where an unknown flag may be meant for it."""
+def _add_hint(error: Any) -> None:
+    """Add to the error of an unknown flag how options and parameters of the model are given."""
     unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
-    if unknown and any("--option" in each.opts for each in error.ctx.command.params):
-        given = unknown.lstrip("-")
+    if unknown and any("--option" in parameter.opts for parameter in error.ctx.command.params):
+        name = unknown.lstrip("-")
         message = error.format_message().rstrip(".")
-        error.message = (
-            f"{message}; what belongs to the model is --option {given}=VALUE or --set {given}=NUMBER"
-        )
+        flags = f"--option {name}=VALUE or --set {name}=NUMBER"
+        error.message = f"{message}; options and parameters of the model are set by {flags}"
         error.possibilities = None

@@ -1,8 +1,8 @@
-"""Derivatives of Floquet multipliers by quantities θ, from left and right eigenvectors along the turn.
+"""Derivatives of Floquet multipliers by quantities θ, from left and right eigenvectors over the period.
 
 Φ is the product of the maps A_k of the steps, so that d log ρ = Σ_k yᴴ_{k+1} dA_k x_k / (yᴴ_{k+1} A_k x_k)
 with the right vectors x_k at the starts of the steps and the left ones y_{k+1} at their ends: the sum over
-steps of what is for the differential equation an integral over the turn. Every step may scale its vectors.
+steps corresponds to an integral over the period. The vectors of every step may be scaled independently.
 """
 
 from functools import cached_property
@@ -12,94 +12,97 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum, matched_logarithms
-from solve.derivatives.turn import TurnOnGrid
+from solve.derivatives.periodic_problem import PeriodicProblem
 from solve.errors import MissingLibraryError, NoDerivativeError
 from solve.kernel import slicot
 from solve.period.blocks import Blocks, balanced_blocks, carried
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
-MEET = 1e-6
-"""Relative distance of two multipliers up to which neither has a derivative."""
+COALESCENCE = 1e-6
+"""Relative distance of two multipliers up to which neither has a derivative. A choice: coalescing multipliers
+lose half their digits."""
 
-_LEADS = 0.1
-"""Part of the spectral radius above which Φ itself gives a multiplier's vectors."""
+_LEADING = 0.1
+"""Modulus, relative to the spectral radius, above which the vectors of a multiplier are computed from Φ. A
+choice: they lose one digit there."""
 
-_RETURNS, _NEARLY = 1e-11, 1e-6
-"""Relative difference up to which a vector is the same after a period; the second where the product of the
-steps does not separate it from another, as near the double +1 of a rigid-body mode: derivatives then have
-about six digits."""
+_PERIODIC, _NEARLY_PERIODIC = 1e-11, 1e-6
+"""Relative difference up to which a vector is the same after a period; the second applies where the product
+of the steps does not separate it from another, as near the double +1 of a rigid-body mode: derivatives then
+have about six digits."""
 
-_SMALLEST = 1e-100
-"""Modulus below which numbers may underflow within the turn."""
+_MIN_MODULUS = 1e-100
+"""Modulus below which numbers may underflow within the period."""
 
 
 class Vectors(NamedTuple):
-    """Of a multiplier, right (m, N) at the starts of the steps and left (m, N) at their ends, of any size."""
+    """Vectors of a multiplier of any size: right (m, N) at the starts of the steps, left (m, N) at their
+    ends."""
 
     right: Array
     left: Array
 
 
-class MultipliersOnGrid:
-    """The multipliers of a system on a grid, and their vectors. known: those of a finer one."""
+class GridMultipliers:
+    """Multipliers of a system on a grid, and their vectors. known: multipliers of a finer grid."""
 
-    def __init__(self, turn: TurnOnGrid, known: Spectrum):
-        self._turn, self._spectrum = turn, known
+    def __init__(self, problem: PeriodicProblem, known: Spectrum):
+        self._problem, self._spectrum = problem, known
 
     def vectors(self, at: int) -> Vectors:
-        """Of one of the known multipliers. Raises NoDerivativeError where it is too close to another."""
+        """Vectors of a known multiplier. Raises NoDerivativeError if it is too close to another."""
         rho = self._spectrum.multiplier(at)
-        found = self._leading(rho, _RETURNS)
-        if found is not None:
-            return found
+        vectors_of_multiplier = self._leading(rho, _PERIODIC)
+        if vectors_of_multiplier is not None:
+            return vectors_of_multiplier
         try:
             return self._of_product(at)
         except np.linalg.LinAlgError:
-            found = self._leading(rho, _NEARLY)
-        if found is None:
+            vectors_of_multiplier = self._leading(rho, _NEARLY_PERIODIC)
+        if vectors_of_multiplier is None:
             raise NoDerivativeError(f"multiplier {at + 1} has no derivative: it is too close to another")
-        return found
+        return vectors_of_multiplier
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
         in those of real and imaginary part of log ρ, with the unit of each."""
-        turn, n, right, left = self._turn, self._turn.point.n, vectors.right, vectors.left.conj()
-        left = left / ((left[:, None] @ turn.A)[:, 0] * right).sum(axis=1, keepdims=True)
-        X = turn.stage_states(_parts(right))
-        y = turn.pulled_ends(_parts(left)).reshape(*X.shape[:2], 1, n, 1, 2)
+        problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
+        left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
+        X = problem.stage_states(_parts(right))
+        y = problem.end_state_gradient(_parts(left)).reshape(*X.shape[:2], 1, n, 1, 2)
         (a, b), (v, w) = np.moveaxis(y, -1, 0), np.moveaxis(X[:, :, :, None], -1, 0)
         real = (1.0, b * w - a * v)
         return [real] if modulus else [real, (1j, -(a * w + b * v))]
 
     def by_node(self, vectors: Vectors, node: int) -> complex:
-        """The derivative of log ρ by the phase of the start of a step."""
+        """Derivative of log ρ by the phase of the start of a step."""
         y, x = vectors.left[node - 1].conj(), vectors.right[node]
-        return -complex(y @ self._turn.rate_jump(node) @ x) / complex(y @ x)
+        return -complex(y @ self._problem.rate_jump(node) @ x) / complex(y @ x)
 
     def _leading(self, rho: complex, accuracy: float) -> Vectors | None:
         """Vectors of a multiplier from Φ; None if they are not the same after a period to this accuracy."""
-        values, right, left = self._of_turn
+        values, right, left = self._eigenvectors
         at = int(np.abs(values - rho).argmin())
-        value, found = values[at], []
-        if not abs(value) > max(_LEADS * np.abs(values).max(), _SMALLEST):
+        value, vectors = values[at], []
+        if not abs(value) > max(_LEADING * np.abs(values).max(), _MIN_MODULUS):
             return None
-        ways = (False, right[:, at], value), (True, left[:, at], value.conj())
-        for backwards, start, factor in ways:
-            states = self._turn.followed(start[:, None], backwards)[..., 0]
-            apart = np.abs(states[-1] - factor * start) / np.abs(factor)
-            if not (apart <= accuracy * np.abs(start).max()).all():
+        problems = (False, right[:, at], value), (True, left[:, at], value.conj())
+        for backwards, start, factor in problems:
+            states = self._problem.propagate(start[:, None], backwards)[..., 0]
+            change = np.abs(states[-1] - factor * start) / np.abs(factor)
+            if not (change <= accuracy * np.abs(start).max()).all():
                 return None
-            found.append(states[:-1])
-        return Vectors(found[0], found[1][::-1])
+            vectors.append(states[:-1])
+        return Vectors(vectors[0], vectors[1][::-1])
 
     @cached_property
-    def _of_turn(self) -> tuple[Array, Array, Array]:
+    def _eigenvectors(self) -> tuple[Array, Array, Array]:
         """Multipliers (N,) of Φ with right and left vectors (N, N), a column each."""
-        Phi = self._turn.followed(np.eye(self._turn.A.shape[-1]))[-1]
+        Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
-        # The inverse of right vectors loses digits of all left ones where two others are nearly parallel.
-        own, left = np.linalg.eig(Phi.conj().T)
-        places = np.abs(own.conj() - values[:, None]).argmin(axis=1)
+        # The inverse of the right vectors is inaccurate for all left ones if two others are nearly parallel.
+        adjoint_values, left = np.linalg.eig(Phi.conj().T)
+        places = np.abs(adjoint_values.conj() - values[:, None]).argmin(axis=1)
         return values.astype(complex), right, left[:, places]
 
     def _of_product(self, at: int) -> Vectors:
@@ -108,7 +111,7 @@ class MultipliersOnGrid:
                 f"the derivative of multiplier {at + 1} requires SLICOT, because it is below the round-off "
                 "of Φ; install ctrlsys, or choose a larger multiplier"
             )
-        right, left = self._every
+        right, left = self._product_vectors
         place = int(self._places[at])
         return Vectors(right[..., place], left[..., place])
 
@@ -119,28 +122,28 @@ class MultipliersOnGrid:
 
     @cached_property
     def _blocks(self) -> Blocks:
-        return balanced_blocks(self._turn.A[None])
+        return balanced_blocks(self._problem.A[None])
 
     @cached_property
-    def _found(self) -> ProductEigenvalues:
+    def _eigenvalues(self) -> ProductEigenvalues:
         return product_eigenvalues(self._blocks.factors, self._blocks.rounding, vectors=True)
 
     @cached_property
     def _places(self) -> Array:
-        """Those of the known multipliers among the ones of this grid."""
-        return matched_logarithms(self._known, self._found.logarithms[0])
+        """Positions of the known multipliers among those of this grid."""
+        return matched_logarithms(self._known, self._eigenvalues.logarithms[0])
 
     @cached_property
-    def _every(self) -> tuple[Array, Array]:
-        """Right vectors at the starts of the steps and left ones at their ends, (m, N, N), a column each."""
-        blocks, found, A = self._blocks, self._found, self._turn.A
-        assert found.right is not None
-        assert found.left is not None
+    def _product_vectors(self) -> tuple[Array, Array]:
+        """Right vectors at the starts of the steps and left ones at their ends, in columns (m, N, N)."""
+        blocks, product, A = self._blocks, self._eigenvalues, self._problem.A
+        assert product.right is not None
+        assert product.left is not None
         units = blocks.units[0][:, None]
-        right, _ = carried(A, blocks.starts, units * found.right[0])
+        right, _ = carried(A, blocks.starts, units * product.right[0])
         # Backwards, a block ends where the one before it begins.
         ends = len(A) - np.append(blocks.starts[1:], len(A))[::-1]
-        at_ends = np.roll(found.left[0], -1, axis=0)[::-1] / units
+        at_ends = np.roll(product.left[0], -1, axis=0)[::-1] / units
         left, _ = carried(np.swapaxes(A, 1, 2)[::-1], ends, at_ends)
         return right, left[::-1]
 

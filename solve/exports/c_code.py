@@ -1,11 +1,11 @@
-"""The generated functions of a model as C, by CasADi's generator, with a plain function around each."""
+"""Export of the generated functions of a model as C code by CasADi, with a plain wrapper for each."""
 
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from solve.errors import FileError
-from solve.exports.equations import Quantity, identifier, parameters_of, quantities_of, require_formulas
-from solve.model.model import Model
+from solve.errors import FileError, LinearModelError
+from solve.model.model import LinearisedModel, Model
 from solve.model.sampling import by_rows, inputs_of
 from solve.results.contents import versions
 from solve.system import PeriodicSystem
@@ -18,11 +18,29 @@ _FUNCTIONS = {
     "residual": "The nonlinear equations of motion, r = 0.",
     "outputs": "Outputs y, those of the drive at constant speed.",
 }
-"""Those of a generated module, and what the header says of each."""
+"""Generated functions, and their descriptions in the header."""
 
 _SCALARS = "phase", "speed"
 
 _ARGUMENTS = "Phase in rad, speed in rad/s, derivatives by time, SI units; matrices by rows, M[i * n + j]."
+
+
+def require_formulas(system: PeriodicSystem, what: str) -> Model:
+    """Model with formulas. Raises NoMotionError, LinearModelError for other systems."""
+    system.require_motion()
+    linearised = isinstance(system, LinearisedModel)
+    if not isinstance(system, Model) or linearised or system.assembled or not system.nonlinear:
+        raise LinearModelError(
+            f"{what} takes the formulas of a mechanism; the matrices of {system.name} are numbers at each "
+            "phase: write them to a .mat file"
+        )
+    return system
+
+
+def identifier(model: Model) -> str:
+    """Name of the model as an identifier of C."""
+    name = re.sub(r"\W", "_", model.name, flags=re.ASCII)
+    return name if name[:1].isalpha() else f"model_{name}"
 
 
 def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
@@ -36,23 +54,23 @@ def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
 
 
 def _by_rows(model: Model, name: str) -> "casadi.Function":
-    """A generated function with dense results by rows; outputs are one column y."""
+    """Generated function with dense results by rows; outputs form one column y."""
     import casadi
 
     function = model.setup.function(name)
     inputs = inputs_of(function)
-    parts = function.call([*inputs.values()], True, False)
+    values = function.call([*inputs.values()], True, False)
     names = ["y"] if name == "outputs" else function.name_out()
-    results = [by_rows(parts)] if name == "outputs" else [by_rows([part]) for part in parts]
+    results = [by_rows(values)] if name == "outputs" else [by_rows([value]) for value in values]
     return casadi.Function(
         f"{identifier(model)}_casadi_{name}", [*inputs.values()], results, [*inputs], names
     )
 
 
 def _prototype(model: Model, name: str, function: "casadi.Function") -> str:
-    given = [f"double {each}" if each in _SCALARS else f"const double *{each}" for each in function.name_in()]
-    results = [f"double *{each}" for each in function.name_out()]
-    return f"int {identifier(model)}_{name}({', '.join([*given, *results])})"
+    inputs = [f"double {x}" if x in _SCALARS else f"const double *{x}" for x in function.name_in()]
+    results = [f"double *{y}" for y in function.name_out()]
+    return f"int {identifier(model)}_{name}({', '.join([*inputs, *results])})"
 
 
 def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
@@ -71,9 +89,9 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         f"#define {name.upper()}_PARAMETERS {len(model.parameters)}",
         f"#define {name.upper()}_OUTPUTS {len(model.outputs)}",
         "",
-        *_listed("q", quantities_of(model, model.coordinates)),
-        *(_listed("y", quantities_of(model, model.outputs)) if "outputs" in functions else ()),
-        *_listed("p", parameters_of(model)),
+        *_listed("q", model, model.coordinates),
+        *_listed("y", model, model.outputs if "outputs" in functions else ()),
+        *_listed("p", model, tuple(model.parameters)),
         f"/* Values of p of case {_plain(str(model.case))}, with those that were set. */",
         f"extern const double {name}_parameters[{max(len(model.parameters), 1)}];",
         "",
@@ -81,8 +99,8 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         "   Every function returns 0. They hold no memory and may run in several threads. */",
         "",
     ]
-    for each, function in functions.items():
-        lines += [f"/* {_FUNCTIONS[each]} */", f"{_prototype(model, each, function)};", ""]
+    for function_name, function in functions.items():
+        lines += [f"/* {_FUNCTIONS[function_name]} */", f"{_prototype(model, function_name, function)};", ""]
     return "\n".join([*lines, "#ifdef __cplusplus", "}", "#endif", "", f"#endif /* {guard} */", ""])
 
 
@@ -90,7 +108,7 @@ def _source(model: Model, functions: dict[str, "casadi.Function"], stem: str) ->
     import casadi
 
     name = identifier(model)
-    # Its own symbols, beside those of another model in the same program.
+    # Separate symbols allow several models in one program.
     generator = casadi.CodeGenerator(f"{name}_casadi.c")
     for function in functions.values():
         generator.add(function)
@@ -100,13 +118,13 @@ def _source(model: Model, functions: dict[str, "casadi.Function"], stem: str) ->
         f'#include "{stem}.h"\n',
         generator.dump(),
         f"const double {name}_parameters[{max(len(model.parameters), 1)}] = {{{values}}};\n",
-        *(_wrapper(model, each, function) for each, function in functions.items()),
+        *(_wrapper(model, function_name, function) for function_name, function in functions.items()),
     ]
     return "\n".join(parts)
 
 
 def _wrapper(model: Model, name: str, function: "casadi.Function") -> str:
-    given = [f"&{each}" if each in _SCALARS else each for each in function.name_in()]
+    inputs = [f"&{x}" if x in _SCALARS else x for x in function.name_in()]
     sizes = function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()
     arguments, results, integers, work = (max(size, 1) for size in sizes)
     lines = [
@@ -115,8 +133,8 @@ def _wrapper(model: Model, name: str, function: "casadi.Function") -> str:
         f"  double *res[{results}];",
         f"  casadi_int iw[{integers}];",
         f"  double w[{work}];",
-        *(f"  arg[{at}] = {each};" for at, each in enumerate(given)),
-        *(f"  res[{at}] = {each};" for at, each in enumerate(function.name_out())),
+        *(f"  arg[{k}] = {x};" for k, x in enumerate(inputs)),
+        *(f"  res[{k}] = {y};" for k, y in enumerate(function.name_out())),
         f"  return {function.name()}(arg, res, iw, w, 0);",
         "}",
         "",
@@ -125,24 +143,26 @@ def _wrapper(model: Model, name: str, function: "casadi.Function") -> str:
 
 
 def _banner(model: Model) -> list[str]:
-    chosen = "".join(f", {name}={value}" for name, value in model.options.items())
-    made = versions()
+    options = "".join(f", {name}={value}" for name, value in model.options.items())
+    numbers = versions()
+    tools = f"parametric-vibration {numbers['parametric-vibration']} with CasADi {numbers['casadi']}"
     return [
         f"/* {_plain(model.title)}",
-        f"   model {_plain(model.name)}, code {model.model_hash}{_plain(chosen)}",
-        f"   written by parametric-vibration {made['parametric-vibration']} with CasADi {made['casadi']} */",
+        f"   model {_plain(model.name)}, code {model.model_hash}{_plain(options)}",
+        f"   written by {tools} */",
     ]
 
 
-def _listed(symbol: str, quantities: Sequence[Quantity]) -> list[str]:
-    """What each entry of an array is."""
-    lines = [
-        f"   {symbol}[{at}]  {each.name} ({each.unit or '1'}): {_plain(each.meaning)}"
-        for at, each in enumerate(quantities)
-    ]
+def _listed(symbol: str, model: Model, names: Sequence[str]) -> list[str]:
+    """Comment with name, unit and meaning of each entry of an array."""
+    lines = []
+    for k, name in enumerate(names):
+        default = model.units.get(name, ""), model.meanings.get(name, "")
+        unit, meaning = model.parameter_labels[name] if symbol == "p" else default
+        lines.append(f"   {symbol}[{k}]  {name} ({unit or '1'}): {_plain(meaning)}")
     return [f"/* {symbol}:", *lines, "*/", ""] if lines else []
 
 
 def _plain(text: str) -> str:
-    """Without what would end a comment."""
+    """Text without line breaks and ends of comments."""
     return text.replace("*/", "* /").replace("\n", " ")

@@ -1,17 +1,22 @@
-"""A system in the file of another tool, by the file's ending."""
+"""Export of a system to files of other tools, selected by the file's ending."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from solve.argument import require_whole
+import numpy as np
+
+from solve.arguments import require_integer
+from solve.arrays import Array
 from solve.exports.c_code import c_code
 from solve.exports.fmu import fmu
-from solve.exports.mat_file import mat_file
-from solve.exports.state_space import SAMPLES, state_space
-from solve.results.files import Whole, checked
+from solve.exports.state_space import SAMPLES, StateSpace, state_space
+from solve.results.contents import versions
+from solve.results.files import AtomicFiles, checked
+from solve.results.stability import Stability
 from solve.single import floquet
 from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
@@ -19,7 +24,7 @@ from solve.units import speed_in_si
 
 @dataclass(frozen=True)
 class Exported:
-    """files: what was written. warnings: what is doubtful about it, a sentence each."""
+    """Result of an export: the written files and warnings."""
 
     files: tuple[Path, ...]
     warnings: tuple[str, ...]
@@ -29,59 +34,133 @@ class Exported:
 def export(
     system: PeriodicSystem, path: str | Path, speed: float | str | None = None, samples: int = SAMPLES
 ) -> Exported:
-    """Write a system for another tool, as the file's ending says, whole or not at all.
+    """Write a system to a file of another tool, atomically.
 
-    .mat: the state space over `samples` phases with its multipliers, for MATLAB, of any system. .c, with a .h
-    beside it: the linearised and the nonlinear equations as functions of phase, speed, states and parameters.
-    .fmu: the nonlinear equations as a functional mock-up unit (FMI 3.0, model exchange) for the machine on
-    which it is made, starting on the periodic orbit.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System to export.
+    path : str or Path
+        File whose ending selects the format. ".mat": state space over `samples` phases with its multipliers,
+        for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions of phase, speed,
+        states and parameters. ".fmu": nonlinear equations as a functional mock-up unit (FMI 3.0, model
+        exchange) for this machine, starting on the periodic orbit.
+    speed : float or str, optional
+        Ω in rad/s, or a text with unit; by default that of the case. The C functions take any speed.
+    samples : int
+        Number of phases per period in a .mat file.
 
-    speed: in rad/s, or a text with unit, by default that of the case; the functions of C take any. Raises
-    FileError, LinearModelError where there are no formulas for .c and .fmu,
-    MissingLibraryError where the extra `fmu` or a compiler is missing, and other SolveError subclasses.
+    Returns
+    -------
+    Exported
+        Written files, and warnings.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+    LinearModelError
+        For .c and .fmu, if the system has no formulas.
+    MissingLibraryError
+        If the extra `fmu` or a compiler is missing.
+
+    Examples
+    --------
+    >>> import solve, tempfile
+    >>> export(solve.load("cam"), tempfile.mkdtemp() + "/cam.c").files[0].name
+    'cam.c'
     """
     file = checked(path, ENDINGS, "export")
-    require_whole("samples", samples)
+    require_integer("samples", samples)
     if speed is not None:
         speed_in_si(speed)
     contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)
-    for each in contents.keys() - {file}:
-        checked(each, (each.suffix,), "export")
-    with Whole() as files:
-        for each, content in contents.items():
-            files.write(each, partial(_into, content))
+    for other in contents.keys() - {file}:
+        checked(other, (other.suffix,), "export")
+    with AtomicFiles() as files:
+        for target, content in contents.items():
+            files.write(target, partial(_write, content))
     return Exported(tuple(contents), tuple(warnings))
 
 
-def _into(content: bytes, stream: BinaryIO) -> None:
+def _write(content: bytes, stream: BinaryIO) -> None:
     stream.write(content)
 
 
-_Made = tuple[Mapping[Path, bytes], list[str]]
+def mat_file(space: StateSpace, stability: Stability) -> bytes:
+    """Content of a .mat file. In MATLAB the phase is the last index: A(:,:,k) is A at phase(k)."""
+    from scipy.io import savemat
+
+    system, matrices, names = space.system, space.coefficients, space.signals
+    arrays = {
+        "M": matrices.mass,
+        "Cq": matrices.damping,
+        "K": matrices.stiffness,
+        "d": matrices.d,
+        "A": matrices.A,
+        "B": matrices.B,
+        "C": matrices.C,
+        "D": matrices.D,
+        "y0": matrices.y0,
+    }
+    content: dict[str, Any] = {name: np.moveaxis(array, 0, -1) for name, array in arrays.items()}
+    texts = {name: _cells(values) for name, values in names._asdict().items()}
+    labels = system.parameter_labels
+    content |= {
+        "phase": space.phase,
+        "speed": float(space.speed),
+        "period": system.period / space.speed,
+        "phase_period": system.period,
+        "multipliers": stability.multipliers,
+        "exponents": stability.exponents,
+        "spectral_radius": stability.spectral_radius,
+        "verdict": stability.verdict,
+        **texts,
+        "parameter_names": _cells(tuple(system.parameters)),
+        "parameter_values": np.array(list(system.parameters.values()), dtype=float),
+        "parameter_units": _cells(tuple(labels[name][0] for name in system.parameters)),
+        "model": system.name,
+        "title": system.title,
+        "model_case": str(system.case or ""),
+        "options": _cells(tuple(f"{name}={value}" for name, value in system.options.items())),
+        "warnings": _cells(tuple(stability.warnings)),
+        "versions": _cells(tuple(f"{name} {version}" for name, version in versions().items())),
+    }
+    stream = BytesIO()
+    savemat(stream, content, appendmat=False, oned_as="column")
+    return stream.getvalue()
 
 
-def _mat(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Made:
+def _cells(texts: tuple[str, ...]) -> Array:
+    """Column of MATLAB cells, for texts of different lengths."""
+    return np.array(texts, dtype=object)
+
+
+_Contents = tuple[Mapping[Path, bytes], list[str]]
+
+
+def _mat(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Contents:
     system.require_motion()
     omega = system.speed_or_usual(speed)
     space, stability = state_space(system, omega, samples), floquet(system, omega)
     return {file: mat_file(space, stability)}, stability.warnings
 
 
-def _c(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Made:
+def _c(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Contents:
     source, header = c_code(system, file.stem)
     warnings = list(system.equation_warnings)
     return {file: source.encode(), file.with_suffix(".h"): header.encode()}, warnings
 
 
-def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Made:
+def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Contents:
     system.require_motion()
     content, warnings = fmu(system, system.speed_or_usual(speed))
     return {file: content}, warnings
 
 
-ENDINGS: dict[str, Callable[[PeriodicSystem, Path, float | str | None, int], _Made]] = {
+ENDINGS: dict[str, Callable[[PeriodicSystem, Path, float | str | None, int], _Contents]] = {
     ".mat": _mat,
     ".c": _c,
     ".fmu": _fmu,
 }
-"""By the file's ending, what makes the contents of the files, and the warnings."""
+"""Exporters by the file's ending; they return the contents of the files, and warnings."""

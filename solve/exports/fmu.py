@@ -1,4 +1,4 @@
-"""The nonlinear equations of a model as a functional mock-up unit, FMI 3.0 for model exchange, through CasADi
+"""Export of nonlinear equations as a functional mock-up unit, FMI 3.0 for model exchange, by CasADi
 (J. A. E. Andersson et al., Math. Program. Comput. 11 (2019) 1-36; https://fmi-standard.org)."""
 
 import xml.etree.ElementTree as ET
@@ -14,36 +14,34 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import MissingLibraryError, NoLoadError, ValueOutOfBoundsError
-from solve.exports.equations import identifier, require_formulas
-from solve.exports.extras import library
+from solve.exports.c_code import identifier, require_formulas
 from solve.exports.state_space import signals
 from solve.kernel.compiler import CompilerError, c_compiler
 from solve.model.model import Model
 from solve.model.sampling import symbol
 from solve.newton.orbits import nonlinear
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, require_load
 
 if TYPE_CHECKING:
     import casadi
 
 _TIME = 1980, 1, 1, 0, 0, 0
-"""Of the files in the archive."""
+"""Fixed time stamp of the files in the archive, so that equal contents yield equal archives."""
 
 _WHAT = "an FMU"
 
-_LOOKS = 512
-"""Phases of a period at which the sizes of the states are looked for."""
+_SAMPLES = 512
+"""Phases per period at which the sizes of the states are sampled. A choice."""
 
 _NOMINALS = "nominals[i] = 1;"
-"""What CasADi 3.8 writes for the sizes of the states, by which tools measure errors: not implemented."""
+"""Placeholder of CasADi 3.8 for the nominal sizes of the states, by which tools scale errors."""
 
 _ASSIGNED = "__assign__"
-"""What begins the names of CasADi's own variables."""
+"""Prefix of the internal variables of CasADi."""
 
 
 class _Variable(NamedTuple):
-    """A scalar of the unit, with its unit of measurement, the value that it has or starts from, None for
-    outputs, and its usual size."""
+    """Scalar variable of the FMU with its unit, meaning, start value (None for outputs) and nominal size."""
 
     name: str
     unit: str
@@ -53,7 +51,7 @@ class _Variable(NamedTuple):
 
 
 class _Variables(NamedTuple):
-    """Those of a model. drive: phase and speed; inputs: the acceleration of the drive, then forces."""
+    """Variables of a model. drive: phase and speed. inputs: acceleration of the drive, then forces."""
 
     drive: list[_Variable]
     coordinates: list[_Variable]
@@ -68,29 +66,37 @@ class _Variables(NamedTuple):
 
 
 def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
-    """The archive, and what is doubtful about the orbit that it starts from.
+    """Archive of the FMU, and warnings about its initial orbit.
 
-    States are phase and speed of the drive, coordinates and their rates, which start on the periodic orbit of
-    the nonlinear equations at the speed (rad/s); inputs are the acceleration of the drive and a force along
-    each coordinate, 0 unless they are connected; parameters are tunable. It holds its C code and a library
-    for the machine on which it is made. Jumps of the matrices are events, at the phases that they have with
-    the given parameters.
+    States are phase and speed of the drive, coordinates and their rates. They start on the periodic orbit of
+    the nonlinear equations at the speed (rad/s). Inputs are the acceleration of the drive and a force along
+    each coordinate, 0 unless connected. Parameters are tunable. The archive contains the C code and a library
+    for this machine. Jumps of the matrices are events, at their phases for the given parameters.
 
     Raises LinearModelError for systems without formulas, MissingLibraryError without compiler, headers or
-    CasADi 3.8, ValueOutOfBoundsError where two quantities have one name, and SolveError subclasses where
-    there is no orbit.
+    CasADi 3.8, ValueOutOfBoundsError if two quantities have the same name, and SolveError subclasses if there
+    is no orbit.
     """
     model = require_formulas(system, _WHAT)
-    headers = Path(library("fmpy", "fmu", _WHAT).__file__).parent / "c-code"
+    headers = _headers()
     compiler = _compiler()
     variables, warnings = _variables(model, speed)
     _require_different_names(variables)
-    # CasADi writes where one stands.
+    # CasADi writes into the current folder.
     with TemporaryDirectory() as folder, chdir(folder):
         files = _exported(model, variables, headers, compiler)
         description = Path("modelDescription.xml")
         description.write_bytes(_described(description.read_bytes(), model, variables, speed))
         return _packed(files), warnings
+
+
+def _headers() -> Path:
+    """Folder of the FMI headers. Raises MissingLibraryError."""
+    try:
+        import fmpy
+    except ImportError:
+        raise MissingLibraryError.of_extra(_WHAT, "fmpy", "fmu") from None
+    return Path(fmpy.__file__).parent / "c-code"
 
 
 def _compiler() -> str:
@@ -105,15 +111,16 @@ def _compiler() -> str:
 
 
 def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
-    """With their starts, and what is doubtful about these."""
+    """Variables with their start values, and warnings about these."""
     n, names = model.n, signals(model)
     state, sizes, warnings = _start(model, speed)
     meanings = [model.meanings.get(name, "") for name in model.coordinates]
-    of_rates = [f"rate of {name}" for name in model.coordinates]
-    of_forces = [f"force along {name}" for name in model.coordinates]
-    columns = names.states, names.state_units, [*meanings, *of_rates], state.tolist(), sizes.tolist()
-    states = [_Variable(*each) for each in zip(*columns, strict=True)]
-    forces = [_Variable(*each, 0.0) for each in zip(names.inputs, names.input_units, of_forces, strict=True)]
+    rate_meanings = [f"rate of {name}" for name in model.coordinates]
+    force_meanings = [f"force along {name}" for name in model.coordinates]
+    columns = names.states, names.state_units, [*meanings, *rate_meanings], state.tolist(), sizes.tolist()
+    states = [_Variable(*fields) for fields in zip(*columns, strict=True)]
+    inputs = zip(names.inputs, names.input_units, force_meanings, strict=True)
+    forces = [_Variable(*fields, 0.0) for fields in inputs]
     drive = [
         _Variable("phase", "rad", "phase of the drive", 0.0, model.period),
         _Variable("speed", "rad/s", "speed of the drive", float(speed), float(speed)),
@@ -123,63 +130,63 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
         _Variable(name, *model.parameter_labels[name], value) for name, value in model.parameters.items()
     ]
     outputs = [_Variable(name, model.units[name], model.meanings[name], None) for name in model.outputs]
-    made = _Variables(drive, states[:n], states[n:], [acceleration, *forces], parameters, outputs)
-    return made, warnings
+    variables = _Variables(drive, states[:n], states[n:], [acceleration, *forces], parameters, outputs)
+    return variables, warnings
 
 
 def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
-    """q and q̇ (2n,) at phase 0 of the periodic orbit, and their largest moduli on it; rest and ones where
-    nothing drives it."""
+    """q and q̇ (2n,) at phase 0 of the periodic orbit, their largest moduli, and warnings; zeros and ones
+    without a load."""
     try:
-        model.require_load(speed)
+        require_load(model, speed)
     except NoLoadError as reason:
         return np.zeros(2 * model.n), np.ones(2 * model.n), [f"{reason}; the unit starts at rest"]
     orbit = nonlinear(model, speed)
-    q, qd, _ = orbit.state(np.linspace(0.0, model.period, _LOOKS))
+    q, qd, _ = orbit.state(np.linspace(0.0, model.period, _SAMPLES))
     states = np.concatenate((q, qd))
     sizes = np.abs(states).max(axis=1)
     return states[:, 0], np.where(sizes > 0, sizes, 1.0), list(orbit.warnings)
 
 
 def _require_different_names(variables: _Variables) -> None:
-    names = ["time", *(each.name for part in variables for each in part)]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
+    names = ["time", *(variable.name for group in variables for variable in group)]
+    duplicates = sorted({name for name in names if names.count(name) > 1})
+    if duplicates:
         raise ValueOutOfBoundsError(
-            f"'{twice[0]}' would be the name of two variables of the FMU; give the coordinate, output or "
-            "parameter of the mechanism another"
+            f"'{duplicates[0]}' would be the name of two variables of the FMU; give the coordinate, output "
+            "or parameter of the mechanism another"
         )
 
 
 def _exported(model: Model, variables: _Variables, headers: Path, compiler: str) -> Mapping[str, str]:
-    """Files in the current folder, and where each goes in the archive."""
+    """Files in the current folder, with their paths in the archive."""
     import casadi
 
     builder = casadi.DaeBuilder(identifier(model))
     builder.add("time", "independent", "continuous", {"unit": "s"})
-    shown = {variable.name for variable in variables.coordinates}
+    coordinates = {variable.name for variable in variables.coordinates}
 
     def added(variable: _Variable) -> Any:
-        causality = "output" if variable.name in shown or variable.start is None else "local"
+        causality = "output" if variable.name in coordinates or variable.start is None else "local"
         causality = "input" if variable in variables.inputs else causality
         kind = (causality, "continuous")
         kind = ("parameter", "tunable") if variable in variables.parameters else kind
         start = {} if variable.start is None else {"start": variable.start}
-        facts = {"unit": _unit(variable.unit), "description": variable.meaning, **start}
-        return builder.add(variable.name, *kind, facts)
+        attributes = {"unit": _unit(variable.unit), "description": variable.meaning, **start}
+        return builder.add(variable.name, *kind, attributes)
 
-    drive, q, qd, inputs, p, outputs = (list(map(added, part)) for part in variables)
-    rates, values = _explicit(model)(*drive, *map(_column, (q, qd, inputs, p)))
+    drive, q, qd, inputs, p, outputs = (list(map(added, group)) for group in variables)
+    rates, values = _explicit(model)(*drive, *(casadi.vertcat(*group) for group in (q, qd, inputs, p)))
     states = [*drive, *q, *qd]
     for state, rate in zip(states, casadi.vertsplit(rates), strict=True):
         builder.eq(builder.der(state), rate)
     for output, value in zip(outputs, casadi.vertsplit(values) if outputs else (), strict=True):
         builder.eq(output, value)
-    for at in model.breaks:
-        # Changes sign there, once a period from above, so that an integrator stops and begins anew.
-        builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - at)) < 0, [])
+    for jump in model.breaks:
+        # Falling zero at the jump, once per period, at which an integrator restarts.
+        builder.when(-casadi.sin(2 * np.pi / model.period * (drive[0] - jump)) < 0, [])
     files = builder.export_fmu({"no_warning": True, "with_serialization": False})
-    # Importing tools need not have loaded the mathematical functions.
+    # The mathematical library may not be loaded by the importing tool.
     tools = {"compiler": compiler, "linker": compiler, "flags": ["-O2"], "linker_flags": ["-lm"]}
     options = {"compiler_options": tools, "include_dirs": [str(headers)]}
     _with_nominals(Path(f"{identifier(model)}_wrap.c"), variables.states)
@@ -187,24 +194,19 @@ def _exported(model: Model, variables: _Variables, headers: Path, compiler: str)
         return builder.compile_fmu(files, options)
     except RuntimeError as error:
         raise MissingLibraryError(
-            f"{_WHAT} needs a C compiler, and '{compiler}' failed; it said above why"
+            f"{_WHAT} needs a C compiler, and '{compiler}' failed; see its messages above"
         ) from error
 
 
 def _with_nominals(wrapper: Path, states: Sequence[_Variable]) -> None:
-    sizes = ", ".join(repr(each.nominal) for each in states)
-    own = f"{{ static const double sizes[] = {{{sizes}}}; nominals[i] = sizes[i]; }}"
-    wrapper.write_text(wrapper.read_text("utf-8").replace(_NOMINALS, own), "utf-8")
-
-
-def _column(symbols: Sequence[Any]) -> Any:
-    import casadi
-
-    return casadi.vertcat(*symbols)
+    sizes = ", ".join(repr(state.nominal) for state in states)
+    nominals = f"{{ static const double sizes[] = {{{sizes}}}; nominals[i] = sizes[i]; }}"
+    wrapper.write_text(wrapper.read_text("utf-8").replace(_NOMINALS, nominals), "utf-8")
 
 
 def _explicit(model: Model) -> "casadi.Function":
-    """Rates of the states, and outputs, of phase, speed, q, q̇, inputs and parameters: M q̈ = u - r(q̈ = 0)."""
+    """Function of phase, speed, q, q̇, inputs and parameters that returns the rates of the states, and the
+    outputs: M q̈ = u - r(q̈ = 0)."""
     import casadi
 
     n = model.n
@@ -218,20 +220,20 @@ def _explicit(model: Model) -> "casadi.Function":
     qdd = casadi.solve(M, u[1:] - rest)
     values = casadi.SX(0, 1)
     if model.outputs:
-        found = model.setup.function("outputs_varying").call([*drive, q, qd, qdd, p], True, False)
-        values = casadi.vertcat(*found)
+        outputs = model.setup.function("outputs_varying").call([*drive, q, qd, qdd, p], True, False)
+        values = casadi.vertcat(*outputs)
     rates = casadi.vertcat(speed, u[0], qd, qdd)
     return casadi.Function("explicit", list(symbols.values()), [casadi.cse(rates), casadi.cse(values)])
 
 
 def _described(content: bytes, model: Model, variables: _Variables, speed: float) -> bytes:
-    """The model description of CasADi with what it leaves out: units, starts of the states, the period."""
+    """Model description of CasADi with units, start values of the states and the period added."""
     root = ET.fromstring(content)
     root.set("description", model.title)
     root.set("generationTool", "parametric-vibration, CasADi")
-    every = [each for part in variables for each in part]
+    scalars = [variable for group in variables for variable in group]
     units = ET.Element("UnitDefinitions")
-    for name in sorted({"s", *(_unit(each.unit) for each in every if each.unit)}):
+    for name in sorted({"s", *(_unit(scalar.unit) for scalar in scalars if scalar.unit)}):
         ET.SubElement(units, "Unit", name=name)
     root.insert(1, units)
     period = repr(model.period / speed)
@@ -239,29 +241,29 @@ def _described(content: bytes, model: Model, variables: _Variables, speed: float
     listed, structure = root.find("ModelVariables"), root.find("ModelStructure")
     assert listed is not None
     assert structure is not None
-    starts = {each.name: each.start for each in every if each.start is not None}
-    states = {each.name: each for each in variables.states}
-    begun = set()
+    starts = {scalar.name: scalar.start for scalar in scalars if scalar.start is not None}
+    states = {state.name: state for state in variables.states}
+    initialised = set()
     for variable in list(listed):
         name = variable.get("name", "")
         if name.startswith(_ASSIGNED):
             listed.remove(variable)
         elif name in starts:
-            # CasADi writes six digits.
+            # CasADi writes six digits only.
             variable.set("start", repr(starts[name]))
             if name in states:
                 variable.set("initial", "exact")
                 variable.set("nominal", repr(states[name].nominal))
-                begun.add(variable.get("valueReference"))
+                initialised.add(variable.get("valueReference"))
     for unknown in structure.findall("InitialUnknown"):
-        if unknown.get("valueReference") in begun:
+        if unknown.get("valueReference") in initialised:
             structure.remove(unknown)
     ET.indent(root)
     return ET.tostring(root, encoding="UTF-8", xml_declaration=True)
 
 
 def _unit(unit: str) -> str:
-    """A unit as Modelica writes it.
+    """Unit in the notation of Modelica.
 
     >>> _unit("kg m^2"), _unit("N m s/rad")
     ('kg.m2', 'N.m.s/rad')
@@ -270,7 +272,7 @@ def _unit(unit: str) -> str:
 
 
 def _packed(files: Mapping[str, str]) -> bytes:
-    """The archive of files of the current folder, by their places in it."""
+    """Archive of files of the current folder, with their paths in the archive."""
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for file, place in sorted(files.items()):

@@ -1,6 +1,5 @@
 """Harmonic transfer functions (N. M. Wereley, Analysis and Control of Linear Periodically Time Varying
-Systems, PhD thesis, MIT, 1990): what the harmonics of a force, each modulated by exp(st), give of each
-harmonic of the outputs."""
+Systems, PhD thesis, MIT, 1990), from the harmonics of a force modulated by exp(st) to those of outputs."""
 
 import math
 from collections.abc import Sequence
@@ -12,8 +11,14 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.exports.extras import labels, library
-from solve.exports.state_space import Coefficients, Signals, coefficients, signals
+from solve.exports.state_space import (
+    Coefficients,
+    Signals,
+    coefficients,
+    labels,
+    python_control,
+    signals,
+)
 from solve.methods.fourier import MOST_UNKNOWNS
 from solve.methods.hill import toeplitz, together
 from solve.period.grid import Grid
@@ -24,19 +29,23 @@ if TYPE_CHECKING:
     import control
 
 _PROBE = 0.07 + 0.31j
-"""Where the truncation is judged, in parts of the rotation 2π/T: off the frequencies of the excitation."""
+"""Point s at which the truncation error is estimated, in units of 2π/T, away from the excitation frequencies.
+A choice."""
 
-_LOOKS = 64
-"""Phases at which the fastest frequency is looked for."""
+_PHASES = 64
+"""Phases at which the highest frequency is sampled. A choice."""
 
-_STAGES = 12
-"""Of Gauss's rule in a step, which holds a wave of the highest order."""
+_GAUSS_POINTS = 12
+"""Points of Gauss's rule per step, which is one wave of the highest harmonic."""
 
 
 class TransferValues(NamedTuple):
-    """values (2N+1, p, 2N+1, n), complex: what order k of input j gives of order i of output o, at
-    [i + N, o, k + N, j]. error: estimated from half the orders, of an output and an input relative to the
-    largest among their orders. warnings: what is doubtful about them."""
+    """Values of a harmonic transfer function.
+
+    values (2N+1, p, 2N+1, n), complex: from harmonic k of input j to harmonic i of output o at
+    [i + N, o, k + N, j]. error: estimated from half the harmonics, for each output and input relative to the
+    largest among the harmonics. warnings: about the truncation.
+    """
 
     values: Array
     error: float
@@ -45,13 +54,27 @@ class TransferValues(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class HarmonicTransfer:
-    """y_i = Σ_k H_ik(s) u_k of u = Σ_k u_k exp((s + ikω)t), y alike, with ω = 2π/T and the orders i, k of
-    -N … N.
+    """Harmonic transfer function y_i = Σ_k H_ik(s) u_k for u = Σ_k u_k exp((s + ikω)t), y likewise, with
+    ω = 2π/T and harmonics i, k from -N to N.
 
-    harmonics: N. orders: of the states in the balance, -orders … orders. error: of H at a probe off the
-    imaginary axis, estimated from twice the orders. excitation (2N+1, n): Fourier coefficients of the load
-    d; rest (2N+1, p): of the outputs without states and forces. The steady vibration is
-    H(0) excitation + rest as far as N reaches. signals: names of states, inputs u and outputs y.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System.
+    speed : float
+        Ω in rad/s.
+    harmonics : int
+        N.
+    orders : int
+        Number of harmonics of the states, -orders … orders.
+    rtol : float
+        Tolerance of `error`.
+    signals : Signals
+        Names of states, inputs u and outputs y.
+
+    Notes
+    -----
+    The steady vibration is H(0) excitation + rest, up to harmonic N.
     """
 
     system: PeriodicSystem
@@ -72,14 +95,15 @@ class HarmonicTransfer:
 
     @cached_property
     def error(self) -> float:
+        """Error of H at a point off the imaginary axis, estimated from twice the harmonics of the states."""
         return self.at(_PROBE * self.rotation).error
 
     @property
     def warnings(self) -> list[str]:
-        """What is doubtful about the truncation, a sentence each."""
-        return self._doubts(self.error)
+        """Warnings about the truncation."""
+        return self._warnings(self.error)
 
-    def _doubts(self, error: float) -> list[str]:
+    def _warnings(self, error: float) -> list[str]:
         if error <= self.rtol:
             return []
         jumps = "; the matrices jump, and their harmonics fall slowly" if self.system.breaks else ""
@@ -87,50 +111,73 @@ class HarmonicTransfer:
         more = "more orders, or " if self.orders < most else ""
         return [
             f"harmonic transfer function with {self.orders} orders of the states, of at most {most}: error "
-            f"{error:.1e}, more than the {self.rtol:.1e} asked for{jumps}; give {more}a larger rtol"
+            f"{error:.1e}, above the tolerance {self.rtol:.1e}{jumps}; give {more}a larger rtol"
         ]
 
     @property
     def excitation(self) -> Array:
-        return self._kept(self._spectra.d)
+        """Fourier coefficients (2N+1, n) of the load d."""
+        return self._truncated(self._spectra.d)
 
     @property
     def rest(self) -> Array:
-        return self._kept(self._spectra.y0)
+        """Fourier coefficients (2N+1, p) of the outputs without states and forces."""
+        return self._truncated(self._spectra.y0)
 
-    def _kept(self, spectrum: Array) -> Array:
+    def _truncated(self, spectrum: Array) -> Array:
         middle = len(spectrum) // 2
         return spectrum[middle - self.harmonics : middle + self.harmonics + 1]
 
     def at(self, s: complex) -> TransferValues:
-        """H(s) at a complex s in 1/s, from twice the orders. Raises ValueOutOfBoundsError where s is not
-        finite, or a pole."""
+        """Evaluate H(s), with twice the harmonics of the states.
+
+        Parameters
+        ----------
+        s : complex
+            Complex frequency in 1/s.
+
+        Returns
+        -------
+        TransferValues
+
+        Raises
+        ------
+        ValueOutOfBoundsError
+            If s is not finite, or a pole.
+        """
         try:
-            place = complex(s)
+            point = complex(s)
         except (TypeError, ValueError):
-            place = complex(math.nan)
-        if not np.isfinite(place):
+            point = complex(math.nan)
+        if not np.isfinite(point):
             raise ValueOutOfBoundsError(f"s is {s}; allowed: finite complex numbers, in 1/s, one at a time")
         coarse, fine = (
-            self._spectra.transfer(place, orders, self.harmonics, self.rotation)
+            self._spectra.transfer(point, orders, self.harmonics, self.rotation)
             for orders in (self.orders, 2 * self.orders)
         )
         if not np.isfinite(fine).all():
-            raise ValueOutOfBoundsError(f"s = {place:.6g} is a pole of the system; give another s")
+            raise ValueOutOfBoundsError(f"s = {point:.6g} is a pole of the system; give another s")
         largest = np.abs(fine).max(axis=(0, 2))
-        off = np.abs(fine - coarse).max(axis=(0, 2))
-        error = float((off / np.where(largest > 0, largest, 1.0)).max())
-        return TransferValues(fine, error, self._doubts(error))
+        difference = np.abs(fine - coarse).max(axis=(0, 2))
+        error = float((difference / np.where(largest > 0, largest, 1.0)).max())
+        return TransferValues(fine, error, self._warnings(error))
 
     def lifted(self) -> "control.StateSpace":
-        """The truncated system as one without time in its coefficients, for python-control, whose state
-        spaces are real: a signal is its mean and the amplitudes of cos kφ and sin kφ, named q1_0, q1_c1,
-        q1_s1, q1_c2, …, which vary slowly where the signal is nearly periodic.
+        """Time-invariant state space of python-control that represents the truncated system.
 
-        Among its poles are the Floquet exponents ± ikω; those of the outermost orders are spoilt by the
-        truncation. Raises MissingLibraryError.
+        The state space is real: each signal is represented by its mean and the amplitudes of cos kφ and
+        sin kφ, named q1_0, q1_c1, q1_s1, q1_c2, …. They vary slowly if the signal is nearly periodic. The
+        poles include the Floquet exponents ± ikω; those of the outermost harmonics are inaccurate.
+
+        Returns
+        -------
+        control.StateSpace
+
+        Raises
+        ------
+        MissingLibraryError
         """
-        control = library("control", "control", "a state space of python-control")
+        control = python_control()
         orders, N = self.orders, self.harmonics
         A, B, C, D = self._spectra.lifted(orders, N, self.rotation)
         n, (p, r) = self.system.n, self._spectra.D.shape[1:]
@@ -162,19 +209,41 @@ def harmonic_transfer(
     orders: int | None = None,
     rtol: float = 1e-8,
 ) -> HarmonicTransfer:
-    """The harmonic transfer function of the linearised equations at a speed (rad/s, or a text with unit).
+    """Compute the harmonic transfer function of the linearised equations.
 
-    harmonics: N, inputs and outputs have the orders -N … N. orders: of the states; by default they are
-    doubled until H is exact to `rtol`, or as many as a dense balance takes, with a warning. Inputs and
-    outputs are those of `state_space`, also about a nonlinear orbit. Raises SolveError subclasses for bad
-    input, NoMotionError.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System; inputs and outputs are those of `solve.state_space`.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    harmonics : int
+        N: inputs and outputs have harmonics -N … N.
+    orders : int, optional
+        Number of harmonics of the states. By default it is doubled until the error is at most `rtol`, or up
+        to the limit of dense matrices, with a warning.
+    rtol : float
+        Tolerance of the estimated error.
 
+    Returns
+    -------
+    HarmonicTransfer
+
+    Raises
+    ------
+    NoMotionError
+        For systems at rest.
+    SolveError
+        Other subclasses for invalid input.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> def oscillator(phase, speed):
     ...     one = np.ones((len(phase), 1, 1))
     ...     return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
-    >>> made = harmonic_transfer(PeriodicSystem(oscillator, ["q"]), 1.0, harmonics=1)
-    >>> H = made.at(0.0).values
+    >>> transfer = harmonic_transfer(PeriodicSystem(oscillator, ["q"]), 1.0, harmonics=1)
+    >>> H = transfer.at(0.0).values
     >>> H.shape, round(float(abs(H[2, 0, 2, 0])), 9)
     ((3, 1, 3, 1), 0.333148302)
     """
@@ -193,30 +262,30 @@ def harmonic_transfer(
         )
     system.checked(omega)
     system = system.shown_in(omega)
-    first = orders if orders is not None else min(least + _fastest(system, omega), most)
+    first = orders if orders is not None else min(least + _highest_frequency(system, omega), most)
     while True:
-        made = HarmonicTransfer(system, omega, int(harmonics), int(first), rtol, signals(system))
-        if orders is not None or first == most or made.error <= rtol:
-            return made
+        transfer = HarmonicTransfer(system, omega, int(harmonics), int(first), rtol, signals(system))
+        if orders is not None or first == most or transfer.error <= rtol:
+            return transfer
         first = min(2 * first, most)
 
 
 def _most_orders(system: PeriodicSystem) -> int:
-    """Of the states, so that twice as many are still worth waiting for."""
+    """Maximum number of harmonics of the states, such that twice as many fit in dense matrices."""
     return (MOST_UNKNOWNS // (2 * system.n) - 1) // 4
 
 
-def _fastest(system: PeriodicSystem, speed: float) -> int:
-    """The highest frequency with the drive held still, in orders: below it two truncations may agree on
-    what neither holds."""
-    phase = (np.arange(_LOOKS) + 0.5) * (system.period / _LOOKS)
+def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
+    """Highest frequency at fixed phases, in harmonics. With fewer harmonics, two truncations may agree and
+    be wrong."""
+    phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     frequency = np.abs(np.linalg.eigvals(coefficients(system, speed, phase).A).imag).max()
     return math.ceil(frequency * system.period / (2 * math.pi * speed))
 
 
 @dataclass(frozen=True)
 class _Spectra:
-    """Fourier coefficients of orders -K … K of A, B, C, D, d and y₀ (2K+1, …)."""
+    """Fourier coefficients of harmonics -K … K of A, B, C, D, d and y₀ (2K+1, …)."""
 
     A: Array
     B: Array
@@ -227,32 +296,32 @@ class _Spectra:
 
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float, highest: int) -> "_Spectra":
-        """By Gauss's rule in steps that end at the jumps of the matrices."""
+        """Spectra by Gauss's rule in steps that end at the jumps of the matrices."""
         grid = Grid.uniform(highest + 1, system.period, system.breaks)
-        nodes, weights = np.polynomial.legendre.leggauss(_STAGES)
+        nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         phases = grid.stages((nodes + 1) / 2).ravel()
-        parts: Coefficients = coefficients(system, speed, phases)
+        matrices: Coefficients = coefficients(system, speed, phases)
         orders = np.arange(-highest, highest + 1)
         waves = np.exp(-2j * np.pi / system.period * np.outer(orders, phases))
         waves *= (grid.h[:, None] * (weights / 2)).ravel() / system.period
-        return cls(*(np.tensordot(waves, part, 1) for part in parts[:6]))
+        return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:6]))
 
     def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
-        """A - N, B, C and D of the lifted system, states of so many orders."""
+        """A - N, B, C and D of the lifted system, with states of harmonics -orders … orders."""
         inner, outer = np.arange(-orders, orders + 1), np.arange(-harmonics, harmonics + 1)
-        places = (
+        blocks = (
             (self.A, inner, inner),
             (self.B, inner, outer),
             (self.C, outer, inner),
             (self.D, outer, outer),
         )
-        A, B, C, D = (together(toeplitz(*each)) for each in places)
+        A, B, C, D = (together(toeplitz(*block)) for block in blocks)
         A[range(len(A)), range(len(A))] -= 1j * rotation * np.repeat(inner, self.A.shape[-1])
         return A, B, C, D
 
     @property
     def units(self) -> Array:
-        """Of the states (2n,), in which rounding concerns all of them alike."""
+        """Units of the states (2n,) in which round-off affects all of them equally."""
         from scipy.linalg import matrix_balance
 
         mean = self.A[len(self.A) // 2].real
@@ -273,24 +342,23 @@ class _Spectra:
 
 
 def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:
-    """A lifted matrix between signals of so many orders, as one between their means and the amplitudes of
-    their cosines and sines."""
+    """Lifted matrix between signals, converted to means and amplitudes of cosines and sines."""
     blocks = matrix.reshape(2 * rows + 1, height, 2 * columns + 1, width)
-    forth, back = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
-    made = np.einsum("ij,jakb,kl->ialb", forth, blocks, back, optimize=True)
-    return made.real.reshape(matrix.shape)
+    forward, backward = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
+    converted = np.einsum("ij,jakb,kl->ialb", forward, blocks, backward, optimize=True)
+    return converted.real.reshape(matrix.shape)
 
 
 def _amplitudes(orders: int) -> Array:
     """Mean, cosine and sine amplitudes of coefficients of exp(ikφ), k = -orders … orders."""
-    made = np.zeros((2 * orders + 1, 2 * orders + 1), dtype=complex)
-    made[0, orders] = 1.0
+    matrix = np.zeros((2 * orders + 1, 2 * orders + 1), dtype=complex)
+    matrix[0, orders] = 1.0
     for k in range(1, orders + 1):
-        made[2 * k - 1, [orders - k, orders + k]] = 1.0
-        made[2 * k, [orders - k, orders + k]] = -1j, 1j
-    return made
+        matrix[2 * k - 1, [orders - k, orders + k]] = 1.0
+        matrix[2 * k, [orders - k, orders + k]] = -1j, 1j
+    return matrix
 
 
 def _phasors(names: Sequence[str], orders: int) -> list[str]:
-    parts = ["0", *(f"{part}{k}" for k in range(1, orders + 1) for part in "cs")]
-    return labels(f"{name}_{part}" for part in parts for name in names)
+    suffixes = ["0", *(f"{wave}{k}" for k in range(1, orders + 1) for wave in "cs")]
+    return labels(f"{name}_{suffix}" for suffix in suffixes for name in names)

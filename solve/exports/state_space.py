@@ -1,39 +1,37 @@
-"""Linearised equations as state space over the phase: x′ = A x + B (u + d), y = C x + D (u + d) + y₀, with
-derivatives by time, x = (q, q̇), forces u along the coordinates beside the load d."""
+"""Linearised equations as a state space over the phase: x′ = A x + B (u + d), y = C x + D (u + d) + y₀, with
+derivatives by time, x = (q, q̇), and forces u along the coordinates in addition to the load d."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError
-from solve.exports.extras import labels, library
-from solve.model.model import Model, ModelAlong
+from solve.errors import MissingLibraryError, ValueOutOfBoundsError
+from solve.model.model import LinearisedModel, Model
 from solve.period.points import rate_of
-from solve.sizes import require_size
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, derivatives_of, of_system
 from solve.units import speed_in_si
 
 if TYPE_CHECKING:
     import control
 
 SAMPLES = 360
-"""Of a period, by default: at every degree of a turn."""
+"""Default number of phases per period: one per degree of a revolution."""
 
 _INSET = 1e-12
-"""Part of a period within which a sample counts as one at a jump."""
+"""Distance from a jump, relative to the period, within which a sample is at the jump. A choice."""
 
 _FORCES = {"m": "N", "rad": "N m"}
-"""Units of the force along a coordinate, by that of the coordinate."""
+"""Units of the forces by the unit of the coordinate."""
 
 
 class Coefficients(NamedTuple):
-    """At k phases: A (k, 2n, 2n), B (k, 2n, n), C (k, p, 2n), D (k, p, n), the load d (k, n), and y₀ (k, p),
-    the outputs without states and forces; also M, damping and stiffness (k, n, n), of which they follow."""
+    """Coefficients at k phases: A (k, 2n, 2n), B (k, 2n, n), C (k, p, 2n), D (k, p, n), load d (k, n), and
+    y₀ (k, p), the outputs without states and forces; also mass, damping and stiffness (k, n, n)."""
 
     A: Array
     B: Array
@@ -47,7 +45,7 @@ class Coefficients(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """Names of states, inputs and outputs, and the units of each."""
+    """Names and units of states, inputs and outputs."""
 
     states: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -58,23 +56,23 @@ class Signals(NamedTuple):
 
 
 def signals(system: PeriodicSystem) -> Signals:
-    """Of the state space of a system: q and q_dot, force_q; all coordinates, then outputs of a model whose
-    derivatives are known."""
+    """Signals of the state space of a system: states q and q_dot, inputs force_q, and as outputs the
+    coordinates and the outputs of the model that have derivatives."""
     names = system.coordinates
     units = [system.units.get(name, "") for name in names]
-    known = _linear_outputs(system)
+    outputs = _linear_outputs(system)
     return Signals(
         (*names, *(f"{name}_dot" for name in names)),
         tuple(f"force_{name}" for name in names),
-        (*names, *known),
+        (*names, *outputs),
         (*units, *(f"{unit}/s" if unit not in ("", "1") else "1/s" for unit in units)),
         tuple(_FORCES.get(unit, "") for unit in units),
-        (*units, *(system.units.get(name, "") for name in known)),
+        (*units, *(system.units.get(name, "") for name in outputs)),
     )
 
 
 def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coefficients:
-    """At phases (k,) and a speed in rad/s."""
+    """Coefficients at phases (k,) and a speed in rad/s."""
     n, k = system.n, len(phase)
     M, damping, K, d = system.at(phase, speed)
     inverse = np.linalg.inv(M)
@@ -85,48 +83,58 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
     y0 = np.zeros((k, n))
     names = _linear_outputs(system)
     if names:
-        about = _about(system, phase, speed)
-        slopes = _output_slopes(system, names, phase, speed, about)
+        state = _reference_state(system, phase, speed)
+        slopes = _output_slopes(system, names, phase, speed, state)
         by_a, by_v, by_q = slopes[..., 0, :], slopes[..., 1, :], slopes[..., 2, :]
-        moving = np.concatenate((by_q, by_v), axis=-1) + by_a @ rate[:, n:]
-        C, D = np.concatenate((C, moving), axis=1), np.concatenate((D, by_a @ inverse), axis=1)
-        values = system.output_values(phase, speed, *about[::-1])
-        there = np.stack([values[name] for name in names], axis=1)
-        there -= np.einsum("kpsn,snk->kp", slopes, about)
-        y0 = np.concatenate((y0, there), axis=1)
+        by_state = np.concatenate((by_q, by_v), axis=-1) + by_a @ rate[:, n:]
+        C, D = np.concatenate((C, by_state), axis=1), np.concatenate((D, by_a @ inverse), axis=1)
+        values = system.output_values(phase, speed, *state[::-1])
+        constant = np.stack([values[name] for name in names], axis=1)
+        constant -= np.einsum("kpsn,snk->kp", slopes, state)
+        y0 = np.concatenate((y0, constant), axis=1)
     return Coefficients(rate, B, C, D, d, y0, M, damping, K)
 
 
 def _linear_outputs(system: PeriodicSystem) -> Sequence[str]:
-    """Outputs whose derivatives by the states are known."""
+    """Outputs with derivatives by the states."""
     return system.outputs if isinstance(system, Model) and not system.assembled else ()
 
 
-def _about(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """q̈, q̇, q (3, n, k) about which outputs are linearised: those of the motion along which the equations
-    are, else 0."""
-    if not isinstance(system, ModelAlong):
+def _reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
+    """State q̈, q̇, q (3, n, k) about which outputs are linearised: that of the motion about which the
+    equations are linearised, otherwise 0."""
+    if not isinstance(system, LinearisedModel):
         return np.zeros((3, system.n, len(phase)))
     return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
 
 
 def _output_slopes(
-    system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, about: Array
+    system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at these (3, n, k)."""
+    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
     rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
-    # Those of a dependence are by derivatives by the phase, and so are the states that it takes.
-    dependence, states = system.dependence(()), np.moveaxis(about, -1, 0) / rates
+    # A dependence uses derivatives by the phase.
+    dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates
     return np.stack([dependence.output(name, phase, speed, states)[1] for name in names], axis=1) / rates
 
 
 @dataclass(frozen=True, repr=False)
 class StateSpace:
-    """x′ = A x + B (u + d), y = C x + D (u + d) + y₀ over one period, derivatives by time.
+    """State space x′ = A x + B (u + d), y = C x + D (u + d) + y₀ over one period, derivatives by time.
 
-    phase (m,): even, from 0, without the end of the period. A (m, 2n, 2n), B (m, 2n, n), C (m, p, 2n),
-    D (m, p, n) at these phases; d (m, n): the load, which drives the vibration and is added to the inputs;
-    y0 (m, p): outputs without states and forces. speed in rad/s. SI units.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System.
+    speed : float
+        Ω in rad/s.
+    phase : (m,) array
+        Equidistant phases from 0, without the end of the period.
+    coefficients : Coefficients
+        A (m, 2n, 2n), B (m, 2n, n), C (m, p, 2n), D (m, p, n); the load d (m, n), which is added to the
+        inputs; the outputs y0 (m, p) without states and forces. SI units.
+    signals : Signals
+        Names and units of states, inputs and outputs.
     """
 
     system: PeriodicSystem
@@ -160,20 +168,34 @@ class StateSpace:
         return self.coefficients.y0
 
     def frozen(self, phase: float) -> "control.StateSpace":
-        """The system held still at a phase, at a jump just behind it, for python-control: poles there say
-        nothing of stability, which is that of the whole turn. Raises MissingLibraryError,
-        ValueOutOfBoundsError."""
-        control = library("control", "control", "a state space of python-control")
+        """Time-invariant state space of python-control at a fixed phase, just after a jump there.
+
+        Its poles do not determine the stability of the periodic system.
+
+        Parameters
+        ----------
+        phase : float
+            Phase in rad.
+
+        Returns
+        -------
+        control.StateSpace
+
+        Raises
+        ------
+        MissingLibraryError, ValueOutOfBoundsError
+        """
+        control = python_control()
         try:
             place = float(phase)
         except (TypeError, ValueError):
             place = math.nan
         if not math.isfinite(place):
             raise ValueOutOfBoundsError(f"phase is {phase}; allowed: a finite one, in rad")
-        at = coefficients(self.system, self.speed, _after(self.system, np.array([place])))
+        there = coefficients(self.system, self.speed, _after(self.system, np.array([place])))
         names = self.signals
         return control.StateSpace(
-            *(part[0] for part in (at.A, at.B, at.C, at.D)),
+            *(matrix[0] for matrix in (there.A, there.B, there.C, there.D)),
             states=labels(names.states),
             inputs=labels(names.inputs),
             outputs=labels(names.outputs),
@@ -190,25 +212,43 @@ class StateSpace:
 
 @of_system
 def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPLES) -> StateSpace:
-    """The linearised equations at a speed (rad/s, or a text with unit) as a state space over the phase, at so
-    many even phases of a period.
+    """Compute the state space of the linearised equations over a period.
 
-    Inputs are forces along the coordinates; outputs the coordinates, and those of a model that is given by
-    formulas, linearised about q = 0 (a structure of beams has its coordinates alone). The system of a
-    nonlinear orbit, `solve.nonlinear(…).system`, is linearised about that orbit, outputs too. At a jump of
-    the matrices the value after it stands. Raises SolveError subclasses for bad input, NoMotionError.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System. That of a nonlinear orbit, `solve.nonlinear(…).system`, is linearised about the orbit.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    samples : int
+        Number of equidistant phases per period. At a jump, the matrices are those after it.
 
+    Returns
+    -------
+    StateSpace
+        Inputs are forces along the coordinates. Outputs are the coordinates, and the outputs of models with
+        formulas, linearised about q = 0; structures of beams have their coordinates only.
+
+    Raises
+    ------
+    NoMotionError
+        For systems at rest.
+    SolveError
+        Other subclasses for invalid input.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> def oscillator(phase, speed):
     ...     one = np.ones((len(phase), 1, 1))
     ...     return 2 * one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
-    >>> made = state_space(PeriodicSystem(oscillator, ["q"]), 1.0, samples=8)
-    >>> made.A[0].tolist(), made.B[0].tolist()
+    >>> space = state_space(PeriodicSystem(oscillator, ["q"]), 1.0, samples=8)
+    >>> space.A[0].tolist(), space.B[0].tolist()
     ([[0.0, 1.0], [-2.0, -0.05]], [[0.0], [0.5]])
     """
     omega = speed_in_si(speed)
     system.require_motion()
-    require_whole("samples", samples)
+    require_integer("samples", samples)
     system.checked(omega)
     system = system.shown_in(omega)
     require_size("samples", samples, each=20 * (system.n + len(system.outputs)) * system.n)
@@ -219,7 +259,25 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,), those at a jump of the matrices just behind it."""
+    """Phases (k,), moved just behind a jump of the matrices."""
     period, inset = system.period, _INSET * system.period
-    apart = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
-    return phase + 2 * inset * (np.abs(apart) <= inset).any(axis=1)
+    distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
+    return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)
+
+
+def python_control() -> Any:
+    """Module `control` of python-control. Raises MissingLibraryError."""
+    try:
+        import control
+    except ImportError:
+        raise MissingLibraryError.of_extra("a state space of python-control", "control", "control") from None
+    return control
+
+
+def labels(names: Iterable[str]) -> list[str]:
+    """Names of signals for python-control, without dots.
+
+    >>> labels(["force_q.1"])
+    ['force_q_1']
+    """
+    return [name.replace(".", "_") for name in names]

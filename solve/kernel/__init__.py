@@ -1,1 +1,1 @@
-"""Compiled code: C text, compiled at first use where the machine has a compiler."""
+"""Compiled code: C files that are compiled at first use if the machine has a compiler."""

@@ -1,16 +1,16 @@
-"""Chains of affine maps with any number of right sides in compiled code."""
+"""Chains of affine maps with any number of right-hand sides in compiled code."""
 
 import ctypes
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.kernel.library import address, loaded
-from solve.sizes import SMALL
 
 
 class _Chain(ctypes.Structure):
-    """`problem` of chain.c."""
+    """The struct `problem` of chain.c."""
 
     _fields_ = (
         ("steps", ctypes.c_long),
@@ -21,8 +21,9 @@ class _Chain(ctypes.Structure):
 
 def closed(A: Array, b: Array) -> tuple[Array, float] | None:
     """States x (m+1, N, r) of x_{k+1} = A_k x_k + b_k, x_m = x_0, with maps A (m, N, N) and loads
-    b (m, N, r), and the condition number of the closed system, both as
-    `solve.period.period_map.periodic_states` has them; None without compiled code, or where numbers
+    b (m, N, r), and the condition number of the cyclic system.
+
+    Both are as in `solve.period.period_map.periodic_states`; None without compiled code, or if numbers
     overflow."""
     m, N, r = b.shape
     x, condition = np.empty((m + 1, N, r)), np.empty(1)
@@ -34,7 +35,7 @@ def closed(A: Array, b: Array) -> tuple[Array, float] | None:
 
 
 def followed(A: Array, start: Array) -> Array | None:
-    """States (m+1, N, r) of x_{k+1} = A_k x_k from the first (N, r), which may be complex; None without
+    """States (m+1, N, r) of x_{k+1} = A_k x_k from the first one (N, r), which may be complex; None without
     compiled code."""
     m, N, _ = A.shape
     kind = np.result_type(start, float)

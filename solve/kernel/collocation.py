@@ -1,4 +1,4 @@
-"""Collocation over one period in compiled code: many points, or segments of one period, side by side in
+"""Collocation over one period in compiled code: many points, or segments of one period, in the lanes of
 vector registers."""
 
 from collections.abc import Mapping
@@ -10,12 +10,14 @@ from solve.arrays import Array
 from solve.kernel.library import Size, lanes, run
 
 _POINT_TABLES, _SEGMENTS = 1, 2
-"""`own` of lanes.c: every lane has tables of its own; the lanes are segments of one period."""
+"""Values of `own` in lanes.c: tables per lane, and lanes that are segments of one period."""
 
 
 class Samples(NamedTuple):
-    """Terms of the entries at the phases that a method samples: table (k, R), the same for all points, or
-    (P, k, R); coefficients (P, R); entry (R,), rising: where each term belongs."""
+    """Terms of the entries at the phases that a method samples.
+
+    table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): number of the entry
+    of each term, in ascending order."""
 
     table: Array
     coefficients: Array
@@ -23,8 +25,8 @@ class Samples(NamedTuple):
 
     @property
     def summed(self) -> "Samples":
-        """Of points with tables of their own, one term an entry, with coefficients 1: lanes with such tables
-        read neither coefficients nor sums."""
+        """Samples per point with one term per entry and coefficients 1, which lanes process without
+        coefficients and sums."""
         first = np.flatnonzero(np.diff(self.entry, prepend=-1))
         if len(first) == len(self.entry) and (self.coefficients == 1).all():
             return self
@@ -37,10 +39,12 @@ class Samples(NamedTuple):
 
 
 class Periods(NamedTuple):
-    """Monodromy matrices Phi (P, N, N); of several coordinates, the units (P, N), powers of 2, in which these
-    are balanced; with orbits, coefficients of the curves (P, n, m, D), lowest power first, and condition
-    numbers (P,) of the linear systems that gave them, not finite where the curves are not; of one point, the
-    maps of the steps (1, m, N, N+1)."""
+    """Result of the compiled collocation.
+
+    Phi (P, N, N): monodromy matrices. units (P, N): powers of 2 that balance them, for several coordinates.
+    curves (P, n, m, D): coefficients, lowest power first, if orbits are computed. condition (P,): condition
+    numbers of their linear systems, not finite if the curves are not. maps (1, m, N, N+1): of the steps, for
+    one point."""
 
     Phi: Array
     units: Array | None
@@ -50,7 +54,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory that a step of a point takes: its curve of so many powers, and a part of a group's work."""
+    """Memory per step and point: its curve with this number of powers, and its share of the workspace of a
+    group."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -63,13 +68,12 @@ def solved(
     nodes: Samples | None,
     alone: bool = False,
 ) -> Periods:
-    """Each point on steps of lengths h (m,), sampled at the stages (m s phases, step by step) and, for orbits
-    by a method whose steps do not end at a stage, at their starts (m phases); for orbits by any method at
-    their starts and then their ends (2m) where the matrices jump at ends of steps. Raises CompilerError,
-    MemoryError.
+    """Solve each point on steps of lengths h (m,).
 
-    The lanes are points, or where one is solved `alone` its segments.
-    """
+    Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
+    end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
+    need the starts and then the ends (2m). The lanes are points, or the segments of a point that is solved
+    `alone`. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
     groups, steps = -(-points // width), m // width if segments else m
@@ -104,13 +108,13 @@ def solved(
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
-    """The table; where each point has its own (P, k, R), by groups (groups, k, R, width)."""
+    """Table of the samples; tables per point (P, k, R) are arranged in groups (groups, k, R, width)."""
     if samples.own and not segments:
         return _grouped(samples.table, groups, width)
     return np.ascontiguousarray(samples.table)
 
 
 def _grouped(values: Array, groups: int, width: int) -> Array:
-    """(P, …) as (groups, …, width); the last point fills the lanes that are left."""
+    """Values (P, …) as (groups, …, width); the last point fills the remaining lanes."""
     filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]
     return np.ascontiguousarray(filled.reshape(groups, width, -1).swapaxes(1, 2))

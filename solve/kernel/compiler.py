@@ -1,4 +1,4 @@
-"""C text of this package compiled for this machine at first use, and kept in the user's cache."""
+"""Compilation of the C files of this package for this machine at first use, with a cache per user."""
 
 import ctypes
 import hashlib
@@ -14,16 +14,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 _NATIVE = ("-march=native",), ("-mcpu=native",), ()
-"""Flags that let a compiler use all that the processor can do; the first ones that it knows are taken. Clang
-has the second ones for ARM."""
+"""Flags for the instruction set of the processor; the first ones that the compiler accepts are used. Clang
+needs the second ones for ARM."""
 
 MACHINE: tuple[str, ...] = ()
-"""Flags behind these, of what the processor is to be taken for."""
+"""Further flags, which select another processor."""
 
 _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _CONTRACTED = ("-ffp-contract=fast",)
-"""Lets products and sums be rounded once, where no formulas are: terms of these that cancel exactly would
-leave a remainder."""
+"""Contraction of products and sums to one rounding, except in formulas, whose terms may cancel exactly."""
 
 _HEADERS = Path(__file__).parent
 _SECONDS = 120.0
@@ -31,7 +30,7 @@ _LOGGER = logging.getLogger(__name__)
 
 
 class CompilerError(Exception):
-    """No compiled code: there is no C compiler, or it fails. The message is one line."""
+    """Compiled code is not available: there is no C compiler, or it fails. The message is one line."""
 
 
 _WHAT = {
@@ -44,13 +43,14 @@ _WHAT = {
     "pointwise": "a model's formulas, for many points",
     "responses": "the stages of a turn's steps",
 }
-"""What is in the C files, for those who wait for them."""
+"""Descriptions of the C files, for messages during their compilation."""
 
 
 def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
-    """The library of a C file with the sizes as macros, and a file with the formulas as another, FORMULAS,
-    where there are some; a first compilation is announced by a line of the logger of this module. Raises
-    CompilerError."""
+    """Library of a C file, with the sizes as macros, and with FORMULAS as the name of a file if there are
+    formulas.
+
+    A first compilation is logged in one line. Raises CompilerError."""
     compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
     flags = (*compiler.machine, *_FLAGS, *(() if formulas else _CONTRACTED))
@@ -69,26 +69,26 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
 
 
 def _sound(library: Path) -> bool:
-    """Whether there is a library of this user that nobody else may change, as long as it was when it was
-    compiled: a cut one would end the process, which nothing can catch. Raises CompilerError for what belongs
-    to others."""
-    seal = library.with_suffix(".sha256")
-    for file in (library, seal):
+    """Whether there is a library of this user with its checksum, which no other user may change.
+
+    A truncated library would end the process. Raises CompilerError for files of other users."""
+    checksum = library.with_suffix(".sha256")
+    for file in (library, checksum):
         if not os.path.lexists(file):
             return False
         _require_own(file)
-    return library.is_file() and seal.read_text(encoding="utf-8", errors="replace") == _hash(
+    return library.is_file() and checksum.read_text(encoding="utf-8", errors="replace") == _hash(
         library.read_bytes()
     )
 
 
 def _require_own(path: Path) -> None:
-    """Raise CompilerError where others than the user may change a file or a folder."""
+    """Raise CompilerError if other users may change a file or a folder."""
     if not hasattr(os, "getuid"):
         return
     found = path.lstat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o022 or stat.S_ISLNK(found.st_mode):
-        raise CompilerError(f"'{path}' belongs to others, or others may change it; remove it")
+        raise CompilerError(f"'{path}' is not owned by you or is writable by others; remove it")
 
 
 def _hash(content: bytes) -> str:
@@ -96,8 +96,10 @@ def _hash(content: bytes) -> str:
 
 
 class Compiler(NamedTuple):
-    """The C compiler. machine: flags that tell it about the processor. macros: those that it defines then,
-    which tell both from others."""
+    """C compiler.
+
+    machine: flags for the processor. macros: those that the compiler defines with these flags, which identify
+    both."""
 
     path: str
     machine: tuple[str, ...]
@@ -106,7 +108,7 @@ class Compiler(NamedTuple):
 
 @lru_cache
 def c_compiler() -> Compiler:
-    """The one of this machine. Raises CompilerError."""
+    """C compiler of this machine. Raises CompilerError."""
     wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)
     if found is None:
@@ -122,18 +124,18 @@ def c_compiler() -> Compiler:
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:
-    """Write the library and its hash, each whole or not at all."""
+    """Write the library and its checksum, each atomically."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        part, seal, text = (Path(folder) / name for name in (library.name, "seal", "formulas.h"))
+        part, checksum, text = (Path(folder) / name for name in (library.name, "checksum", "formulas.h"))
         if formulas:
             text.write_text(formulas, encoding="utf-8")
             command = [*command, f'-DFORMULAS="{text}"']
         _run([*command, "-o", str(part)])
         part.chmod(0o700)
-        seal.touch(mode=0o600)
-        seal.write_text(_hash(part.read_bytes()), encoding="utf-8")
+        checksum.touch(mode=0o600)
+        checksum.write_text(_hash(part.read_bytes()), encoding="utf-8")
         part.replace(library)
-        seal.replace(library.with_suffix(".sha256"))
+        checksum.replace(library.with_suffix(".sha256"))
 
 
 def _run(command: list[str]) -> str:
@@ -150,10 +152,10 @@ def _run(command: list[str]) -> str:
 
 
 def _folder() -> Path:
-    """Of compiled code, made where it is missing: in the user's cache. Raises CompilerError."""
+    """Folder of compiled code in the cache of the user, created if missing. Raises CompilerError."""
     given = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
-        # A relative path counts as none, as the specification of base directories says.
+        # Relative paths are ignored, according to the XDG Base Directory specification.
         base = given if given.is_absolute() else Path.home() / ".cache"
     except RuntimeError as error:
         raise CompilerError(f"no folder for compiled code: {error}; set XDG_CACHE_HOME") from None

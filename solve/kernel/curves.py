@@ -1,4 +1,4 @@
-"""How far apart curves are, in compiled code."""
+"""Differences of curves in compiled code."""
 
 import ctypes
 from functools import lru_cache
@@ -9,7 +9,7 @@ from solve.arrays import Array
 from solve.kernel.library import address, loaded
 
 MOST = 8
-"""Samples of a step at most."""
+"""Largest number of samples per step."""
 
 
 class _Side(ctypes.Structure):
@@ -20,7 +20,7 @@ class _Side(ctypes.Structure):
 
 
 class _Problem(ctypes.Structure):
-    """`problem` of curves.c."""
+    """The struct `problem` of curves.c."""
 
     _fields_ = (
         ("curves", ctypes.c_long),
@@ -32,9 +32,10 @@ class _Problem(ctypes.Structure):
 
 
 def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[Array, Array] | None:
-    """Largest moduli (…) of the differences of finite curves (…, m, D), powers of θ in equal steps, and of
-    the fine ones themselves, at so many `samples` of each step of both, MOST at most, which are the same
-    phases; None without compiled code or memory."""
+    """Largest moduli (…) of the differences of finite curves (…, m, D), and of the fine curves.
+
+    Curves are powers of θ in equal steps. `samples` are the numbers of samples per step of both, at most
+    MOST, at the same phases. None without compiled code or memory."""
     library = loaded("curves.c", (("COARSE", coarse.shape[-1]), ("FINE", fine.shape[-1])))
     if library is None:
         return None
@@ -51,5 +52,5 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
 
 @lru_cache
 def _powers(samples: int, D: int) -> Array:
-    """Of θ (D, MOST) at the samples of a step; any behind these."""
+    """Powers of θ (D, MOST) at the samples of a step; further columns are not used."""
     return (np.arange(MOST) / samples) ** np.arange(D)[:, None]

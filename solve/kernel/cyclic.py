@@ -2,16 +2,14 @@
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 
 _FEW = 32
 """Unknowns up to which dense solution of a cyclic system is faster than banded."""
 
-_EPS = float(np.finfo(float).eps)
-
 _PERTURBATIONS = 1, 4, 16, 64
-"""Units of round-off by which the first block of a system that is singular to all digits is changed, one
-after another; as backward errors they are of the size of those of elimination."""
+"""Perturbations of the first block of a numerically singular system, in units of round-off, which are tried
+in turn. As backward errors they are of the size of those of elimination."""
 
 _START = np.array([1.0, 0.3 + 0.7j])
 """First vector of inverse iteration: no eigenvector of a rotation, (1, ±i), nor orthogonal to one."""
@@ -21,13 +19,15 @@ _INVERSE_ITERATIONS = 3
 the second one leaves round-off alone."""
 
 _TRIANGULAR = 1e-12
-"""Entry below the diagonal, relative to its block, that is no round-off: that of 1000 blocks is 1e-13."""
+"""Entry below the diagonal, relative to its block, above which it is not round-off; that of 1000 blocks is
+1e-13."""
 
 
 def cyclic(own: Array, following: Array, right: Array) -> Array:
-    """x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k, closed after m, for r systems with blocks own
-    (r, m, b, b), numbers following (r, m) and right sides (r, m, b); 0 where one is singular in spite of
-    a perturbation by round-off.
+    """x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
+
+    Blocks own are (r, m, b, b), numbers following (r, m) and right-hand sides (r, m, b). x is 0 for systems
+    that remain singular under a perturbation by round-off.
 
     Elimination with pivots is stable whether x grows or decays along the chain.
     """
@@ -39,7 +39,7 @@ def cyclic(own: Array, following: Array, right: Array) -> Array:
         return np.concatenate([cyclic(*system) for system in one_by_one])
     for times in _PERTURBATIONS:
         changed = own.copy()
-        changed[:, 0] *= 1 + times * _EPS
+        changed[:, 0] *= 1 + times * EPS
         x = _banded(changed, following, right)
         if x is not None:
             return x
@@ -59,8 +59,8 @@ def _dense(own: Array, following: Array, right: Array) -> Array | None:
 
 
 def _banded(own: Array, following: Array, right: Array) -> Array | None:
-    """In the order 0, m-1, 1, m-2, … neighbours are at most two places apart, so that the matrix is banded;
-    the systems follow each other in one banded matrix."""
+    """Solve in the order 0, m-1, 1, m-2, …, in which neighbours are at most two places apart, so that the
+    matrix is banded. All systems are combined in one banded matrix."""
     r, m, b = right.shape
     k = np.arange(m)
     place = np.where(2 * k < m, 2 * k, 2 * (m - k) - 1)

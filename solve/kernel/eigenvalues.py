@@ -4,20 +4,21 @@ import ctypes
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.kernel.library import address, loaded
-from solve.sizes import SMALL
 
 
 class _Problem(ctypes.Structure):
-    """`problem` of eigenvalues.c."""
+    """The struct `problem` of eigenvalues.c."""
 
     _fields_ = (("count", ctypes.c_long), ("entries", ctypes.c_void_p), ("values", ctypes.c_void_p))
 
 
 def eigenvalues(pencils: Array) -> Array | None:
-    """Eigenvalues (…, 2n), NaN where they are not found, of fields (3, n, n, …): M, C and K; None without
-    compiled code, or where n is large."""
+    """Eigenvalues (…, 2n) of fields (3, n, n, …), which are M, C and K; NaN without convergence.
+
+    None without compiled code, or if n is large."""
     n = pencils.shape[1]
     library = loaded("eigenvalues.c", (("N", n),)) if n <= SMALL else None
     if library is None:

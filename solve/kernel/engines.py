@@ -1,4 +1,4 @@
-"""Which engine solves: compiled code where the machine has a C compiler, NumPy elsewhere."""
+"""Engines: compiled code if the machine has a C compiler, NumPy otherwise."""
 
 from solve.errors import SolveError, UnknownNameError
 from solve.kernel.library import INSTEAD, trouble
@@ -7,13 +7,13 @@ AUTO, COMPILED, NUMPY = ENGINES = ("auto", "compiled", "numpy")
 
 
 class EngineError(SolveError):
-    """Compiled code was asked for, and cannot be had."""
+    """Compiled engine not available."""
 
 
 def chosen_engine(name: str) -> tuple[str, list[str]]:
-    """COMPILED or NUMPY for the name of an engine, and what the caller should know about the choice.
+    """COMPILED or NUMPY for the name of an engine, and notes about the selection.
 
-    Raises UnknownNameError, and EngineError where "compiled" is asked for in vain.
+    Raises UnknownNameError, and EngineError if "compiled" is not available.
     """
     if name not in ENGINES:
         raise UnknownNameError("engine", str(name), ENGINES)

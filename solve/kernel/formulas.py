@@ -1,5 +1,7 @@
-"""Formulas of generated models in compiled code: values at phases, figures over one turn of curves and of
-formulas of these, for many points, and values of columns of numbers."""
+"""Formulas of generated models in compiled code.
+
+Values at phases, statistics over one period of curves and of formulas of these, both for many points, and
+values of columns of numbers."""
 
 import ctypes
 from collections.abc import Sequence
@@ -13,11 +15,11 @@ from solve.kernel.library import addresses, loaded
 
 _FIGURES = 7
 _WIDEST = 8
-"""Numbers that a vector register holds at most."""
+"""Largest number of values per vector register."""
 
 
 class _Turn(ctypes.Structure):
-    """`problem` of figures.c."""
+    """The struct `problem` of figures.c."""
 
     _fields_ = (
         *((name, ctypes.c_long) for name in ("points", "steps", "samples")),
@@ -29,7 +31,7 @@ class _Turn(ctypes.Structure):
 
 
 class _Phases(ctypes.Structure):
-    """`problem` of pointwise.c."""
+    """The struct `problem` of pointwise.c."""
 
     _fields_ = (
         *((name, ctypes.c_long) for name in ("points", "phases")),
@@ -38,7 +40,7 @@ class _Phases(ctypes.Structure):
 
 
 class _Columns(ctypes.Structure):
-    """`problem` of columns.c."""
+    """The struct `problem` of columns.c."""
 
     _fields_ = (
         ("columns", ctypes.c_long),
@@ -49,8 +51,8 @@ class _Columns(ctypes.Structure):
 
 
 def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
-    """Formulas of phase and speed at phases (k,) and speeds (P,) with values (P, p) of their parameters:
-    (P, k, outputs); None without compiled code."""
+    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,), with parameters (P, p); None without
+    compiled code."""
     parameters = np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("OUTPUTS", formulas.outputs), ("PARAMETERS", parameters.shape[1])
     library = loaded("pointwise.c", sizes, formulas.text)
@@ -67,9 +69,11 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
 def columns(
     formulas: Formulas, inputs: Sequence[Array], along: tuple[Array, Array] | None = None
 ) -> Array | None:
-    """Formulas of inputs (width, k), a column each, and of the values (p,) of their parameters: (outputs, k);
-    None without compiled code. along: of each output its row of weights (outputs,), and weights
-    (rows, c, k), with which it is summed: (outputs, c)."""
+    """Values (outputs, k) of formulas of inputs (width, k) by columns, and of parameters (p,); None without
+    compiled code.
+
+    along: row of weights (outputs,) of each output, and weights (rows, c, k), with which the values are
+    summed to (outputs, c)."""
     widths, count = [len(each) for each in inputs], inputs[0].shape[-1]
     rows, shared = sum(widths), np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("INPUTS", len(inputs)), ("ROWS", rows), ("SHARED", len(shared)), ("OUTPUTS", formulas.outputs)
@@ -93,7 +97,7 @@ def columns(
 
 
 def columns_by(engine: str) -> Columns | None:
-    """What an engine evaluates formulas of columns with; None for NumPy."""
+    """Function that evaluates formulas of columns; None for NumPy."""
     return columns if engine == COMPILED else None
 
 
@@ -109,7 +113,7 @@ def figures(
     formulas: Formulas | None = None,
 ) -> Array | None:
     """Figures (P, k, 7) of the `wanted` quantities (k,), coordinates and behind them formulas, in the order
-    of `solve.statistics.Statistics`; None without compiled code or memory.
+    of `solve.contracts.Statistics`; None without compiled code or memory.
 
     curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
     zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, at

@@ -1,4 +1,4 @@
-"""The compiled kernels of lanes.c: points, or segments of one period, side by side in vector registers."""
+"""Compiled kernels of lanes.c, whose vector registers contain points, or segments of one period."""
 
 import ctypes
 import logging
@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.kernel.compiler import CompilerError, compiled
 
 INSTEAD = "NumPy is used, several times slower"
-"""What follows where nothing can be compiled."""
+"""Consequence of a missing compiler, in messages."""
 
 _LOGGER = logging.getLogger(__name__)
 _SOURCE = Path(__file__).with_name("lanes.c")
@@ -21,8 +21,8 @@ _first: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 
 class Size(NamedTuple):
-    """What a library is compiled for: coordinates, stages, accelerations behind the curve of a step,
-    whether a step ends at a stage, whether orbits are wanted."""
+    """Sizes for which a library is compiled: coordinates, stages, accelerations of the curve of a step,
+    whether a step ends at a stage, and whether orbits are computed."""
 
     n: int
     stages: int
@@ -32,7 +32,7 @@ class Size(NamedTuple):
 
 
 class _Problem(ctypes.Structure):
-    """`problem` of lanes.c."""
+    """The struct `problem` of lanes.c."""
 
     _fields_ = (
         ("groups", ctypes.c_long),
@@ -48,19 +48,19 @@ class _Problem(ctypes.Structure):
 
 @lru_cache
 def library(size: Size) -> ctypes.CDLL:
-    """The library for a size. Raises CompilerError."""
+    """Library for a size. Raises CompilerError."""
     names = ("N", "S", "NODES", "STIFF", "ORBIT")
     return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)))
 
 
 def lanes(size: Size) -> int:
-    """Numbers that a vector register of this machine holds, as the library has it. Raises CompilerError."""
+    """Number of values per vector register of this machine in the library. Raises CompilerError."""
     return ctypes.c_int.in_dll(library(size), "lanes").value
 
 
 @lru_cache
 def trouble() -> str:
-    """Why nothing can be compiled on this machine, or an empty text."""
+    """Reason why nothing can be compiled on this machine, or an empty text."""
     try:
         library(Size(1, 1, 2, True, False))
     except CompilerError as error:
@@ -70,7 +70,7 @@ def trouble() -> str:
 
 @lru_cache
 def available(size: Size) -> bool:
-    """Whether there is a library for a size; where there is none, a line of the logger says why."""
+    """Whether there is a library for a size; otherwise the reason is logged."""
     try:
         library(size)
     except CompilerError as error:
@@ -81,8 +81,7 @@ def available(size: Size) -> bool:
 
 @lru_cache
 def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") -> ctypes.CDLL | None:
-    """The library of another C file of this package; None where there is none, and a line of the logger says
-    why."""
+    """Library of another C file of this package; None if it is not available, with the reason logged."""
     try:
         return compiled(_SOURCE.with_name(source), dict(sizes), formulas)
     except CompilerError as error:
@@ -91,16 +90,16 @@ def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") 
 
 
 def address(numbers: Array) -> int:
-    """Of the first of contiguous numbers; their `ctypes` takes four times as long to tell it."""
+    """Address of contiguous numbers; `ndarray.ctypes` takes four times as long."""
     try:
         return ctypes.addressof(_first(numbers))
     except (TypeError, ValueError):
-        # Those that may not be written, and none at all.
+        # Read-only and empty arrays.
         return numbers.ctypes.data
 
 
 def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
-    """By name."""
+    """Addresses by name."""
     return {name: address(numbers) for name, numbers in arrays.items()}
 
 

@@ -1,17 +1,17 @@
-"""Eigenvalues of many monodromy matrices in compiled code, and their conditions."""
+"""Eigenvalues of many monodromy matrices and their condition numbers in compiled code."""
 
 import ctypes
 from typing import NamedTuple
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.kernel.library import addresses, loaded
-from solve.sizes import SMALL
 
 
 class _Problem(ctypes.Structure):
-    """`problem` of multipliers.c."""
+    """The struct `problem` of multipliers.c."""
 
     _fields_ = (
         ("count", ctypes.c_long),
@@ -23,17 +23,20 @@ class _Problem(ctypes.Structure):
 
 
 class Found(NamedTuple):
-    """values (P, N): eigenvalues, falling in modulus, of a conjugate pair that with + imaginary part first;
-    NaN where they are not found. sizes (P,): Frobenius' norms of the balanced matrices, of two rows the least
-    in any units."""
+    """Eigenvalues of matrices.
+
+    values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
+    (P,): Frobenius norms of the balanced matrices, for two rows the smallest in any units."""
 
     values: Array
     sizes: Array
 
 
 class Conditioned(NamedTuple):
-    """The same, and norms (P,): spectral norms of the balanced matrices. conditions (P, N): condition numbers
-    of the eigenvalues of these."""
+    """Eigenvalues and condition numbers of matrices.
+
+    values and sizes as in `Found`. norms (P,): spectral norms of the balanced matrices. conditions (P, N):
+    condition numbers of their eigenvalues."""
 
     values: Array
     sizes: Array
@@ -42,22 +45,24 @@ class Conditioned(NamedTuple):
 
 
 def eigenvalues(matrices: Array, units: Array | None) -> Found | None:
-    """Of finite matrices (P, N, N), of even N; units (P, N): powers of 2 in which those of more than two rows
-    are balanced. None without compiled code, and where N is large or units are missing."""
+    """Eigenvalues of finite matrices (P, N, N) with even N.
+
+    units (P, N): powers of 2 that balance matrices of more than two rows. None without compiled code, for
+    large N and without units."""
     P, N, _ = matrices.shape
     made = Found(np.empty((P, N), dtype=complex), np.empty(P))
     return made if _written(matrices, units, made._asdict()) else None
 
 
 def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
-    """The same with the conditions."""
+    """Eigenvalues as in `eigenvalues`, and their condition numbers."""
     P, N, _ = matrices.shape
     made = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
     return made if _written(matrices, units, made._asdict()) else None
 
 
 def _written(matrices: Array, units: Array | None, results: dict[str, Array]) -> bool:
-    """Whether there is a library that has written the results."""
+    """Whether a library is available and has written the results."""
     N = matrices.shape[-1]
     if N > 2 * SMALL or (N > 2 and units is None):
         return False

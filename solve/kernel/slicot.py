@@ -1,10 +1,9 @@
 """The periodic Schur form by SLICOT (P. Benner et al., Applied and Computational Control, Signals, and
-Circuits 1 (1999) 499-539) through the package `ctrlsys`, which some platforms lack.
+Circuits 1 (1999) 499-539) through the package `ctrlsys`, which is not available on all platforms.
 
 Of its two iterations the complex one, mb03bz, is used. The real one, mb03bd, did not converge for cyclic
 permutations nor for 768 steps of a beam structure with 54 states, and left entries unchanged in some
-chains of numerically singular factors (version 1.1.1).
-"""
+chains of numerically singular factors (version 1.1.1)."""
 
 import numpy as np
 
@@ -22,8 +21,10 @@ def available() -> bool:
 
 
 def product_logarithms(A: Array) -> Array:
-    """log ρ (N,) of the product A_{m-1} … A_0 of real factors (m, N, N), in no order; real part -inf for an
-    exact 0. Raises LinAlgError where the factors are not finite or the iteration does not converge."""
+    """log ρ (N,) of the product A_{m-1} … A_0 of real factors (m, N, N), unordered; real part -inf for an
+    exact 0.
+
+    Raises LinAlgError if the factors are not finite or the iteration does not converge."""
     from ctrlsys import mb03bz
 
     H, _, _ = _hessenberg(A)
@@ -59,8 +60,9 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
 
 
 def _split(H: Array, Q: Array, at: int) -> None:
-    """Make the block of rows `at` and the next one of factors (N, N, m) triangular, in place: its real shifts
-    never find a pair of nearly equal eigenvalues, which round-off may have made complex."""
+    """Triangularise the block of rows `at` and `at` + 1 of factors (N, N, m) in place.
+
+    Real shifts do not converge to nearly equal eigenvalues that round-off may have made complex."""
     if at < 0 or (at > 0 and H[at, at - 1, 0] != 0):
         _check(at + 2, "mb03bz")
     factors, bases, two = np.moveaxis(H, -1, 0), np.moveaxis(Q, -1, 0), slice(at, at + 2)
@@ -72,8 +74,8 @@ def _split(H: Array, Q: Array, at: int) -> None:
 
 
 def _hessenberg(A: Array) -> tuple[Array, Array, Array]:
-    """The reversed chain (N, N, m) in Hessenberg-triangular form, complex, and the reflections that lead to
-    it."""
+    """Reversed chain (N, N, m) in complex Hessenberg-triangular form, and the reflections of the
+    reduction."""
     from ctrlsys import mb03vd
 
     # SLICOT does not return from infinite entries.
@@ -100,5 +102,5 @@ def _check(failed: int, routine: str) -> None:
 
 
 def _factors(chain: Array) -> Array:
-    """(N, N, m) as (m, N, N)."""
+    """Chain (N, N, m) as (m, N, N)."""
     return np.ascontiguousarray(np.moveaxis(chain, -1, 0))

@@ -1,4 +1,4 @@
-"""The stage systems of the steps of one turn by collocation in compiled code."""
+"""Stage systems of collocation for the steps of one period in compiled code."""
 
 import ctypes
 from collections.abc import Mapping
@@ -11,16 +11,16 @@ from solve.kernel.collocation import Samples
 from solve.kernel.library import address, addresses, loaded
 
 _MOST_ROWS = 64
-"""Accelerations in a step beyond which LAPACK is as quick."""
+"""Number of accelerations per step above which LAPACK is as fast."""
 
 _WIDEST = 8
-"""Numbers that a vector register holds at most."""
+"""Largest number of values per vector register."""
 
 _NUMBERS = "A", "A2", "b", "bA", "c"
 
 
 class _Steps(ctypes.Structure):
-    """`problem` of stages.c."""
+    """The struct `problem` of stages.c."""
 
     _fields_ = (
         ("steps", ctypes.c_long),
@@ -34,16 +34,15 @@ class _Steps(ctypes.Structure):
 
 
 class FactorisedStages:
-    """Stage systems of m steps, factorised.
+    """Factorised stage systems of m steps.
 
-    by_state (m, s n, 2n): the accelerations at the stages, by q and q′ at the starts of the steps; maps
-    (m, 2n, 2n): of these to the ends, without loads.
-    """
+    by_state (m, s n, 2n): accelerations at the stages per unit of q and q′ at the starts of the steps. maps
+    (m, 2n, 2n): from the starts to the ends of steps, without loads."""
 
     def __init__(
         self, library: Any, weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
     ):
-        """Raises MemoryError."""
+        """Factorise the systems. Raises MemoryError."""
         m, rows = len(h), len(weights["c"]) * n
         self._library = library
         self.by_state, self.maps = np.empty((m, rows, 2 * n)), np.empty((m, 2 * n, 2 * n))
@@ -64,12 +63,12 @@ class FactorisedStages:
             raise MemoryError(f"no memory for stage systems of {n} coordinates")
 
     def solved(self, loads: Array) -> Array:
-        """Accelerations at the stages under loads there, both (m, s n, r), from rest."""
+        """Accelerations at the stages due to loads at the stages, both (m, s n, r), from rest."""
         return self._called(self._library.solved, loads)
 
     def pulled(self, weights: Array) -> Array:
-        """By how much loads at the stages raise sums with weights of the accelerations there, both
-        (m, s n, r)."""
+        """Derivatives of weighted sums of the accelerations at the stages by the loads at the stages; both
+        are (m, s n, r)."""
         return self._called(self._library.pulled, weights)
 
     def _called(self, solve: Any, given: Array) -> Array:
@@ -83,9 +82,10 @@ class FactorisedStages:
 def factorised(
     weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
 ) -> FactorisedStages | None:
-    """Of steps of lengths h (m,), sampled for one point at as many phases in each (m k phases), of which so
-    many are its stages. weights: the numbers of the method. None without compiled code. Raises
-    MemoryError."""
+    """Factorised stage systems of steps of lengths h (m,) of one point, sampled at m k phases, of which
+    `stages` are stages.
+
+    weights: coefficients of the method. None without compiled code. Raises MemoryError."""
     s = len(weights["c"])
     library = loaded("stages.c", (("N", n), ("S", s))) if s * n <= _MOST_ROWS else None
     return None if library is None else FactorisedStages(library, weights, h, samples, stages, n)

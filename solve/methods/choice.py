@@ -1,4 +1,4 @@
-"""A method from its name and settings, or the rule that chooses one for a user who names none."""
+"""Methods by name and settings, and the automatic selection of a method."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,34 +22,37 @@ from solve.period.frozen import frozen
 from solve.period.points import Points
 
 Choice = Callable[[Points], Iterator[tuple[Method, Array]]]
-"""From points to methods, each with the positions (k,) of the points that it is to solve."""
+"""Function of points that returns methods, each with the positions (k,) of its points."""
 
 Rule = Method | Choice
 
 RESOLVABLE = 512
-"""ω_max T up to which a grid of moderate size follows even the fastest mode, so that Gauss is safe."""
+"""ω_max T in rad up to which a grid of moderate size resolves even the fastest mode, so that Gauss is
+safe."""
 
 _FEW = 9
-"""Coordinates up to which a higher order takes less time; with more, rounding in the larger systems of a step
-costs digits too."""
+"""Coordinates up to which order 13 takes less time; with more, round-off in the larger systems of a step also
+costs digits."""
 
 _PHASES = 32
-"""At which the coefficients are frozen to see how fast their modes are."""
+"""Number of phases at which coefficients are frozen for the selection: a choice."""
 
 
 def auto(points: Points) -> Iterator[tuple[Method, Array]]:
-    """Gauss where ω_max T, the angle that the fastest frozen mode turns in one period, is at most 512:
-    then 512 steps have ω_max h ≤ 1. Radau IIA otherwise, which keeps no mode that it does not resolve; of
-    order 13 where the stages of a step are few equations, which take half the steps and less time."""
-    stiff = frozen(points, _PHASES).faster(RESOLVABLE / points.period)
+    """Select Gauss or Radau IIA for each point.
+
+    Gauss is selected if ω_max T, the phase advance of the fastest frozen mode per period, is at most 512 rad:
+    512 steps then have ω_max h ≤ 1. Radau IIA is selected otherwise, because it damps modes that it does not
+    resolve. For few coordinates its order is 13, which takes half the steps and less time."""
+    is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
     damping = Radau(13) if points.n <= _FEW else Radau()
-    for method, chosen in ((damping, stiff), (Gauss(), ~stiff)):
-        if chosen.any():
-            yield method, np.flatnonzero(chosen)
+    for method, is_selected in ((damping, is_stiff), (Gauss(), ~is_stiff)):
+        if is_selected.any():
+            yield method, np.flatnonzero(is_selected)
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:
-    """The method for all of the points, or those that a choice makes."""
+    """Methods for the points: the given one for all, or those of the automatic selection."""
     return iter([(method, np.arange(len(points)))]) if isinstance(method, Method) else method(points)
 
 
@@ -66,16 +69,15 @@ METHODS: dict[str, Callable[..., Any]] = {
     "modal": Modal,
     "bahgat-willmert": BahgatWillmert,
 }
-"""Names that `method` takes."""
+"""Methods by the names of the argument `method`."""
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """The method of a name, with its settings (those that are None left out), or the choice `auto`; a method
-    object as it is.
+    """Method of a name with its settings, without those that are None, or `auto`; method objects are
+    returned.
 
-    Raises UnknownNameError, and ValueOutOfBoundsError for what is no method or a setting that the method
-    does not have.
-    """
+    Raises UnknownNameError for other names, and ValueOutOfBoundsError for other objects and for settings that
+    the method does not have."""
     if not isinstance(method, str):
         if not (isinstance(method, Method) or method is auto):
             raise ValueOutOfBoundsError(f"method is {method!r}; give a name or an object such as Radau()")

@@ -1,10 +1,9 @@
-"""Collocation in Nyström form, of which the Gauss and Radau methods are made, in compiled code or in NumPy.
+"""Collocation in Nyström form for the Gauss and Radau methods, in compiled code or NumPy.
 
 The stage accelerations a_i at the fractions c_i of a step of length h satisfy, with stage values
 v_i = v + h Σ A_ij a_j and q_i = q + h c_i v + h² Σ (A²)_ij a_j, the equation of motion at each stage:
-one linear system of order s n a step, with no inverse of M (E. Hairer, G. Wanner, Solving Ordinary
-Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly).
-"""
+one linear system of size s n per step, without an inverse of M (E. Hairer, G. Wanner, Solving Ordinary
+Differential Equations II, IV.5; the second-order form equals the method on q, q′ exactly)."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -14,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel import collocation as kernel
@@ -24,30 +24,30 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
 from solve.period.points import Points, Tables, affine, matrices
-from solve.sizes import SMALL
 
 _MEMORY = 2**24
-"""Bytes that the stages' matrices of the steps may take that are sampled at a time."""
+"""Bytes of the stage matrices of steps that are sampled at a time."""
 
 _STEP_BY_STEP = 18
-"""Coordinates from which on the systems of the steps are built and solved one after another, in LAPACK's
-order and in place. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6; with
-15 to 18 both take the same, with 9 together 0.6 of the time of one after another."""
+"""Number of coordinates from which the systems of the steps are solved one after another, in place and in the
+memory order of LAPACK. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6;
+with 15 to 18 both take the same, with 9 together 0.6 of the time of one after another."""
 
 _SYSTEMS = 2**19
-"""Bytes of stage systems that are built and solved at once: what stays in a processor's cache."""
+"""Bytes of stage systems that are solved at a time, which remain in the cache of a processor."""
 
 
 @dataclass(frozen=True)
 class Collocation:
-    """The collocation method of the nodes c (s,) in (0, 1]."""
+    """Collocation method with nodes c (s,) in (0, 1]."""
 
     c: tuple[float, ...]
 
     @cached_property
     def _legendre(self) -> Array:
-        """(s, s+1): Legendre polynomials P_0 … P_s, shifted to [0, 1], at the nodes; with powers of the
-        nodes in their place A would lose three digits at s = 8."""
+        """Legendre polynomials P_0 … P_s, shifted to [0, 1], at the nodes (s, s+1).
+
+        With powers of the nodes, A would lose three digits at s = 8."""
         return np.polynomial.legendre.legvander(2 * np.array(self.c) - 1, len(self.c))
 
     @cached_property
@@ -64,33 +64,35 @@ class Collocation:
 
     @property
     def stiffly_accurate(self) -> bool:
-        """Whether the step's end is a stage."""
+        """Whether the end of the step is a stage."""
         return self.c[-1] == 1.0
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions at which the curve takes the accelerations. With the step's end among them the
-        integrals of the curve still equal the step where the quadrature is exact for it: s ≥ 3."""
+        """Fractions of the step at which the curve has the accelerations of the solution.
+
+        If they include the end of the step, the integrals of the curve equal the step only if the quadrature
+        is exact for the curve: s ≥ 3."""
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
 
     @cached_property
     def weights(self) -> dict[str, Array]:
-        """The method's numbers by the names of the compiled kernels."""
+        """Coefficients of the method by their names in the compiled kernels."""
         A, b = self.A, self.b
         found = {"A": A, "A2": A @ A, "b": b, "bA": b @ A, "c": np.array(self.c), "powers": self.curve_powers}
         return {name: np.ascontiguousarray(part) for name, part in found.items()}
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory that a step of n coordinates takes: stage accelerations, maps with their products, and those
-        of the coarser grid; where steps are solved together, samples and right sides too."""
+        """Memory per step of n coordinates: stage accelerations, maps with their products, and those of the
+        coarser grid; also samples and right-hand sides if steps are solved together."""
         s = len(self.c)
         kept = s * n * (2 * n + 1) + 16 * n**2
         together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2
         return 8 * (kept + (together if n < _STEP_BY_STEP else 0))
 
     def stability_function(self, z: Array) -> Array:
-        """R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode of rate λ, z = hλ (E.
-        Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
+        """R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode of rate λ, with z = hλ
+        (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
         above, below = self._stability
         small = np.abs(z) <= 1
         x = np.where(small, z, 1 / np.where(small, 1.0, z))
@@ -106,7 +108,8 @@ class Collocation:
 
     @cached_property
     def curve_powers(self) -> Array:
-        """From q, h v and h² times the accelerations at the curve's nodes to powers of θ, (D, 2 + nodes)."""
+        """Matrix (D, 2 + nodes) from q, h v and h² times the accelerations at the nodes of the curve to
+        powers of θ."""
         nodes = np.array(self.curve_nodes)
         k = np.arange(len(nodes))
         acceleration = np.linalg.inv(nodes[:, None] ** k)
@@ -116,7 +119,8 @@ class Collocation:
         return powers
 
     def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
-        """Accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the step's start and of r loads.
+        """Accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the start of the step and of r
+        loads.
 
         h (m,); M, C, K (P, m, s, n, n) and d (P, m, s, n, r), or (P, m, s, n) for one load, at the stages.
         """
@@ -128,7 +132,7 @@ class Collocation:
     def _solve_together(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
         """Write the stage accelerations into a (P, m, s n, 2n+r), for many small steps at a time."""
         P, m, s, n = d.shape[:4]
-        # How many steps go together does not depend on the number of points: each has the same rounding.
+        # The number of steps per chunk does not depend on the number of points: round-off is reproducible.
         steps = min(m, max(1, _SYSTEMS // (8 * (s * n) ** 2)))
         some = max(1, _SYSTEMS // (8 * (s * n) ** 2 * steps))
         for first, start in product(range(0, P, some), range(0, m, steps)):
@@ -166,8 +170,9 @@ class Collocation:
             a[at] = np.nan if singular else x
 
     def _stage_systems(self, h: Array, M: Array, C: Array, K: Array) -> Array:
-        """Matrices of the stage accelerations, and behind their columns those that multiply q and h v:
-        (P, m, s n, s n + 2n); all of them are combinations of M, hC and h²K with constant weights."""
+        """Matrices (P, m, s n, s n + 2n) of the stage accelerations, followed by those of q and h v.
+
+        All are combinations of M, hC and h²K with constant weights."""
         P, m, s, n = M.shape[:4]
         h = h[:, None, None]
         system = np.empty((P, m, s, n, s + 2, n))
@@ -179,7 +184,8 @@ class Collocation:
 
     @cached_property
     def stage_weights(self) -> Array:
-        """(s, s + 2, 3): weights of M, hC and h²K in a stage's equation, of each acceleration, q and h v."""
+        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of a stage, for each acceleration, q and h
+        v."""
         s, A = len(self.c), self.A
         rows = np.zeros((s, 3, s + 2))
         rows[:, 0, :s] = np.eye(s)
@@ -188,12 +194,12 @@ class Collocation:
         return np.ascontiguousarray(rows.swapaxes(1, 2))
 
     def steps(self, h: Array, a: Array) -> Steps:
-        """The affine maps of (q, v) over the steps h (m,), from stage accelerations (P, m, s, n, 2n+1)."""
+        """Affine maps of (q, v) over the steps h (m,) from stage accelerations (P, m, s, n, 2n+1)."""
         maps = self.maps(h, a)
         return Steps(maps[..., :-1], maps[..., -1])
 
     def maps(self, h: Array, a: Array) -> Array:
-        """(q, v) at the steps' ends as affine functions of (q, v) and of r loads, (P, m, 2n, 2n+r), from
+        """(q, v) at the ends of the steps as affine functions (P, m, 2n, 2n+r) of (q, v) and of r loads, from
         stage accelerations (P, m, s, n, 2n+r)."""
         P, m, s, n = a.shape[:4]
         weights = np.stack((self.b @ self.A, self.b))
@@ -205,8 +211,8 @@ class Collocation:
         return maps
 
     def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
-        """Polynomials through the states x (P, m+1, 2n) at the steps' starts and the accelerations at
-        their starts (P, m, n), stages (P, m, s, n) and ends (P, m, n)."""
+        """Polynomials through the states x (P, m+1, 2n) at the nodes and the accelerations at the starts of
+        steps (P, m, n), the stages (P, m, s, n) and the ends (P, m, n)."""
         n = x.shape[-1] // 2
         h = np.diff(nodes)[:, None]
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
@@ -254,15 +260,18 @@ def _end_accelerations(
 
 
 def _acceleration(points: Points, phase: Array, x: Array) -> Array:
-    """Second derivatives by the phase (P, k, n) that the equation of motion gives to states x (P, k, 2n)."""
+    """Second derivatives (P, k, n) with respect to the phase from the equation of motion, for states x (P, k,
+    2n)."""
     M, C, K, d = matrices(points, phase)
     q, v = x[..., : points.n, None], x[..., points.n :, None]
     return np.squeeze(solved(M, d[..., None] - K @ q - C @ v), -1)
 
 
 class Collocated(OneStep):
-    """What Gauss's and Radau's methods share. orders: those that the method has. follows: up to here a mode
-    without damping keeps about half its amplitude, or more, over 500 rad."""
+    """Base class of the Gauss and Radau methods.
+
+    orders: available orders. follows: ω h up to which an undamped mode retains at least about half of its
+    amplitude over 500 rad."""
 
     order: int
     orders: range
@@ -284,7 +293,8 @@ class Collocated(OneStep):
 
     @property
     def with_another_stage(self) -> Self:
-        """The method of the same family with s + 1 stages, of order two higher, beyond `orders` too."""
+        """Method of the same family with s + 1 stages, whose order is higher by two and may exceed
+        `orders`."""
         made = object.__new__(type(self))
         made._set(order=self.order + 2)
         made._state_facts()
@@ -292,7 +302,7 @@ class Collocated(OneStep):
 
     @property
     def nodes(self) -> Array:
-        """Fractions (s,) of a step."""
+        """Nodes (s,) as fractions of a step."""
         raise NotImplementedError
 
     @property

@@ -8,46 +8,46 @@ from functools import partial
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import EPS, Array
 from solve.errors import MatricesError
 from solve.kernel.engines import NUMPY
 from solve.methods.method import Method, Solutions, no_orbit, one_by_one
 from solve.period.curve import FourierCurve
+from solve.period.eigenvalues import balance_matrices
 from solve.period.grid import Grid
-from solve.period.multipliers import scaled_alike
 from solve.period.points import Points, matrices, state_rate
 from solve.threads import interruptible
 
 MOST_UNKNOWNS = 2000
-"""Largest order of a dense eigenvalue problem that is still worth waiting for."""
+"""Largest size of a dense eigenvalue problem that is solved: a choice."""
 
 _QUICK = 500
-"""Order of a dense eigenvalue problem that takes less than a second."""
-
-_EPS = float(np.finfo(float).eps)
+"""Size of a dense eigenvalue problem that takes less than a second."""
 
 _SINGULAR = 1e14
-"""Condition number of the balance from which on it counts as singular."""
+"""Condition number of the balance above which it is singular: a choice."""
 
 _DEFECTIVE = 1e4
-"""Condition number of eigenvectors above which they are not to be divided by."""
+"""Condition number of eigenvectors above which they are not inverted: a choice."""
 
 _CLUSTER = 1e-3
-"""How far, relative to the rotation, rounding may separate the exponents of a multiple one."""
+"""Largest distance, relative to the rotation, to which round-off may split a multiple exponent: a choice."""
 
 _SHIFT, _MOST_ITERATIONS = 0.125, 40
-"""Of the way from a cluster to the nearest other exponent, then seven times as far from the shift."""
+"""Distance of the shift from a cluster, as a fraction of that to the nearest other exponent, which is then
+seven times as far from the shift; and largest number of iterations."""
 
 _CONVERGED = 1e-6
-"""Residual of an invariant subspace, relative to the width of a cluster, that shows it found."""
+"""Residual of an invariant subspace, relative to the width of a cluster, below which the iteration has
+converged."""
 
 
 @dataclass(frozen=True)
 class Fourier(Method):
-    """The orbit as the trigonometric polynomial that satisfies the equation of motion at m uniform
-    phases, m odd; the multipliers from the same collocation of x = exp(λφ) p(φ), p periodic.
+    """Trigonometric polynomial that satisfies the equation of motion at m uniform phases, m odd.
 
-    Converges faster than any power of m while m/2 exceeds the highest order that matters. Cost m³.
+    Multipliers come from the same collocation of x = exp(λφ) p(φ) with periodic p. The method converges
+    faster than any power of m if m/2 exceeds the highest relevant harmonic. Its cost is proportional to m³.
     """
 
     name = "fourier"
@@ -78,7 +78,7 @@ class Fourier(Method):
         return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))
 
     def multiplied(self, point: Points, grid: Grid) -> tuple[Array, float]:
-        """Φ, and its rounding error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at the samples."""
+        """Φ, and its round-off error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at the samples."""
         P, D = state_rate(point, grid.nodes[:-1])[0, ..., :-1], differentiation(grid)
         m, N = P.shape[:2]
         A = -np.einsum("jk,ab->jakb", D, np.eye(N))
@@ -86,14 +86,14 @@ class Fourier(Method):
         return from_exponents(A.reshape(m * N, m * N), lambda p: p.reshape(m, N, -1), grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        """The curve (1, n, …) through m uniform nodes, and the condition number of the linear system."""
+        """Curve (1, n, …) through m uniform nodes, and the condition number of the linear system."""
         q, condition = self.collocated(point, grid.nodes[:-1])
         return FourierCurve.through(grid.nodes, q)[None], condition
 
     def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
         """q (m, n) at the phases, and the condition number of the linear system.
 
-        Solved for u = q - q″: the harmonics of q alone would make the condition grow with m².
+        The unknowns are u = q - q″; with q, the condition number would increase with m².
         """
         from scipy.linalg import circulant
 
@@ -114,15 +114,15 @@ class Fourier(Method):
 
 
 def in_balance(sizes: Array) -> tuple[Array, Array]:
-    """Factors of equations and units of coordinates (n,) in which the coefficients, of such sizes (n, n), are
-    1 on the diagonal and alike beside it."""
+    """Factors of equations and units of coordinates (n,) that scale coefficients of sizes (n, n) to 1 on the
+    diagonal, and to similar sizes off the diagonal."""
     own = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
-    units = scaled_alike(sizes / own[:, None])[1]
+    units = balance_matrices(sizes / own[:, None])[1]
     return 1.0 / (own * units), units
 
 
 def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
-    """The solution of the balance, and its condition number. Raises ResonanceError."""
+    """Solution of the balance, and its condition number. Raises ResonanceError."""
     # NumPy 2.0 gives that of a complex matrix as a complex number.
     condition = float(np.real(np.linalg.cond(matrix, 1)))
     if not condition < _SINGULAR:
@@ -142,10 +142,9 @@ def differentiation(grid: Grid) -> Array:
 def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -> tuple[Array, float]:
     """Φ (N, N) and the relative error of its eigenvalues, from the eigenpairs (λ, p) of A.
 
-    samples: from columns p to their values (m, N, r) at m uniform phases from 0. Each multiplier exp(λT)
-    belongs to a family λ + 2πik/T of such pairs; truncation spoils those whose p lies at the edge of the
-    orders, so that of each family the pair with p nearest order 0 is taken.
-    """
+    samples: function from columns p to their values (m, N, r) at m uniform phases from 0. Each multiplier
+    exp(λT) belongs to a family λ + 2πik/T of such pairs. Truncation affects pairs with p at the highest
+    harmonics, so that the pair of each family with p nearest to harmonic 0 is used."""
     from scipy.linalg import qr
 
     exponents, vectors = np.linalg.eig(A)
@@ -156,9 +155,9 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
     central = p[0] / np.linalg.norm(p[0], axis=0) * 10.0**-distance
     chosen = qr(central, mode="r", pivoting=True)[-1][:N]
     p = p[..., chosen] / np.linalg.norm(p[0][:, chosen], axis=0)
-    size = np.maximum(np.abs(p).max(axis=(0, 2)), math.sqrt(_EPS))
+    size = np.maximum(np.abs(p).max(axis=(0, 2)), math.sqrt(EPS))
     condition = float(np.linalg.cond(p[0] / size[:, None]))
-    perturbation = float(_EPS * np.abs(exponents).max() * period)
+    perturbation = float(EPS * np.abs(exponents).max() * period)
     rounding, rotation = min(perturbation * condition, math.sqrt(perturbation)), 2 * np.pi / period
     if condition > _DEFECTIVE or _alike(exponents[chosen], rotation):
         preferred = np.argsort(distance)
@@ -170,25 +169,25 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
 
 
 def _mean_order(p: Array) -> Array:
-    """Mean distance (r,) of the weight of p (m, N, r) from order 0."""
+    """Mean distance (r,) of the spectrum of p (m, N, r) from harmonic 0."""
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
 
 
 def _alike(exponents: Array, rotation: float) -> bool:
-    """Whether two of the exponents (N,) differ by little more than a multiple of i·rotation: they may be of
-    one family, of which truncation has changed p(0)."""
+    """Whether two of the exponents (N,) differ by nearly a multiple of i·rotation: they may be of one family,
+    with p(0) changed by truncation."""
     return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
 
 
 def _apart(differences: Array, rotation: float) -> Array:
-    """Whether exponents with such differences (r,) are of two families."""
+    """Whether exponents with these differences (r,) belong to two families."""
     left = differences - 1j * rotation * np.round(np.imag(differences) / rotation)
     return np.abs(left) >= _CLUSTER * rotation
 
 
 def _closed(X: Array, exponent: Array) -> Array:
-    """Φ of the solutions p(φ) exp(Tφ) with p(0) = X, one exponent T of all."""
+    """Φ of the solutions p(φ) exp(Tφ) with p(0) = X and a common matrix exponent T."""
     from scipy.linalg import expm
 
     return np.real(X @ expm(exponent) @ np.linalg.inv(X))
@@ -197,10 +196,11 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Z and T with A Z = Z T for the first N exponents, given with their eigenvectors in the order of
-    preference, of which no two differ by a multiple of i·rotation: multiple ones together, so that Z has N
-    columns even where eigenvectors are fewer; or another number, where truncation has split a multiple
-    one."""
+    """Z and T with A Z = Z T for the first N exponents of which no two differ by a multiple of i·rotation.
+
+    Exponents and eigenvectors are given in order of preference. Multiple exponents are treated together, so
+    that Z has N columns even with fewer eigenvectors; it has another number if truncation has split a
+    multiple exponent."""
     from scipy.linalg import block_diag
 
     near = _CLUSTER * rotation
@@ -220,8 +220,8 @@ def _invariant_subspaces(
 
 
 def _invariant_subspace(A: Array, exponents: Array, every: Array, near: float) -> tuple[Array, Array]:
-    """Z, orthonormal, and T with A Z = Z T for exponents that lie together among every one, by inverse
-    iteration of a block; without columns where it does not converge."""
+    """Orthonormal Z, and T with A Z = Z T for a cluster of exponents, by block inverse iteration; without
+    columns if it does not converge."""
     from scipy.linalg import lu_factor, lu_solve
 
     centre = exponents.mean()

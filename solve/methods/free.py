@@ -10,7 +10,7 @@ from solve.errors import MatricesError, UnbalancedLoadError
 from solve.methods.method import Method, OneStep, Solutions
 from solve.period.anchored import Anchored
 from solve.period.curve import PeriodicCurve, without_drift
-from solve.period.frozen import Frozen, frozen
+from solve.period.frozen import FrozenModes, frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
@@ -36,7 +36,7 @@ _MOST_SHOWN = 8
 _SMALLEST = float(np.finfo(float).tiny)
 
 
-def free(points: Points, modes: Frozen | None = None) -> Free | None:
+def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
     """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
@@ -77,8 +77,7 @@ def solutions_on(
     the modes."""
     if held is None:
         return method.solutions(points, grid, orbit, engine)
-    weights = held.modes.weighted(held.mass) if method.symmetric else None
-    anchored = Anchored(points, held.modes, weights=weights)
+    anchored = anchored_for(method, points, held)
     if orbit and held.modes.conserving.any():
         return _conserving(method, anchored, grid, held)
     with np.errstate(all="ignore"):
@@ -99,6 +98,12 @@ def solutions_on(
     return replace(
         found, Phi=Phi, curve=curve, steps=steps, units=None, free=held, secular=secular, driven=driven
     )
+
+
+def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
+    """The points with anchored rigid-body modes; their matrices stay symmetric if the method requires it."""
+    weights = held.modes.weighted(held.mass) if method.symmetric else None
+    return Anchored(points, held.modes, weights=weights)
 
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:

@@ -1,4 +1,4 @@
-"""Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64): order 2s, keep |ρ| = 1 where it is 1."""
+"""Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64): order 2s; they preserve |ρ| = 1."""
 
 from dataclasses import dataclass
 from math import factorial

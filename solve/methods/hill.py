@@ -19,14 +19,14 @@ from solve.system import PeriodicSystem
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
 
 Problem = Callable[[float], tuple[PeriodicSystem, float]]
-"""From a value of a parameter to the system and the speed in rad/s."""
+"""Function from a value of a parameter to the system and the speed in rad/s."""
 
 
 @dataclass(frozen=True)
 class Hill(Fourier):
-    """Fourier series of matrices and solution balanced order by order (Galerkin), with m = 2N+1
-    steps standing for N orders: multipliers from the eigenvalues of Hill's matrix, the orbit from
-    the forced balance."""
+    """Galerkin method for Fourier series of matrices and solution, with m = 2N+1 steps for N harmonics.
+
+    Multipliers are computed from the eigenvalues of Hill's matrix, and the orbit from the forced balance."""
 
     name = "hill"
 
@@ -40,7 +40,7 @@ class Hill(Fourier):
         return from_exponents(_hill_matrix(point, orders // 2), samples, grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        """From the balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
+        """Curve from the balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
         N, n = grid.steps // 2, point.n
         orders = np.arange(-N, N + 1)
         rates = 2j * np.pi / point.period * orders
@@ -57,12 +57,11 @@ class Hill(Fourier):
 
 
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
-    """Hill's determinant with 2·orders + 1 orders at ρ = multiplier (+1 or -1): real, 0 on a stability
-    boundary of that kind, its modulus raised to the power 1/size so that it neither over- nor
-    underflows. `boundaries` finds its zeros over any parameter.
+    """Hill's determinant with the harmonics -orders … orders at ρ = multiplier (+1 or -1).
 
-    Raises ValueOutOfBoundsError for another multiplier.
-    """
+    It is real, and 0 on a stability boundary of this type. Its modulus is raised to the power 1/size, so that
+    it neither over- nor underflows. `boundaries` finds its zeros for any parameter. Raises
+    ValueOutOfBoundsError for another multiplier."""
     sign, logarithm, size = _sign_and_logarithm(system, speed, orders, multiplier)
     return sign * float(np.exp(logarithm / size))
 
@@ -70,7 +69,7 @@ def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: i
 def _sign_and_logarithm(
     system: PeriodicSystem, speed: float, orders: int, multiplier: int
 ) -> tuple[float, float, int]:
-    """Of Hill's determinant at ρ = multiplier, and its size."""
+    """Sign and logarithm of the modulus of Hill's determinant at ρ = multiplier, and its size."""
     if multiplier not in (1, -1):
         raise ValueOutOfBoundsError(f"multiplier is {multiplier}; allowed: 1 (period T) or -1 (period 2T)")
     matrix = _hill_matrix(OnePoint(system, speed), orders, 0.0 if multiplier == 1 else 0.5)
@@ -80,8 +79,8 @@ def _sign_and_logarithm(
 
 @dataclass(frozen=True)
 class Boundary:
-    """A stability boundary: the parameter's value, the multiplier there (+1 or -1), and the error of the
-    value, estimated from half as many orders."""
+    """Stability boundary: value of the parameter, multiplier (+1 or -1), and error of the value, estimated
+    from half as many harmonics."""
 
     value: float
     multiplier: int
@@ -91,14 +90,35 @@ class Boundary:
 def boundaries(
     problem: Problem, values: Sequence[float], multiplier: int = 1, rtol: float = 1e-10
 ) -> list[Boundary]:
-    """Where a Floquet multiplier passes through +1 or -1 as a parameter varies (thesis 7.2.1).
+    """Values of a parameter at which a Floquet multiplier passes through +1 or -1 (thesis 7.2.1).
 
-    problem: from a value of the parameter to the system and the speed in rad/s. values: rising ones to
-    search between; two boundaries between neighbours are found only if the determinant comes close to
-    zero there. Orders are doubled until every boundary changes by no more than `rtol` of the range.
-    Boundaries where a complex pair leaves the unit circle are of another kind and not found.
-    Raises ValueOutOfBoundsError for fewer than two values, values that do not rise or another multiplier.
+    Parameters
+    ----------
+    problem : callable
+        Function from a value of the parameter to the system and the speed in rad/s.
+    values : sequence of float
+        Ascending values, between which boundaries are searched. Two boundaries between neighbouring values
+        are found only if the determinant comes close to zero there.
+    multiplier : int
+        1 (period T) or -1 (period 2T).
+    rtol : float
+        Tolerance relative to the range of values. Harmonics are doubled until every boundary changes by less.
 
+    Returns
+    -------
+    list of Boundary
+
+    Raises
+    ------
+    ValueOutOfBoundsError
+        For fewer than two values, values that do not ascend, or another multiplier.
+
+    Notes
+    -----
+    Boundaries at which a complex pair leaves the unit circle are of another type and not found.
+
+    Examples
+    --------
     >>> import numpy as np
     >>> def mathieu(delta):
     ...     def matrices(phase, speed):
@@ -124,7 +144,7 @@ def boundaries(
 
 
 def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolerance: float) -> Array:
-    """Zeros of Hill's determinant between the values, close pairs of them too."""
+    """Zeros of Hill's determinant between the values, including close pairs."""
     from scipy.optimize import brentq, minimize_scalar
 
     @cache
@@ -156,8 +176,8 @@ def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolera
 
 
 def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
-    """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x over the orders j, k = -N … N; with the shift
-    1/2 over -N … N-1, so that they stay symmetric about 0."""
+    """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x for harmonics j, k = -N … N; with the shift 1/2 for -N
+    … N-1, so that they remain symmetric about 0."""
     orders = np.arange(-N, N + 1) if shift == 0.0 else np.arange(-N, N)
     P = _spectrum(state_rate(point, _samples(point, 2 * N))[0, ..., :-1], 2 * N)
     size = P.shape[-1]
@@ -169,7 +189,7 @@ def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
 
 
 def toeplitz(spectrum: Array, rows: Array, columns: Array) -> Array:
-    """Blocks (j, k, …) P_{row - column} for orders (j,) and (k,), of a spectrum with P_0 in its middle."""
+    """Blocks (j, k, …) P_{row - column} for harmonics (j,) and (k,), of a spectrum with P_0 in its middle."""
     return spectrum[len(spectrum) // 2 + rows[:, None] - columns]
 
 
@@ -180,13 +200,13 @@ def together(blocks: Array) -> Array:
 
 
 def _samples(point: Points, orders: int) -> Array:
-    """Phases (k,), twice as dense as so many orders need."""
+    """Phases (k,), twice as dense as this number of harmonics requires."""
     count = 4 * orders + 4
     return np.arange(count) * (point.period / count)
 
 
 def _spectrum(samples: Array, orders: int) -> Array:
-    """Complex Fourier coefficients of orders -orders … orders."""
+    """Complex Fourier coefficients of the harmonics -orders … orders."""
     coefficients = np.fft.fft(samples, axis=0) / len(samples)
     return (
         np.concatenate((coefficients[-orders:], coefficients[: orders + 1])) if orders else coefficients[:1]

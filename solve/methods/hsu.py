@@ -12,8 +12,9 @@ from solve.period.points import Points, state_rate
 
 @dataclass(frozen=True)
 class Hsu(OneStep):
-    """x′ = P x + f with P and f frozen at the middle of each step and solved exactly there, by matrix
-    exponentials: order 2, exact for piecewise-constant coefficients."""
+    """Exact solution by matrix exponentials of x′ = P x + f with P and f frozen at the middle of each step.
+
+    The order is 2; piecewise-constant coefficients are solved exactly."""
 
     name = "hsu"
     order = 2

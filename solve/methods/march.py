@@ -1,4 +1,4 @@
-"""Time marching until the transient has died: what one does without a periodic procedure."""
+"""Time marching until the transient has decayed, for comparison with periodic methods."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -10,7 +10,7 @@ from solve.errors import StepsError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
 from solve.methods.method import Discretisation, OneStep, Solutions, one_by_one
 from solve.methods.newmark import Newmark
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, affine_period, monodromy, periodic_states, states_from
 from solve.period.points import Points
@@ -18,12 +18,11 @@ from solve.period.points import Points
 
 @dataclass(frozen=True)
 class March(OneStep):
-    """Newmark's method from rest, turn after turn, until no more is left of the transient than
-    `tolerance`: ‖x - x_s‖ ≤ tolerance ‖x_s‖ at the start of a turn, x_s being that of the periodic
-    solution (thesis 6.8: 10⁻⁴). The number of turns is noted.
+    """Newmark's method from rest over successive periods, until the transient has decayed to `tolerance`.
 
-    Turns are applied as the map of one turn, which gives what marching gives, without its cost. A mode
-    with |ρ| takes about ln(tolerance)/ln|ρ| turns.
+    The criterion is ‖x - x_s‖ ≤ tolerance ‖x_s‖ at the start of a period, with the state x_s of the periodic
+    solution (thesis 6.8: 10⁻⁴). The number of periods is noted. Periods are applied as the map of one period,
+    with the result of marching but without its cost. A mode with |ρ| takes about ln(tolerance)/ln|ρ| periods.
     """
 
     tolerance: float = 1e-4
@@ -45,7 +44,7 @@ class March(OneStep):
             warnings=base.warnings,
         )
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         return self.base.least_steps(modes)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
@@ -57,7 +56,7 @@ class March(OneStep):
         return one_by_one(points, lambda point: self._from_rest(point, grid))
 
     def _from_rest(self, point: Points, grid: Grid) -> Solutions:
-        """One point, marched."""
+        """Solution of one point by marching."""
         chain = self.discretise(point, grid)
         found = self.sound(point, grid, monodromy(chain.steps), steps=chain.steps)
         if found.failures:
@@ -73,10 +72,10 @@ class March(OneStep):
         )
 
     def marched(self, steps: Steps, limit: Array, radius: float) -> tuple[Array, int]:
-        """The state at the start of the last turn, from rest towards the limit (N,), and the number of
-        turns before it.
+        """State at the start of the last period, from rest towards the limit (N,), and the number of previous
+        periods.
 
-        Raises StepsError where the transient does not die, or not within `most_turns`.
+        Raises StepsError if the transient does not decay within `most_turns`.
         """
         if radius >= 1.0 or math.log(self.tolerance) < self.most_turns * math.log(max(radius, 1e-300)):
             raise StepsError(

@@ -1,4 +1,4 @@
-"""What every method of this package offers: one period of many points solved on one grid."""
+"""Base classes of methods, which solve one period of many points on one grid."""
 
 from collections.abc import Callable, Mapping
 from copy import copy
@@ -9,26 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from solve.argument import require_steps
-from solve.arrays import Array, across, whole
+from solve.arguments import most_numbers, require_steps
+from solve.arrays import Array, across, covers_all
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
 from solve.kernel.engines import NUMPY
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.frozen import Frozen
+from solve.period.eigenvalues import multiplier_roundoff
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers, rounding_errors
+from solve.period.multipliers import Multipliers
 from solve.period.period_map import SINGULAR, Steps, monodromy, period
 from solve.period.points import Points, affine, matrices
 from solve.period.rigid_body import Free
-from solve.sizes import most_numbers
 
 MOST_STEPS = 2**40
-"""More than any memory allows."""
+"""Upper limit of the number of steps, beyond any memory."""
 
-_LARGE_SYSTEMS = 4
-"""Times the numbers that may be held that one period may take where fewer steps would be too few."""
-
-_ENOUGH_STEPS = 2**13
+_LARGE_SYSTEMS, _ENOUGH_STEPS = 4, 2**13
+"""Large systems may exceed the memory limit by this factor, up to this number of steps, because fewer steps
+would be too few: choices."""
 
 
 @dataclass(frozen=True)
@@ -72,11 +71,10 @@ class Solutions:
         return len(self.Phi)
 
     def __getitem__(self, points: Array) -> "Solutions":
-        """Those of some points, none of them a failure."""
-        return self if whole(points, len(self)) else self._of(points, {})
-
-    def _of(self, points: Array | slice, failures: Mapping[int, SolveError]) -> "Solutions":
-        made = Solutions(
+        """Solutions of some points, none of which failed."""
+        if covers_all(points, len(self)):
+            return self
+        subset = Solutions(
             self.grid,
             self.Phi[points],
             None if self.curve is None else self.curve[points],
@@ -85,37 +83,38 @@ class Solutions:
             self.defect[points],
             self.rounding[points],
             tuple(np.array(self.notes)[points].tolist()) if self.notes else (),
-            failures,
+            {},
             None if self.units is None else self.units[points],
             self.engine,
             None if self.free is None else self.free[points],
             None if self.secular is None else self.secular[points],
             None if self.driven is None else self.driven[points],
         )
-        return made.with_multipliers(self.multipliers[points])
+        return subset.with_multipliers(self.multipliers[points])
 
     @property
     def known(self) -> Array:
-        """Positions of the points (k,) that have a solution."""
-        found = np.ones(len(self), dtype=bool)
-        found[list(self.failures)] = False
-        return np.flatnonzero(found)
+        """Positions (k,) of the points that have a solution."""
+        has_solution = np.ones(len(self), dtype=bool)
+        has_solution[list(self.failures)] = False
+        return np.flatnonzero(has_solution)
 
     def with_multipliers(self, multipliers: Multipliers) -> "Solutions":
-        """The same with other multipliers than all of Φ."""
+        """Solutions with multipliers other than all of Φ."""
         changed = copy(self)
         changed.__dict__["multipliers"] = multipliers
         return changed
 
     @cached_property
     def multipliers(self) -> Multipliers:
+        """Floquet multipliers, the eigenvalues of Φ."""
         return Multipliers.of(self.Phi, self.units, self.engine)
 
     @cached_property
     def multiplier_rounding(self) -> Array:
-        """Errors of the multipliers (P,) that rounding leaves."""
-        found = rounding_errors(self.Phi, self.units, self.engine, self.grid.steps)
-        return np.maximum(found, 8 * self.rounding)
+        """Round-off errors of the multipliers (P,), relative to the spectral radius."""
+        roundoff = multiplier_roundoff(self.Phi, self.units, self.engine, self.grid.steps)
+        return np.maximum(roundoff, 8 * self.rounding)
 
 
 class Method:
@@ -148,22 +147,22 @@ class Method:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """By name, the fields of the method's dataclass."""
+        """Fields of the dataclass of the method, by name."""
         return {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
 
     def _set(self, **facts: Any) -> None:
-        """State facts that follow from the settings of a frozen dataclass."""
+        """Set attributes that follow from the settings of a frozen dataclass."""
         for name, value in facts.items():
             object.__setattr__(self, name, value)
 
     @property
     def linear(self) -> bool:
-        """Whether the points are solved directly, rather than linearised along an orbit first."""
+        """Whether the points are solved directly, without linearisation along an orbit."""
         return True
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
-        """Linear equations that the solutions of points satisfy: those of the points, unless they are
-        nonlinear."""
+        """Linear equations that the solutions of points satisfy; those of linear points are the points
+        themselves."""
         return points
 
     @property
@@ -172,28 +171,29 @@ class Method:
         return self
 
     def in_phase(self, steps: Array, error: float) -> Array:
-        """Largest angle (…) of which a mode may turn in a period for so many steps to misplace it by no more
-        than an error (rad)."""
+        """Largest phase advance (…) in rad per period with which the phase error of a mode on these steps is
+        at most `error` (rad)."""
         if not self.phase_constant:
             return np.full(np.shape(steps), np.inf)
         return steps * (error / (self.phase_constant * steps)) ** (1 / (self.order + 1))
 
-    def least_steps(self, modes: Frozen) -> Array:
-        """Steps a period (P,) below which the method cannot be stable, from the frozen modes of points;
-        1 where it has no limit."""
+    def least_steps(self, modes: FrozenModes) -> Array:
+        """Smallest number of steps per period (P,) with which the method can be stable, from the frozen modes
+        of points; 1 without a stability limit."""
         return np.ones(len(modes), dtype=int)
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = NUMPY) -> int:
-        """Memory that a step of n coordinates takes at the peak, or somewhat less."""
+        """Approximate peak memory per step for n coordinates."""
         return 80 * (2 * n + 1) ** 2
 
     def most_steps(self, n: int) -> int:
-        """Steps a period beyond which n coordinates take too much memory or time."""
+        """Largest number of steps per period for n coordinates, limited by memory and time."""
         steps = int(8 * most_numbers() / self.bytes_a_step(n))
         return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
 
     def require_steps(self, steps: Any, points: Points) -> None:
-        """Raise StepsError for a number of steps that can be used and judged at none of the points."""
+        """Raise StepsError for a number of steps that can be used, with an error estimate, at none of the
+        points."""
         require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n) // (2 if self.converges else 1)
         if steps > most:
@@ -203,11 +203,11 @@ class Method:
             )
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
-        """Monodromy matrices, and with `orbit` the periodic solutions."""
+        """Monodromy matrices, and periodic solutions if `orbit` is true."""
         raise NotImplementedError
 
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
-        """Why the maps of a point are not finite."""
+        """Error of a point whose maps are not finite."""
         phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
         M = matrices(point, phase)[0][0]
         if not np.isfinite(M).all():
@@ -232,17 +232,19 @@ class Method:
 class Discretisation:
     """A one-step method on a grid, for P points.
 
-    steps: the affine maps of its state. curve: from the states at the nodes (P, m+1, N) to the
-    continuous curves of q in the phase.
-    """
+    steps: affine maps of the state. curve: function from states at the nodes (P, m+1, N) to continuous curves
+    of q over the phase."""
 
     steps: Steps
     curve: Callable[[Array], PeriodicCurve]
 
     @classmethod
     def of_rates(cls, grid: Grid, maps: Array, start: Array, end: Array) -> "Discretisation":
-        """From the maps (A | b) of the states x = (q, q′), and the rates (P | f) of x′ = P x + f at the start
-        and the end of every step, (P, m, 2n, 2n+1) each: curves through q, q′ and q″ at both ends."""
+        """Discretisation of the states x = (q, q′), with curves through q, q′ and q″ at both ends of every
+        step.
+
+        maps: (A | b) of the steps. start, end: rates (P | f) of x′ = P x + f at both ends of every step. All
+        are (P, m, 2n, 2n+1)."""
         n = maps.shape[-2] // 2
 
         def curve(x: Array) -> PeriodicCurve:
@@ -253,9 +255,10 @@ class Discretisation:
 
 
 class OneStep(Method):
-    """A method whose period is a chain of affine maps, given by `discretise`."""
+    """Base class of methods whose period is a chain of affine maps, which `discretise` returns."""
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
+        """One-step maps and curves of the points on a grid."""
         raise NotImplementedError
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
@@ -277,64 +280,67 @@ class OneStep(Method):
         units: Array | None = None,
         engine: str = NUMPY,
     ) -> Solutions:
-        """The solutions, with a reason for each that is not finite or not unique."""
-        unique = kept = finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
+        """Solutions, with the reason of failure for points without a finite and unique one."""
+        is_unique = succeeds = is_finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
-            unique = finite & (condition < 1 / SINGULAR)
-            kept = unique & curve.finite
+            is_unique = is_finite & (condition < 1 / SINGULAR)
+            succeeds = is_unique & curve.finite
         failures: dict[int, SolveError] = {}
-        for at in np.flatnonzero(~kept).tolist() if not kept.all() else ():
-            if not finite[at]:
-                failures[at] = self._no_map(points[np.array([at])], grid)
+        for point in np.flatnonzero(~succeeds).tolist() if not succeeds.all() else ():
+            if not is_finite[point]:
+                failures[point] = self._no_map(points[np.array([point])], grid)
             else:
-                failures[at] = self._overflow(grid.steps) if unique[at] else no_orbit()
+                failures[point] = self._overflow(grid.steps) if is_unique[point] else no_orbit()
         if failures:
-            Phi = np.where(kept[:, None, None], Phi, 0.0)
+            Phi = np.where(succeeds[:, None, None], Phi, 0.0)
         if condition is None:
             condition = np.full(len(Phi), np.nan)
         return Solutions(grid, Phi, curve, condition, steps, failures=failures, units=units, engine=engine)
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
-    """Points that a method solves one after the other, on one grid."""
-    each: list[Solutions] = []
+    """Solutions of points that a method solves one after the other, on one grid."""
+    solved: list[Solutions] = []
     failures: dict[int, SolveError] = {}
     for at in range(len(points)):
         try:
-            each.append(solve_one(points[np.array([at])]))
+            solved.append(solve_one(points[np.array([at])]))
         except SolveError as error:
             failures[at] = error
-    if not each:
-        nothing = np.zeros((len(points), 2 * points.n, 2 * points.n))
-        return Solutions(Grid.uniform(1, points.period), nothing, None, nothing[:, 0, 0], failures=failures)
+    if not solved:
+        zeros = np.zeros((len(points), 2 * points.n, 2 * points.n))
+        return Solutions(Grid.uniform(1, points.period), zeros, None, zeros[:, 0, 0], failures=failures)
     if len(points) == 1:
-        return each[0]
-    # Points that failed take up the place of another, but for Φ.
+        return solved[0]
+    # Failed points contain the values of another point, except for Φ.
     places = np.cumsum([at not in failures for at in range(len(points))]) - 1
-    parts = [each[max(place, 0)] for place in places.tolist()]
+    parts = [solved[max(place, 0)] for place in places.tolist()]
 
-    def beside(of: Callable[[Any], Array]) -> Array:
-        return np.concatenate([of(part) for part in parts])
+    def concatenated(field: Callable[[Any], Array]) -> Array:
+        return np.concatenate([field(part) for part in parts])
 
     curve, steps = parts[0].curve, parts[0].steps
     if curve is not None:
         drift = None
         if any(part.curve is not None and part.curve.drift is not None for part in parts):
-            drift = beside(
+            drift = concatenated(
                 lambda part: np.zeros((1, points.n)) if part.curve.drift is None else part.curve.drift
             )
-        coefficients = beside(lambda part: part.curve.coefficients)
+        coefficients = concatenated(lambda part: part.curve.coefficients)
         curve = type(curve)(curve.nodes, coefficients, drift=drift)  # type: ignore[call-arg]
     if steps is not None:
-        steps = Steps(beside(lambda part: part.steps.A), beside(lambda part: part.steps.b))
-    Phi = beside(lambda part: part.Phi)
+        steps = Steps(concatenated(lambda part: part.steps.A), concatenated(lambda part: part.steps.b))
+    Phi = concatenated(lambda part: part.Phi)
     Phi[list(failures)] = 0.0
-    condition, defect, rounding = (beside(attrgetter(name)) for name in ("condition", "defect", "rounding"))
+    condition, defect, rounding = (
+        concatenated(attrgetter(name)) for name in ("condition", "defect", "rounding")
+    )
     notes = tuple(note for part in parts for note in part.notes)
     return Solutions(parts[0].grid, Phi, curve, condition, steps, defect, rounding, notes, failures)
 
 
 def no_orbit(singular: str = "I - Φ") -> ResonanceError:
+    """Error of a point without a unique periodic solution."""
     return ResonanceError(
         f"{singular} is singular: a Floquet multiplier is at +1, so that the forced motion grows without "
         "bound or is not unique; change the speed or add damping"

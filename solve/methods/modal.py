@@ -1,5 +1,5 @@
-"""Modal uncoupling with the modes of each position (A. Midha, A. G. Erdman, D. A. Frohrib, J. Mech. Des.
-101 (1979) 154-162; thesis 6.3): the approximation that it is."""
+"""Modal decoupling with the modes of each position (A. Midha, A. G. Erdman, D. A. Frohrib, J. Mech. Des. 101
+(1979) 154-162; thesis 6.3), an approximation."""
 
 from dataclasses import dataclass
 
@@ -11,13 +11,16 @@ from solve.methods.hsu import Hsu
 from solve.methods.method import Discretisation, OneStep
 from solve.period.curve import Curve
 from solve.period.grid import Grid
+from solve.period.period_map import Steps
 from solve.period.points import Points, Tables, matrices
 
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """In every step the modes are those of its middle, each of unit modal mass; the damping between them is
-    left out, and each modal coordinate is carried over to the next step as if the modes did not turn."""
+    """Modal coordinates in every step, with the modes of its middle and unit modal masses.
+
+    Damping between modes is neglected, and each modal coordinate continues in the next step as if the modes
+    were constant."""
 
     name = "modal"
     order = 0
@@ -30,11 +33,12 @@ class Modal(OneStep):
         middles = grid.stages(np.array([0.5]))[:, 0]
         uncoupled = _Uncoupled(points, middles)
         modal = Hsu().discretise(uncoupled, grid)
+        to_modal, to_physical = uncoupled.state_bases
 
         def curve(x: Array) -> Curve:
             from scipy.interpolate import make_interp_spline
 
-            eta = (x[:, :-1, :n] + x[:, 1:, :n]) / 2
+            eta = (x[:, :-1] + x[:, 1:]) @ np.swapaxes(to_modal, 1, 2)[..., :n] / 2
             q = np.moveaxis(np.nan_to_num(np.squeeze(uncoupled.modes @ eta[..., None], -1)), 1, 0)
             closed = np.concatenate((middles, middles[:1] + grid.period))
             spline = make_interp_spline(closed, np.concatenate((q, q[:1])), k=5, bc_type="periodic")
@@ -42,7 +46,10 @@ class Modal(OneStep):
             values, rates, second = (np.moveaxis(spline(nodes, nu=order), 0, 1) for order in range(3))
             return Curve.quintic(grid.nodes, values, rates, second[:, :-1], second[:, 1:])
 
-        return Discretisation(modal.steps, curve)
+        # Rigid-body modes are removed from states in physical coordinates.
+        A = to_physical[:, None] @ modal.steps.A @ to_modal[:, None]
+        b = np.squeeze(to_physical[:, None] @ modal.steps.b[..., None], -1)
+        return Discretisation(Steps(A, b), curve)
 
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
         if _Uncoupled(point, grid.stages(np.array([0.5]))[:, 0]).complex[0]:
@@ -53,9 +60,11 @@ class Modal(OneStep):
 
 
 class _Uncoupled:
-    """The points in modal coordinates at phases (k,), rising: I, diag δ, diag ω², loads; and modes
-    (P, k, n, n), sorted by frequency, φᵀMφ = 1 (thesis (6.12)), signs continued. NaN at points with
-    `complex` (P,) modes."""
+    """Points in modal coordinates at ascending phases (k,): I, diag δ, diag ω², and loads.
+
+    Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis (6.12)) and continuous signs. They are
+    NaN at points with `complex` (P,) modes. state_bases (P, 2n, 2n): constant maps between physical and modal
+    states, from the modes at the first phase."""
 
     breaks = ()
     bytes_a_phase = 0
@@ -84,6 +93,7 @@ class _Uncoupled:
         load = np.squeeze(left @ d[..., None], -1)
         self.modes = modes
         self._entries = np.concatenate((unit, delta, omega2, load), axis=-1)
+        self.state_bases = _of_states(left[:, 0] @ M[:, 0]), _of_states(modes[:, 0])
 
     def __len__(self) -> int:
         return len(self._entries)
@@ -93,3 +103,11 @@ class _Uncoupled:
 
     def tables(self, phase: Array) -> Tables:
         return Tables.of(self._entries, self.n)
+
+
+def _of_states(coordinates: Array) -> Array:
+    """Maps of states (P, 2n, 2n) from maps of coordinates (P, n, n)."""
+    n = coordinates.shape[-1]
+    states = np.zeros((len(coordinates), 2 * n, 2 * n))
+    states[:, :n, :n] = states[:, n:, n:] = coordinates
+    return states

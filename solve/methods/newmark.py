@@ -1,10 +1,9 @@
-"""Newmark's method (N. M. Newmark, ASCE J. Eng. Mech. Div. 85 (1959)) as a period map, and where it is
-stable on the undamped oscillator η″ + ω²η = 0 (thesis 6.2.3, Fig. 6.1).
+"""Newmark's method (N. M. Newmark, ASCE J. Eng. Mech. Div. 85 (1959)) as a period map, and its stability
+limits for the undamped oscillator η″ + ω²η = 0 (thesis 6.2.3, Fig. 6.1).
 
-Chapter Eqs. (23)-(40) carry x = (q, q′, q″). The predictor z = (q*, q′*) of chapter Eq. (27) is a
-state of order 2n that does the same: z_{k+1} = B z_k + …, with the spectrum of the 3n map but for n
-zeros, and without an inverse of M.
-"""
+Chapter Eqs. (23)-(40) use the state x = (q, q′, q″). The predictor z = (q*, q′*) of chapter Eq. (27) is an
+equivalent state with 2n components: z_{k+1} = B z_k + …. Its map has the spectrum of the map of x except for
+n zeros, and needs no inverse of M."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.method import MOST_STEPS, Discretisation, OneStep
 from solve.period.curve import Curve
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
 from solve.period.points import Points, affine, matrices
@@ -49,17 +48,16 @@ class Newmark(OneStep):
                 )
             )
 
-    def least_steps(self, modes: Frozen) -> Array:
-        """From the limit of the undamped oscillator.
+    def least_steps(self, modes: FrozenModes) -> Array:
+        """Steps per period from the stability limit of the undamped oscillator.
 
-        For γ < 1/2 it is unstable at any step, so that no number of steps is refused here; a warning says
-        so.
-        """
+        For γ < 1/2 every step is unstable. Numbers of steps are then not rejected; a warning is issued
+        instead."""
         limit = stability_limit(self.gamma, self.beta)
         if self.gamma < 0.5 or np.isinf(limit):
             return super().least_steps(modes)
-        reach = np.where(np.isfinite(modes.reach), modes.reach, 0.0)
-        return np.ceil(np.clip(reach / limit, 1, MOST_STEPS)).astype(int)
+        phase_advance = np.where(np.isfinite(modes.phase_advance), modes.phase_advance, 0.0)
+        return np.ceil(np.clip(phase_advance / limit, 1, MOST_STEPS)).astype(int)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n
@@ -89,7 +87,8 @@ class Newmark(OneStep):
 
     @staticmethod
     def _restart(points: Points, grid: Grid, q: Array, v: Array, a: Array) -> None:
-        """Take the acceleration anew behind a jump of the matrices; the one before it says nothing there."""
+        """Compute the acceleration after each jump of the matrices, where that before the jump does not
+        apply."""
         into = np.flatnonzero(np.roll(grid.at_break, -1))
         behind = np.roll(grid.stages(np.zeros(1))[:, 0], -1)[into]
         M, C, K, d = matrices(points, behind)
@@ -99,7 +98,7 @@ class Newmark(OneStep):
 
 
 def spectral_radius(gamma: float, beta: float, angle: Array | float) -> Array:
-    """Largest |λ| of a step in which the oscillator turns by the angle ω h: from the characteristic equation,
+    """Largest |λ| of a step with the phase advance ω h of the oscillator, from the characteristic equation,
     thesis (6.10)."""
     mu2 = np.square(angle) / (1 + beta * np.square(angle))
     half_sum, product = 1 - (gamma + 0.5) * mu2 / 2, 1 - (gamma - 0.5) * mu2
@@ -108,18 +107,19 @@ def spectral_radius(gamma: float, beta: float, angle: Array | float) -> Array:
 
 
 def stability_limit(gamma: float, beta: float) -> float:
-    """Largest ω h at which a step does not grow: 1/sqrt(γ/2 - β), where an eigenvalue passes -1.
+    """Largest ω h with which a step is stable: 1/sqrt(γ/2 - β), where an eigenvalue passes -1.
 
-    Infinite for 2β ≥ γ ≥ 1/2; 0 for γ < 1/2, where every step grows. The thesis asks more,
-    β ≥ (γ + 1/2)²/4: that the eigenvalues stay complex, see `oscillation_limit`.
-    """
+    It is infinite for 2β ≥ γ ≥ 1/2, and 0 for γ < 1/2, where every step is unstable. The condition of the
+    thesis, β ≥ (γ + 1/2)²/4, is stronger: the eigenvalues remain complex, see `oscillation_limit`."""
     if gamma < 0.5:
         return 0.0
     return math.inf if 2 * beta >= gamma else 1 / math.sqrt(gamma / 2 - beta)
 
 
 def oscillation_limit(gamma: float, beta: float) -> float:
-    """Largest ω h at which the eigenvalues are complex, so that the step turns as the oscillator does:
-    2/sqrt((γ + 1/2)² - 4β), thesis (6.11). Infinite for β ≥ (γ + 1/2)²/4."""
+    """Largest ω h with complex eigenvalues, so that the step oscillates: 2/sqrt((γ + 1/2)² - 4β), thesis
+    (6.11).
+
+    It is infinite for β ≥ (γ + 1/2)²/4."""
     rest = (gamma + 0.5) ** 2 - 4 * beta
     return math.inf if rest <= 0 else 2 / math.sqrt(rest)

@@ -11,7 +11,8 @@ from solve.methods.collocation import Collocated
 
 @dataclass(frozen=True)
 class Radau(Collocated):
-    """Radau IIA of odd order 3 … 13: collocation at the right Radau points, the step's end included."""
+    """Radau IIA of odd order 3 … 13: collocation at the right Radau points, which include the end of the
+    step."""
 
     order: int = 9
 

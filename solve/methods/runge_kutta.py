@@ -1,8 +1,7 @@
 """The classical Runge–Kutta method of order 4 as a period map (chapter Eqs. (15)-(21)).
 
-The affine maps follow from the stages, chapter Eq. (16), applied to the unit states; the closed forms
-that the chapter prints for them, Eqs. (18) and (19), carry two wrong coefficients and are not used.
-"""
+The affine maps follow from the stages, chapter Eq. (16), applied to unit states. Their closed forms in the
+chapter, Eqs. (18) and (19), have two wrong coefficients and are not used."""
 
 from dataclasses import dataclass
 
@@ -10,23 +9,23 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.methods.method import MOST_STEPS, Discretisation, OneStep
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.points import Points, state_rate
 
 
 @dataclass(frozen=True)
 class RungeKutta4(OneStep):
-    """Explicit: stable only while h |λ| stays inside the region |R(hλ)| ≤ 1, about 2.8."""
+    """Explicit method, stable for h |λ| inside the region |R(hλ)| ≤ 1, up to about 2.8."""
 
     name = "rk4"
     order = 4
     curve_order = 4
-    # Well inside the stability limit, where RK4 damps a mode that has no damping.
+    # Far inside the stability limit, near which RK4 damps undamped modes.
     follows = 0.5
 
-    def least_steps(self, modes: Frozen) -> Array:
-        """Least steps with |R(hλ)| ≤ 1 for every frozen eigenvalue λ that decays or stays.
+    def least_steps(self, modes: FrozenModes) -> Array:
+        """Smallest number of steps with |R(hλ)| ≤ 1 for every frozen eigenvalue λ that does not grow.
 
         R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.
         """

@@ -1,16 +1,20 @@
-"""Bounds of parameters and outputs, as generated modules state them ("> 0", "integer, >= 1")."""
+"""Values of parameters and options, checked against the bounds that generated modules state."""
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
-from solve.errors import ValueOutOfBoundsError
+import numpy as np
+
+from solve.contracts import Limit, Statistics
+from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.units import in_unit, require_size_of_number
 
 
 def clauses(bound: str) -> list[str]:
-    """The parts of a bound that must all hold.
+    """Conditions of a bound, such as "> 0", all of which must hold.
 
     >>> clauses("integer, >= 1")
     ['integer', '>= 1']
@@ -19,7 +23,7 @@ def clauses(bound: str) -> list[str]:
 
 
 def holds(clause: str, value: Any) -> Any:
-    """Whether one clause holds for a number, or for each of an array.
+    """Whether a condition holds for a number, or for each element of an array.
 
     >>> holds("> 0", 2.0)
     True
@@ -32,7 +36,7 @@ def holds(clause: str, value: Any) -> Any:
 
 
 def measured(value: float, unit: str, digits: int = 6) -> str:
-    """A value with its unit, unless that is 1.
+    """Text of a value with its unit, unless the unit is 1.
 
     >>> measured(20.0, "1"), measured(8e4, "N m/rad")
     ('20', '80000 N m/rad')
@@ -40,24 +44,118 @@ def measured(value: float, unit: str, digits: int = 6) -> str:
     return f"{value:z.{digits}g} {unit}".removesuffix(" 1")
 
 
-def checked_parameters(module: ModuleType, given: Mapping[str, Any]) -> dict[str, float]:
-    """The parameters that a generated module declares, from the given ones: numbers in the declared units, or
-    texts with a unit such as "30 mm"; each finite and within its bound. Raises ValueOutOfBoundsError,
-    UnitError."""
+def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[str, float]:
+    """Parameters of a generated module in the declared units, each finite and within its bound.
+
+    values: numbers in the declared units, or texts with a unit such as "30 mm". Raises ValueOutOfBoundsError,
+    UnitError.
+    """
     checked = {}
     for name, unit, meaning, bound in module.PARAMETERS:
         try:
-            value = in_unit(given[name], unit, name)
+            value = in_unit(values[name], unit, name)
         except (TypeError, ValueError):
             raise ValueOutOfBoundsError(
-                f"{name} ({meaning}) is {given[name]!r}; give a number in {unit}"
+                f"{name} ({meaning}) is {values[name]!r}; give a number in {unit}"
             ) from None
         if not math.isfinite(value) or not all(holds(clause, value) for clause in clauses(bound)):
             raise ValueOutOfBoundsError(
                 f"{name} ({meaning}) is {measured(value, unit)}; allowed: {bound or 'any finite number'}"
             )
-        # A small number beside others is none; one that must not be 0 may be divided by.
+        # A small summand is negligible, but a parameter that must not be 0 may be a divisor.
         if abs(value) > 1 or "> 0" in clauses(bound):
             require_size_of_number(f"{name} ({meaning})", value)
         checked[name] = value
     return checked
+
+
+def validity_limit(name: str, bound: float, unit: str) -> Limit:
+    """Limit of validity of the linearisation."""
+
+    def message(values: Statistics) -> str:
+        reached = f"max|{name}| = {values.max_abs:.3g} {unit}, beyond {bound:g}"
+        return f"the linearisation is not to be trusted: {reached}"
+
+    return Limit(name, lambda values: values.max_abs > bound, message)
+
+
+def bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
+    """Limit from a condition of a bound in a generated module."""
+
+    def extreme(values: Statistics) -> Any:
+        return values.min if clause.startswith(">") else values.max
+
+    def exceeded(values: Statistics) -> Any:
+        return ~np.isnan(extreme(values)) & ~np.asarray(holds(clause, extreme(values)))
+
+    def message(values: Statistics) -> str:
+        return f"{meaning}: {name} reaches {measured(extreme(values), unit, 3)}, bound {clause}"
+
+    return Limit(name, exceeded, message)
+
+
+REDUCE = "reduce"
+"""Option of every beam structure: number of modes retained per link. Absent from the options unless given."""
+
+
+def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of all options, with defaults for those not in `values`. Raises UnknownNameError and
+    ValueOutOfBoundsError."""
+    link_options, motion_options = getattr(module, "LINK_OPTIONS", ()), getattr(module, "MOTION_OPTIONS", ())
+    declared = (*module.OPTIONS, *link_options, *motion_options)
+    allowed = {name: choices for name, choices, _ in declared}
+    options: dict[str, Any] = {name: default for name, _, default in declared}
+    for name, value in values.items():
+        if name == REDUCE and name not in allowed:
+            options[name] = _modes_a_link(module, value)
+            continue
+        if name not in allowed:
+            raise UnknownNameError(f"option of {module.NAME}", name, allowed)
+        per_link = any(name == option for option, *_ in link_options)
+        checked = _option_per_link if per_link else _checked_option
+        options[name] = checked(module, name, value, allowed[name])
+    return options
+
+
+def _modes_a_link(module: ModuleType, value: Any) -> int:
+    """Number of modes; the elements determine the allowed range when they are assembled."""
+    if not hasattr(module, "LINKS"):
+        raise ValueOutOfBoundsError(
+            f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
+        )
+    modes = _as_integer(value)
+    if type(modes) is not int or modes < 1:
+        raise ValueOutOfBoundsError(f"reduce is {value}; allowed: a number of modes per link, 1 or more")
+    return modes
+
+
+def _option_per_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
+    """One value for all links, or a comma-separated text with one value per link."""
+    parts = (
+        value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
+    )
+    links = [link for link, *_ in module.LINKS]
+    if len(parts) not in (1, len(links)):
+        raise ValueOutOfBoundsError(
+            f"option {name} of {module.NAME} has {len(parts)} values; give one for all links, or one for "
+            f"each of {','.join(links)}"
+        )
+    chosen = [_checked_option(module, name, part, allowed) for part in parts]
+    return chosen[0] if len(chosen) == 1 else ",".join(map(str, chosen))
+
+
+def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
+    chosen = _as_integer(value) if isinstance(allowed, range) else value
+    if not any(type(chosen) is type(each) and chosen == each for each in allowed):
+        if isinstance(allowed, range):
+            bounds = f"a whole number from {allowed[0]} to {allowed[-1]}"
+            raise ValueOutOfBoundsError(f"option {name} of {module.NAME} is {value}; allowed: {bounds}")
+        raise UnknownNameError(f"value of option {name}", str(value), map(str, allowed))
+    return chosen
+
+
+def _as_integer(value: Any) -> Any:
+    """Integer from a text or a NumPy integer; other values unchanged."""
+    if isinstance(value, np.integer):
+        return int(value)
+    return int(value) if isinstance(value, str) and re.fullmatch("-?[0-9]+", value.strip()) else value

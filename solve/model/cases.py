@@ -1,4 +1,4 @@
-"""Case files: every number of a model with its unit and source. TOML, read as data."""
+"""Case files in TOML: the numbers of a model with their units and sources."""
 
 import math
 import tomllib
@@ -8,21 +8,34 @@ from pathlib import Path
 from types import MappingProxyType, ModuleType
 from typing import Any
 
+from solve.arguments import require_size
 from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError, cause
 from solve.model.tables import Fit, Series, fitted, series_of
-from solve.sizes import require_size
 from solve.units import conversion
 
-_ENTRY = {"value", "values", "count", "unit", "source"}
-_TABLE = {"table", "columns", "harmonics", "source"}
+_NUMBER_KEYS = {"value", "values", "count", "unit", "source"}
+_TABLE_KEYS = {"table", "columns", "harmonics", "source"}
 _NUMBERS_A_BYTE = 64
+"""Memory per byte of a file while it is parsed, in numbers. An upper estimate, for the memory limit."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """Case of a model: its name, its speed (a text with unit) or None, and its parameters in SI. By name of a
-    series: its fit to a table. By name of a parameter, if the file states them: its source and its unit in
-    the file."""
+    """Case of a model.
+
+    Parameters
+    ----------
+    name : str
+        Name of the case.
+    speed : str or None
+        Speed with unit.
+    parameters : mapping
+        Values by name, in the units of the model.
+    fits : mapping
+        Fits of series to tables, by the name of the series.
+    sources, units : mapping
+        Source of each parameter, and its unit in the file, if stated.
+    """
 
     name: str
     speed: str | None
@@ -38,15 +51,20 @@ class Case:
         sources: Mapping[str, str] = MappingProxyType({}),
         units: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
-        """Case with further parameters, fits and sources. A series with a given parameter is no longer
-        fitted. A given parameter keeps no source except a new one; the unit in the file remains known."""
-        kept = {name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)}
-        known = {name: text for name, text in self.sources.items() if name not in parameters}
+        """Case with replaced parameters, and further fits and sources.
+
+        A series with a replaced parameter is no longer fitted. A replaced parameter loses its source unless a
+        new one is given; its unit in the file remains.
+        """
+        old_fits = {
+            name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)
+        }
+        old_sources = {name: text for name, text in self.sources.items() if name not in parameters}
         return replace(
             self,
             parameters={**self.parameters, **parameters},
-            fits={**kept, **fits},
-            sources={**known, **sources},
+            fits={**old_fits, **fits},
+            sources={**old_sources, **sources},
             units={**self.units, **units},
         )
 
@@ -59,16 +77,15 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """A case of a file, its first by default, with a value for every parameter that a generated module
-    declares; some of them replaced.
+    """Case of a file, by default the first, with a value for every declared parameter, some of them replaced.
 
-    path: None for a model that is in no file. required: whether the file must exist; else there is a case
-    without name and numbers where it does not. otherwise: numbers for parameters that are given nowhere else.
-    Raises UnknownNameError, CaseFileError and MissingValueError.
+    path: None for a model in memory. required: whether the file must exist; otherwise a missing file yields a
+    case without name and numbers. otherwise: values of parameters that are given nowhere else. Raises
+    UnknownNameError, CaseFileError and MissingValueError.
     """
-    known = {name: unit for name, unit, *_ in module.PARAMETERS}
+    declared = {name: unit for name, unit, *_ in module.PARAMETERS}
     series = series_of(getattr(module, "SERIES", ()))
-    cases = read_cases(path, known, series) if path and (required or path.is_file()) else None
+    cases = read_cases(path, declared, series) if path and (required or path.is_file()) else None
     if cases is None and case is not None:
         where = (
             f"no case file '{path}'" if path else f"{module.NAME} was derived in memory and has no case file"
@@ -79,12 +96,12 @@ def chosen_case(
         raise UnknownNameError(f"case of {module.NAME}", case, cases)
     chosen = cases[case] if case is not None else next(iter(cases.values()))
     for name in (*replaced, *otherwise):
-        if name not in known:
-            raise UnknownNameError(f"parameter of {module.NAME}", name, known)
-    given = chosen.parameters.keys() | replaced.keys()
-    first = {name: value for name, value in otherwise.items() if name not in given}
-    chosen = chosen.replaced({**first, **replaced})
-    missing = [name for name in known if name not in chosen.parameters]
+        if name not in declared:
+            raise UnknownNameError(f"parameter of {module.NAME}", name, declared)
+    defined = chosen.parameters.keys() | replaced.keys()
+    defaults = {name: value for name, value in otherwise.items() if name not in defined}
+    chosen = chosen.replaced({**defaults, **replaced})
+    missing = [name for name in declared if name not in chosen.parameters]
     if missing:
         where = f"case '{chosen.name}' of {module.NAME}" if chosen.name else f"{module.NAME} has no case and"
         them = "it" if len(missing) == 1 else "them"
@@ -98,36 +115,36 @@ def chosen_case(
 def read_cases(
     path: Path, units: Mapping[str, str], series: Mapping[str, Series] = MappingProxyType({})
 ) -> dict[str, Case]:
-    """The cases of a file, in its order; `units` and `series` are those that the model declares.
+    """Cases of a file, in its order; `units` and `series` are declared by the model.
 
-    An entry is { value, unit, source }; { values = […] } gives NAME1, NAME2, …; { value, count } gives
-    the same value to NAME1 … NAMEcount; { table, columns, harmonics } fits a series to a CSV file beside.
-    Entries of [common.parameters] hold for every case. Raises CaseFileError, UnknownNameError for a misspelt
-    key or parameter, UnitError for a unit of another kind.
+    An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns
+    the same value to NAME1 … NAMEcount; { table, columns, harmonics } fits a series to a CSV file in the same
+    folder. Entries of [common.parameters] hold for every case. Raises CaseFileError, UnknownNameError for a
+    misspelt key or parameter, UnitError for a unit of another dimension.
     """
     table = _read(path)
-    _known(table, {"common", "case"}, f"key of {path.name}")
+    _require_known_keys(table, {"common", "case"}, f"key of {path.name}")
     common = _table(table.get("common", {}), "common", path)
-    _known(common, {"parameters"}, f"key of [common] in {path.name}")
+    _require_known_keys(common, {"parameters"}, f"key of [common] in {path.name}")
     shared = Case("", None, {}).replaced(*_parameters(common.get("parameters", {}), units, series, path))
     cases = {}
     for name, raw in _table(table.get("case", {}), "case", path).items():
         entry = _table(raw, f"case.{name}", path)
-        _known(entry, {"title", "speed", "parameters"}, f"key of [case.{name}] in {path.name}")
+        _require_known_keys(entry, {"title", "speed", "parameters"}, f"key of [case.{name}] in {path.name}")
         speed = entry.get("speed")
         if speed is not None and not isinstance(speed, str):
             raise CaseFileError(
                 f"speed of case '{name}' is {speed!r}; give a text with unit, such as '600 rpm'"
             )
-        own = _parameters(entry.get("parameters", {}), units, series, path)
-        cases[name] = replace(shared, name=name, speed=speed).replaced(*own)
+        specific = _parameters(entry.get("parameters", {}), units, series, path)
+        cases[name] = replace(shared, name=name, speed=speed).replaced(*specific)
     if not cases:
         raise CaseFileError(f"case file '{path}' has no [case.NAME]; add one")
     return cases
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """The file as TOML. Raises CaseFileError."""
+    """Content of a TOML file. Raises CaseFileError."""
     try:
         if path.exists() and not path.is_file():
             raise CaseFileError(f"case file '{path}' is no file; give one that ends in .toml")
@@ -146,48 +163,48 @@ def _read(path: Path) -> dict[str, Any]:
 def _parameters(
     raw: Any, units: Mapping[str, str], series: Mapping[str, Series], path: Path
 ) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str]]:
-    """Values in the units that the model declares, fitted series, sources, and units of the file."""
+    """Values in the units declared by the model, fitted series, sources, and units in the file."""
     values: dict[str, float] = {}
     fits: dict[str, Fit] = {}
     sources: dict[str, str] = {}
-    given: dict[str, str] = {}
+    file_units: dict[str, str] = {}
     for name, raw_entry in _table(raw, "parameters", path).items():
         entry = _table(raw_entry, name, path)
         if "table" in entry:
             fit = fits[name.removesuffix("'")] = _fit(name, entry, units, series, path)
-            found = fit.parameters
+            numbers = fit.parameters
         else:
-            found = _numbers(name, entry, units, path)
-            given |= dict.fromkeys(found, str(entry["unit"]))
-        for member in found:
+            numbers = _numbers(name, entry, units, path)
+            file_units |= dict.fromkeys(numbers, str(entry["unit"]))
+        for member in numbers:
             if member in values:
                 raise CaseFileError(f"{member} in {path.name} is given twice, the second time by {name}")
-        values |= found
-        sources |= dict.fromkeys(found, str(entry.get("source") or entry.get("table")))
-    return values, fits, sources, given
+        values |= numbers
+        sources |= dict.fromkeys(numbers, str(entry.get("source") or entry.get("table")))
+    return values, fits, sources, file_units
 
 
 def _fit(
     name: str, entry: dict[str, Any], units: Mapping[str, str], series: Mapping[str, Series], path: Path
 ) -> Fit:
-    """Of a series to a table."""
-    _known(entry, _TABLE, f"key of {name} in {path.name}")
-    of, columns = name.removesuffix("'"), entry.get("columns")
-    if of not in series:
-        raise UnknownNameError(f"series in {path.name}", of, series)
+    """Fit of a series to a table."""
+    _require_known_keys(entry, _TABLE_KEYS, f"key of {name} in {path.name}")
+    function, columns = name.removesuffix("'"), entry.get("columns")
+    if function not in series:
+        raise UnknownNameError(f"series in {path.name}", function, series)
     texts = columns if isinstance(columns, list) else []
-    if len(texts) != 2 or not all(isinstance(each, str) for each in (entry["table"], *texts)):
+    if len(texts) != 2 or not all(isinstance(text, str) for text in (entry["table"], *texts)):
         raise CaseFileError(
             f"{name} in {path.name} needs a table and two columns; write "
             '{ table = "mine.csv", columns = ["angle (deg)", "pressure (bar)"], harmonics = 12 }'
         )
-    unit = units[f"{series[of].first}1"]
-    return fitted(name, path.parent / entry["table"], texts, entry.get("harmonics"), series[of], unit)
+    unit = units[f"{series[function].first}1"]
+    return fitted(name, path.parent / entry["table"], texts, entry.get("harmonics"), series[function], unit)
 
 
 def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:
-    """The parameters of an entry that has their numbers."""
-    _known(entry, _ENTRY, f"key of {name} in {path.name}")
+    """Parameters of an entry with numbers."""
+    _require_known_keys(entry, _NUMBER_KEYS, f"key of {name} in {path.name}")
     unit = _text(entry, "unit", name, path)
     _text(entry, "source", name, path)
     values = {}
@@ -202,30 +219,31 @@ def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: P
 
 
 def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str, float]]:
-    """One number a parameter, as they are asked for: of `value`, of `value` and `count`, or of `values`."""
+    """Name and number of each parameter of an entry with `value`, `value` and `count`, or `values`."""
     forms = entry.keys() & {"value", "values", "count"}
     if forms == {"value"}:
-        named = iter([(name, entry["value"])])
+        pairs = iter([(name, entry["value"])])
     elif forms == {"value", "count"} and type(entry["count"]) is int and entry["count"] > 0:
-        named = ((f"{name}{k + 1}", entry["value"]) for k in range(entry["count"]))
+        pairs = ((f"{name}{k + 1}", entry["value"]) for k in range(entry["count"]))
     elif forms == {"values"} and isinstance(entry["values"], list) and entry["values"]:
-        named = ((f"{name}{k}", number) for k, number in enumerate(entry["values"], start=1))
+        pairs = ((f"{name}{k}", number) for k, number in enumerate(entry["values"], start=1))
     else:
         raise CaseFileError(
             f"{name} in {path.name} has neither one value, nor one value and a count of 1 or more, nor a "
             "list of values; give one of these"
         )
-    for member, number in named:
+    for member, number in pairs:
         yield member, _finite(member, number, path)
 
 
-def _finite(member: str, given: Any, path: Path) -> float:
+def _finite(member: str, value: Any, path: Path) -> float:
     try:
-        number = float(given) if isinstance(given, int | float) and not isinstance(given, bool) else math.nan
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        number = float(value) if is_number else math.nan
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        shown = repr(given) if len(repr(given)) < 40 else "too large"
+        shown = repr(value) if len(repr(value)) < 40 else "too large"
         raise CaseFileError(f"{member} in {path.name} is {shown}; give a finite number as its value")
     return number
 
@@ -242,7 +260,7 @@ def _table(raw: Any, name: str, path: Path) -> dict[str, Any]:
     return raw
 
 
-def _known(table: Mapping[str, Any], allowed: set[str], kind: str) -> None:
+def _require_known_keys(table: Mapping[str, Any], allowed: set[str], kind: str) -> None:
     for key in table:
         if key not in allowed:
             raise UnknownNameError(kind, key, allowed)

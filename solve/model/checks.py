@@ -1,5 +1,4 @@
-"""Whether the matrices of a generated module repeat after the period and jump at its breaks alone, and M is
-that of a kinetic energy."""
+"""Checks of generated matrices: periodicity, jumps at the breaks only, and positive definite M."""
 
 from contextlib import suppress
 
@@ -8,34 +7,35 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import MatricesError
+from solve.matrices import PERIODIC, changes, negligible_changes, require_inertia, with_neighbours
 from solve.model.sampling import MatrixSampler
-from solve.system import PERIODIC, PeriodicSystem, require_inertia
+from solve.system import PeriodicSystem
 
-_LOOKS = 128
-"""Phases of a period at which the matrices are looked at before a solution."""
+_CHECK_PHASES = 128
+"""Phases per period at which the matrices are checked. A choice."""
 
 _STEEP = 0.25
-"""Change between neighbouring phases, relative to the whole variation, from which a jump is looked for: that
-of a sine of order 10."""
+"""Change between neighbouring phases, relative to the total variation, from which a jump is searched: the
+change of harmonic 10."""
 
-_BESIDE = 8.0
-"""The same relative to the larger of the changes before and after. Those of a parabola form an arithmetic
-progression, of which the middle term is at most as large as the larger of its neighbours."""
+_STEEPER_THAN_NEIGHBOURS = 8.0
+"""Change relative to the larger of the changes before and after from which a jump is searched. The changes of
+a parabola form an arithmetic progression, whose middle term is at most the larger of its neighbours."""
 
-_HALVINGS = 40
-"""Of the distance of two phases, to 4e-14 of the turn; a rise over 1e-9 of the turn changes by 1e-4 of itself
-there, a jump by itself."""
+_BISECTIONS = 40
+"""Bisections of the distance of two phases, to 4e-14 of the period. Over this distance, a flank of width 1e-9
+of the period changes by 1e-4 of its height, a jump by all of it."""
 
 _JUMP = 1e-2
-"""What is left of the change, relative to the whole variation, from which it is a jump: a hundred times what
-a rise over 1e-9 of the turn leaves."""
+"""Remaining change after the bisections, relative to the total variation, that is a jump: a hundred times
+that of a flank of width 1e-9 of the period."""
 
 
-def require_sound(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError unless the matrices at a speed (rad/s) repeat at every phase, and M is positive
-    definite."""
-    phase = _looked_at(system)
-    for symbol, change in system.changes(phase, phase + system.period, speed):
+def require_valid(system: PeriodicSystem, speed: float) -> None:
+    """Raise MatricesError unless the matrices at a speed (rad/s) are periodic and M is positive definite."""
+    phase = _check_phases(system)
+    phases = with_neighbours(phase, phase + system.period, system.period)
+    for symbol, change in changes(system.in_phase(phases, speed), speed):
         raise MatricesError(
             f"{symbol} is not periodic: after the period {system.period:.6g} it has changed by "
             f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
@@ -49,19 +49,22 @@ def require_sound(system: PeriodicSystem, speed: float) -> None:
         )
 
 
-def sound_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
-    """Whether `require_sound` finds nothing wrong at any speed: the matrices are sums of powers of the speed,
-    each with coefficients that repeat by themselves, and M is the same at all speeds and good."""
-    phase = _looked_at(system)
-    terms = sampler.terms(system.beside(phase, phase + system.period))
+def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
+    """Whether the matrices pass `require_valid` at every speed: they are polynomials of the speed with
+    periodic coefficients, and M is positive definite and independent of the speed."""
+    phase = _check_phases(system)
+    terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
     if terms is None:
         return False
     table, entry, power = terms
     now, later, beside = np.split(table, 3)
-    allowed = PERIODIC * np.abs(now).max(axis=0) + 2 * np.abs(beside - now)
-    # Of what is not finite no comparison holds.
+    negligible = PERIODIC * np.abs(now).max(axis=0)
+    allowed = negligible + 2 * np.abs(beside - now)
+    # Comparisons with NaN are false.
     if (
-        _steep(system, phase, np.vstack((now, later[:1])), PERIODIC * np.abs(now).max(axis=0))[0].size
+        _steep_intervals(system, phase, np.vstack((now, later[:1])), PERIODIC * np.abs(now).max(axis=0))[
+            0
+        ].size
         or (power[entry < system.n**2] != 2).any()
         or not (np.abs(later - now) <= allowed).all()
     ):
@@ -74,58 +77,62 @@ def sound_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
 
 
 def require_no_jump(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError where matrices at a speed (rad/s) jump without a break, at a phase within the
-    period."""
-    phase = _looked_at(system)
+    """Raise MatricesError if matrices at a speed (rad/s) jump within the period without a break."""
+    phase = _check_phases(system)
 
-    def entries(parts: Matrices) -> Array:
-        return np.column_stack([part.reshape(len(part), -1) for part in parts])
+    def entries(matrices: Matrices) -> Array:
+        return np.column_stack([array.reshape(len(array), -1) for array in matrices])
 
     ends = np.append(phase, phase[0] + system.period)
-    parts = system.at(ends, speed)
-    values, roundoff = entries(parts), [part.ravel() for part in system.negligible(parts, speed)]
-    at, entry = _steep(system, phase, values, np.concatenate(roundoff))
-    if not at.size:
+    matrices = system.at(ends, speed)
+    values, roundoff = entries(matrices), [array.ravel() for array in negligible_changes(matrices, speed)]
+    index, entry = _steep_intervals(system, phase, values, np.concatenate(roundoff))
+    if not index.size:
         return
-    low, high, first, last = ends[at], ends[at + 1], values[at, entry], values[at + 1, entry]
-    for _ in range(_HALVINGS):
+    low, high, first, last = ends[index], ends[index + 1], values[index, entry], values[index + 1, entry]
+    for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        between = entries(system.at(middle, speed))[np.arange(len(at)), entry]
+        between = entries(system.at(middle, speed))[np.arange(len(index)), entry]
         left = np.abs(between - first) >= np.abs(last - between)
         low, first = np.where(left, low, middle), np.where(left, first, between)
         high, last = np.where(left, middle, high), np.where(left, between, last)
     change = np.abs(last - first)
     jumps = np.flatnonzero(change >= _JUMP * np.ptp(values, axis=0)[entry])
     if jumps.size:
-        here, symbols = jumps[0], np.repeat(list("MCKd"), [part[0].size for part in parts])
+        jump, symbols = jumps[0], np.repeat(list("MCKd"), [array[0].size for array in matrices])
         raise MatricesError(
-            f"{symbols[entry[here]]} jumps by {change[here]:.3g} at phase {low[here] % system.period:.6g}, "
-            "where the model has no break; give angles that go on beyond half a turn (atan2 jumps there by "
+            f"{symbols[entry[jump]]} jumps by {change[jump]:.3g} at phase {low[jump] % system.period:.6g}, "
+            "where the model has no break; give angles that are continuous beyond π (atan2 jumps there by "
             "2π), and state a jump that is meant by Heaviside, Piecewise or wrapped"
         )
 
 
-def _steep(system: PeriodicSystem, phase: Array, values: Array, roundoff: Array) -> tuple[Array, Array]:
-    """After which of the phases (k,) values (k+1, m) at these and one period after the first change so much,
-    without a break, that they may jump (j,), and the entry of each that does so most. roundoff (m,): largest
-    variation that counts as none."""
+def _steep_intervals(
+    system: PeriodicSystem, phase: Array, values: Array, roundoff: Array
+) -> tuple[Array, Array]:
+    """Intervals between phases (k,) in which values (k+1, m) change so much that they may jump.
+
+    values: at the phases and one period after the first; intervals with a break are excluded. roundoff (m,):
+    largest negligible variation. Returns the indices (j,) of the intervals, and of the entry with the largest
+    relative change in each.
+    """
     change, variation = np.abs(np.diff(values, axis=0)), np.ptp(values, axis=0)
     neighbours = np.maximum(np.roll(change, 1, axis=0), np.roll(change, -1, axis=0))
-    steep = (change >= _STEEP * variation) | (change > _BESIDE * neighbours)
+    steep = (change >= _STEEP * variation) | (change > _STEEPER_THAN_NEIGHBOURS * neighbours)
     steep &= variation > roundoff
     steep[np.searchsorted(phase, np.mod(system.breaks, system.period)) - 1] = False
-    at = np.flatnonzero(steep.any(axis=1))
-    share = np.where(steep, change / np.where(variation > 0, variation, 1.0), 0.0)[at]
-    return at, share.argmax(axis=1) if at.size else at
+    index = np.flatnonzero(steep.any(axis=1))
+    relative = np.where(steep, change / np.where(variation > 0, variation, 1.0), 0.0)[index]
+    return index, relative.argmax(axis=1) if index.size else index
 
 
-def _looked_at(system: PeriodicSystem) -> Array:
-    """Phases over the period, none of them at a jump."""
-    phase = (np.arange(_LOOKS) + 0.5) * (system.period / _LOOKS)
+def _check_phases(system: PeriodicSystem) -> Array:
+    """Phases over the period, without those at a break."""
+    phase = (np.arange(_CHECK_PHASES) + 0.5) * (system.period / _CHECK_PHASES)
     breaks = np.array(system.breaks)
     return phase[np.abs(phase[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-9 * system.period]
 
 
 def _not_positive(M: Array) -> Array:
-    """Which of the matrices (k, n, n) are not positive definite (k,)."""
+    """Whether each of the matrices (k, n, n) is not positive definite (k,)."""
     return np.linalg.eigvalsh(M).min(axis=1) <= 0

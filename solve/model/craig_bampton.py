@@ -124,9 +124,9 @@ def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, load
         responses = responses - (modes / squares) @ (modes.T @ stiffness @ responses)
     _, sizes, vectors = np.linalg.svd(root @ responses, full_matrices=False)
     strong = (sizes > _DEPENDENT) & (np.arange(len(sizes)) < len(inner) - modes.shape[1])
-    made = np.zeros((len(K), int(strong.sum())))
-    made[inner] = responses @ (vectors[strong].T / sizes[strong])
-    return made
+    shapes = np.zeros((len(K), int(strong.sum())))
+    shapes[inner] = responses @ (vectors[strong].T / sizes[strong])
+    return shapes
 
 
 def _projected(A: Array, basis: Array) -> Array:

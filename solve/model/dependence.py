@@ -1,29 +1,32 @@
-"""How the equations and the outputs of a model depend on its parameters and its speed."""
+"""Derivatives of the equations and outputs of a model with respect to its parameters and its speed."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from solve.approximation import interpolated, slope, slopes
 from solve.arrays import Array
 from solve.contracts import Columns, Formulas
-from solve.differences import slope
 from solve.labels import SPEED
 from solve.model.formulas import c_text
 from solve.model.sampling import Sampler, by_rows, symbol
 from solve.model.setup import Setup
 from solve.system import PeriodicSystem
 
-_TOGETHER = 1024
-"""Phases whose derivatives are summed at a time: few enough to stay in a processor's cache."""
+_CHUNK = 1024
+"""Phases whose derivatives are summed at a time, so that they fit in the processor's cache. A choice."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """Derivatives of a generated function: those that are not always 0, with row and column of each, row by
-    row; the function of CasADi gives them one after another, of inputs and the parameters (p,)."""
+    """Structurally nonzero derivatives of a generated function, with their rows and columns, row by row.
+
+    function: CasADi function of the inputs and the parameters (p,) that returns them in a column.
+    """
 
     shape: tuple[int, int]
     rows: Array
@@ -39,48 +42,50 @@ class _Slopes:
         return Sampler(self.function, shared=1)
 
     def values(self, compiled: Columns | None, p: Array, inputs: Sequence[Array]) -> Array:
-        """(len(rows), k) of inputs (k, …) or (k,)."""
+        """Derivatives (len(rows), k) at inputs (k, …) or (k,)."""
         if not len(self.rows):
             return np.zeros((0, len(inputs[0])))
-        found = self._by(compiled, p, inputs)
-        return self._sampler(*inputs, p).T if found is None else found
+        values = self._compiled(compiled, p, inputs)
+        return self._sampler(*inputs, p).T if values is None else values
 
-    def _by(
+    def _compiled(
         self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array | None = None
     ) -> Array | None:
         if compiled is None or not self.text:
             return None
-        columns = [np.atleast_2d(each.T) for each in inputs]
-        along = None if weights is None else (self.rows, weights.transpose(1, 2, 0))
-        return compiled(Formulas(self.text, len(self.rows), (), p), columns, along)
+        columns = [np.atleast_2d(x.T) for x in inputs]
+        by_row = None if weights is None else (self.rows, weights.transpose(1, 2, 0))
+        return compiled(Formulas(self.text, len(self.rows), (), p), columns, by_row)
 
-    def whole(self, values: Array) -> Array:
-        """Those that are 0 among the others: (rows, columns, k)."""
-        made = np.zeros((self.shape[0] * self.shape[1], values.shape[1]))
-        made[self.rows * self.shape[1] + self.columns] = values
-        return made.reshape(*self.shape, -1)
+    def dense(self, values: Array) -> Array:
+        """Derivatives with zeros, (rows, columns, k)."""
+        dense = np.zeros((self.shape[0] * self.shape[1], values.shape[1]))
+        dense[self.rows * self.shape[1] + self.columns] = values
+        return dense.reshape(*self.shape, -1)
 
-    def along(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
+    def weighted(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
         """Sums over k and the rows, with weights (k, rows, c): (columns, c)."""
-        made = np.zeros((self.shape[1], weights.shape[2]))
-        found = self._by(compiled, p, inputs, weights) if len(self.rows) else None
-        if found is not None:
-            np.add.at(made, self.columns, found)
-            return made
+        sums = np.zeros((self.shape[1], weights.shape[2]))
+        compiled_sums = self._compiled(compiled, p, inputs, weights) if len(self.rows) else None
+        if compiled_sums is not None:
+            np.add.at(sums, self.columns, compiled_sums)
+            return sums
         ends = np.searchsorted(self.rows, range(1, self.shape[0]))
-        for *given, along in _in_parts(*inputs, weights):
-            values = self.values(None, p, given)
-            parts = zip(np.split(self.columns, ends), np.split(values, ends), strict=True)
-            for row, (columns, found) in enumerate(parts):
-                made[columns] += found @ along[:, row]
-        return made
+        for *chunk, chunk_weights in _in_chunks(*inputs, weights):
+            values = self.values(None, p, chunk)
+            by_row = zip(np.split(self.columns, ends), np.split(values, ends), strict=True)
+            for row, (columns, row_values) in enumerate(by_row):
+                sums[columns] += row_values @ chunk_weights[:, row]
+        return sums
 
 
 class GeneratedSlopes:
     """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
-    al., Math. Program. Comput. 11 (2019) 1-36), for any values of the parameters, each built when it is first
-    asked for. nonlinear: of the nonlinear equations, rather than of those linearised about the fundamental
-    motion."""
+    al., Math. Program. Comput. 11 (2019) 1-36), for any values of the parameters.
+
+    Functions are built at their first use. nonlinear: whether of the nonlinear equations, or of those
+    linearised about the fundamental motion.
+    """
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str], nonlinear: bool):
         self._setup, self._n, self.names, self.nonlinear = setup, n, tuple(names), nonlinear
@@ -95,19 +100,19 @@ class GeneratedSlopes:
     def _equations(self) -> Any:
         phase, speed, a, v, q, p = self._symbols
         if self.nonlinear:
-            given = [phase, speed, q, speed * v, speed**2 * a, p]
-            return self._setup.function("residual").call(given, True, False)[0]
+            state = [phase, speed, q, speed * v, speed**2 * a, p]
+            return self._setup.function("residual").call(state, True, False)[0]
         M, C, K, d = self._setup.function("linearised").call([phase, speed, p], True, False)
         return speed**2 * M @ a + speed * C @ v + K @ q - d
 
     @cached_property
     def residual(self) -> _Slopes:
-        """Of the residual, by θ."""
+        """Derivatives of the residual by θ."""
         return self._slopes(self._equations, [])
 
     @cached_property
     def matrices(self) -> _Slopes:
-        """Of a weighted sum of the entries, by θ and the states; the weights are an input."""
+        """Derivatives of a weighted sum of the entries by θ and the states; the weights are an input."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]
@@ -116,33 +121,32 @@ class GeneratedSlopes:
         return self._slopes(casadi.dot(weights, entries), states, weights)
 
     def _output(self, name: str) -> _Slopes:
-        """Of an output, by θ and the states."""
+        """Derivatives of an output by θ and the states."""
         phase, speed, a, v, q, p = self._symbols
-        given = [phase, speed, q, speed * v, speed**2 * a, p]
-        values = self._setup.function("outputs").call(given, True, False)
-        names = [each for each, *_ in self._setup.module.OUTPUTS]
+        state = [phase, speed, q, speed * v, speed**2 * a, p]
+        values = self._setup.function("outputs").call(state, True, False)
+        names = [output for output, *_ in self._setup.module.OUTPUTS]
         return self._slopes(values[names.index(name)], [a, v, q])
 
     def _slopes(self, value: Any, states: Sequence[Any], *further: Any) -> _Slopes:
-        """Of a column by θ, and behind these by states; all are symbols of CasADi."""
+        """Derivatives of a symbolic column by θ, then by the states."""
         import casadi
 
         *inputs, p = self._symbols
         order = list(self._setup.case.parameters)
         chosen = [inputs[1] if name == SPEED else p[order.index(name)] for name in self.names]
-        # CasADi stores by columns; the transposes come by rows.
+        # CasADi stores by columns; the transpose yields rows.
         by_rows = casadi.jacobian(value, casadi.vertcat(*chosen, *states)).T
-        columns, rows = (np.array(part, dtype=int) for part in by_rows.sparsity().get_triplet())
-        found = casadi.cse(casadi.vertcat(*by_rows.nonzeros())) if len(rows) else by_rows
-        function = casadi.Function("slopes", [*inputs, *further, p], [found])
+        columns, rows = (np.array(index, dtype=int) for index in by_rows.sparsity().get_triplet())
+        nonzeros = casadi.cse(casadi.vertcat(*by_rows.nonzeros())) if len(rows) else by_rows
+        function = casadi.Function("slopes", [*inputs, *further, p], [nonzeros])
         return _Slopes(by_rows.shape[::-1], rows, columns, function)
 
 
 class GeneratedDependence:
-    """By derivatives of the generated functions, at the parameters of a setup; see
-    `solve.system.Dependence`."""
+    """Derivatives of the generated functions at the parameters of a setup; see `Dependence`."""
 
-    parted = True
+    partial_outputs = True
 
     def __init__(
         self,
@@ -152,51 +156,54 @@ class GeneratedDependence:
         names: Sequence[str],
         compiled: Columns | None = None,
     ):
-        """names: of quantities θ, among those of the slopes; compiled: evaluates formulas, where that is
-        wanted."""
+        """names: quantities θ, among those of the slopes. compiled: optional compiled evaluation."""
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
 
+    @property
+    def less_accurate(self) -> "GeneratedDependence":
+        return self
+
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         slopes = self._slopes.residual
-        found = slopes.whole(slopes.values(self._compiled, self._p, self._inputs(phase, speed, states)))
-        return np.moveaxis(found[:, self._chosen], -1, 0)
+        values = slopes.dense(slopes.values(self._compiled, self._p, self._inputs(phase, speed, states)))
+        return np.moveaxis(values[:, self._chosen], -1, 0)
 
-    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
         inputs = self._inputs(phase, speed, states)
-        return self._slopes.residual.along(self._compiled, self._p, inputs, weights)[self._chosen]
+        return self._slopes.residual.weighted(self._compiled, self._p, inputs, weights)[self._chosen]
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         slopes = self._slopes.matrices
         inputs = [*self._inputs(phase, speed, states), weights.reshape(len(phase), -1)]
         if self.linear:
-            found = slopes.along(self._compiled, self._p, inputs, np.ones((len(phase), 1, 1)))
-            return found[self._chosen, 0], np.zeros_like(states)
-        by_each, by_states = self._parted(slopes, slopes.values(self._compiled, self._p, inputs))
-        return by_each.sum(axis=0), by_states
+            sums = slopes.weighted(self._compiled, self._p, inputs, np.ones((len(phase), 1, 1)))
+            return sums[self._chosen, 0], np.zeros_like(states)
+        by_parameters, by_states = self._partial(slopes, slopes.values(self._compiled, self._p, inputs))
+        return by_parameters.sum(axis=0), by_states
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        # Interpreted: formulas of outputs are short, and extrema are few phases.
+        # Not compiled: formulas of outputs are short, and extrema are few phases.
         slopes = self._slopes.output(name)
-        return self._parted(slopes, slopes.values(None, self._p, self._inputs(phase, speed, states)))
+        return self._partial(slopes, slopes.values(None, self._p, self._inputs(phase, speed, states)))
 
-    def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+    def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
         by_parameters, by_states = self.output(name, phase, speed, states)
         return by_parameters + np.einsum("kcn,kcnr->kr", by_states, moved)
 
     def _inputs(self, phase: Array, speed: float, states: Array) -> list[Array]:
-        return [phase, np.full(len(phase), speed), *_parts(states)]
+        return [phase, np.full(len(phase), speed), *_by_order(states)]
 
-    def _parted(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
+    def _partial(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
         """Derivatives of one quantity at phases (k,) by θ (k, r) and by the states (k, 3, n)."""
-        (found,), count = slopes.whole(values), len(self._slopes.names)
-        return found[self._chosen].T, found[count:].T.reshape(-1, 3, self._n)
+        (dense,), count = slopes.dense(values), len(self._slopes.names)
+        return dense[self._chosen].T, dense[count:].T.reshape(-1, 3, self._n)
 
 
 class DampedDependence(GeneratedDependence):
-    """With a modal damping C(φ) q′ beside the generated equations, which is differenced; see
-    `solve.system.Dependence`."""
+    """Derivatives of generated equations with modal damping C(φ) q′, by finite differences of C; see
+    `Dependence`."""
 
     def __init__(
         self,
@@ -207,16 +214,16 @@ class DampedDependence(GeneratedDependence):
         compiled: Columns | None,
         damping: Callable[[Mapping[str, float], Array], Array],
     ):
-        """damping: C (k, n, n) by time at phases (k,) with some parameters changed."""
+        """damping: C (k, n, n), for derivatives by time, at phases (k,) with some parameters changed."""
         super().__init__(slopes, setup, n, names, compiled)
-        self._damping, self._varied = cache(partial(_by_each, damping, setup, tuple(names))), names
+        self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         return super().residual(phase, speed, states) + self._forces(phase, speed, states)
 
-    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        stated = super().residual_along(phase, speed, states, weights)
-        return stated + np.einsum("knr,knc->rc", self._forces(phase, speed, states), weights)
+    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        generated = super().weighted_residual(phase, speed, states, weights)
+        return generated + np.einsum("knr,knc->rc", self._forces(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         by, by_states = super().matrices(phase, speed, states, weights)
@@ -226,15 +233,15 @@ class DampedDependence(GeneratedDependence):
         return np.einsum("kijr,kj->kir", self._slopes_of_damping(phase, speed), states[:, 1])
 
     def _slopes_of_damping(self, phase: Array, speed: float) -> Array:
-        """Of ΩC, (k, n, n, r)."""
+        """Derivatives of ΩC, (k, n, n, r)."""
         by_time = np.array([1.0 if name == SPEED else speed for name in self._varied])
         return by_time * self._damping(phase.tobytes())
 
 
-def _by_each(
+def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives of C by parameters, and C itself in the place of the speed: (k, n, n, r)."""
+    """Derivatives of C by parameters, and C itself for the speed: (k, n, n, r)."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)
@@ -245,32 +252,44 @@ def _by_each(
     return np.stack(columns, axis=-1)
 
 
-def _in_parts(*arrays: Array) -> Iterator[tuple[Array, ...]]:
-    """Arrays (k, …) by so many of their rows at a time as stay in a processor's cache."""
-    parts = range(_TOGETHER, len(arrays[0]), _TOGETHER)
-    return zip(*(np.split(each, parts) for each in arrays), strict=True)
+def _in_chunks(*arrays: Array) -> Iterator[tuple[Array, ...]]:
+    """Arrays (k, …) in chunks of rows."""
+    starts = range(_CHUNK, len(arrays[0]), _CHUNK)
+    return zip(*(np.split(array, starts) for array in arrays), strict=True)
 
 
-def _parts(states: Array) -> tuple[Array, Array, Array]:
-    a, v, q = (states[:, part] for part in range(3))
+def _by_order(states: Array) -> tuple[Array, Array, Array]:
+    """q″, q′ and q (k, n)."""
+    a, v, q = (states[:, order] for order in range(3))
     return a, v, q
 
 
-class AssembledDependence:
-    """By differences of the matrices and outputs that are assembled; see `solve.system.Dependence`."""
+_Interpolant = Callable[[Array], Array]
 
-    linear, parted = True, False
+
+class AssembledDependence:
+    """Finite differences of assembled matrices and outputs; see `Dependence`."""
+
+    linear, partial_outputs = True, False
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str]):
-        self._system, self._names = system, tuple(names)
-        self._kept: dict[tuple[bytes, float], Array] = {}
+        self._system, self._names, self._less = system, tuple(names), 0
+        self._cache: dict[tuple[bytes, float], Array] = {}
+        self._interpolants: dict[tuple[str, float], list[tuple[_Interpolant, _Interpolant]]] = {}
+
+    @property
+    def less_accurate(self) -> "AssembledDependence":
+        """The same without the smallest step of the differences."""
+        made = AssembledDependence(self._system, self._names)
+        made._less, made._interpolants = 1, self._interpolants
+        return made
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         n, entries = self._system.n, self._entries(phase, speed)
         by_row = entries[:, : 3 * n**2].reshape(-1, 3, n, n, entries.shape[-1])
         return np.einsum("kcijr,kcj->kir", by_row, states) - entries[:, 3 * n**2 :]
 
-    def residual_along(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
         return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
@@ -280,10 +299,10 @@ class AssembledDependence:
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
         raise NotImplementedError
 
-    def output_along(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+    def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
         def column(at: int) -> Array:
             def value(system: PeriodicSystem, omega: float, step: float) -> Array:
-                a, v, q = (each.T for each in _parts(states + step * moved[..., at]))
+                a, v, q = (state.T for state in _by_order(states + step * moved[..., at]))
                 return np.asarray(system.output_values(phase, omega, q, omega * v, omega**2 * a)[name])
 
             return self._slope(self._names[at], speed, value)
@@ -291,25 +310,53 @@ class AssembledDependence:
         return np.stack([column(at) for at in range(len(self._names))], axis=-1)
 
     def _entries(self, phase: Array, speed: float) -> Array:
-        """Of Ω²M, ΩC, K by rows and d, (k, 3n² + n, r); those of the last phases are kept."""
+        """Derivatives of Ω²M, ΩC, K by rows and d, (k, 3n² + n, r); the last ones are cached."""
         key = phase.tobytes(), speed
-        if key not in self._kept:
+        if key not in self._cache:
             columns = [
-                self._slope(name, speed, lambda system, omega, _: system.entries(phase, omega))
+                np.concatenate([block[self._less](phase) for block in self._blocks(name, speed)], axis=1)
                 for name in self._names
             ]
-            self._kept = {key: np.stack(columns, axis=-1)}
-        return self._kept[key]
+            self._cache = {key: np.stack(columns, axis=-1)}
+        return self._cache[key]
+
+    def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
+        """Derivatives of Ω²M, ΩC, K by rows and of d, each with the less accurate ones, as functions of
+        phases (k,). A varied system takes longer to assemble than to sample: interpolants serve all grids."""
+        if (name, speed) not in self._interpolants:
+            n, moved = self._system.n, cache(self._moved(name, speed))
+
+            @cache
+            def sampled(phases: bytes) -> tuple[Array, Array]:
+                phase = np.frombuffer(phases)
+
+                def entries(number: float) -> Array:
+                    system, omega = moved(number)
+                    return system.entries(phase, omega)
+
+                return slopes(entries, self._value(name, speed))
+
+            def block(first: int, last: int, less: int) -> _Interpolant:
+                return interpolated(
+                    lambda phase: sampled(phase.tobytes())[less][:, first:last], self._system.period
+                )
+
+            bounds = list(pairwise((0, n**2, 2 * n**2, 3 * n**2, 3 * n**2 + n)))
+            self._interpolants[name, speed] = [(block(*ends, 0), block(*ends, 1)) for ends in bounds]
+        return self._interpolants[name, speed]
 
     def _slope(
         self, name: str, speed: float, value: Callable[[PeriodicSystem, float, float], Array]
     ) -> Array:
         """value: of a system at a speed, when the quantity of this name has moved by a step."""
-        at = speed if name == SPEED else self._system.parameters[name]
+        at, moved = self._value(name, speed), self._moved(name, speed)
+        return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
-        def moved(number: float) -> Array:
-            if name == SPEED:
-                return value(self._system, number, number - at)
-            return value(self._system.varied({name: number}), speed, number - at)
+    def _value(self, name: str, speed: float) -> float:
+        return speed if name == SPEED else self._system.parameters[name]
 
-        return slope(moved, at)
+    def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
+        """System and speed by the value of the parameter of this name, or of the speed."""
+        if name == SPEED:
+            return lambda number: (self._system, number)
+        return lambda number: (self._system.varied({name: number}), speed)

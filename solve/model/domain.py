@@ -143,15 +143,15 @@ class Domain:
         finite = np.where(np.isfinite(margins), np.abs(margins), 0.0)
         allowed = _ROUNDING * finite.max(axis=1, keepdims=True)
         point, at, row = np.nonzero(self._fails(margins, allowed))
-        found = [_Violations(point, row, phase[at], margins[point, at, row])]
+        violations = [_Violations(point, row, phase[at], margins[point, at, row])]
         if k > 1:
             failed = np.zeros((P, 1, margins.shape[2]), dtype=bool)
             failed[point, 0, row] = True
-            found += [
+            violations += [
                 self._crossings(margins, allowed, failed, speeds, values),
                 self._minima(margins, allowed, failed, speeds, values),
             ]
-        return _Violations(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        return _Violations(*(np.concatenate(field) for field in zip(*violations, strict=True)))
 
     def _fails(self, margins: Array, allowed: Array) -> Array:
         """Whether margins (…, R) violate their relations."""
@@ -191,8 +191,8 @@ class Domain:
         left, right = self._phases[at] - step, self._phases[at] + step
 
         def sized(phase: Array) -> Array:
-            found = self._at(phase, point, row, speeds, values)
-            return np.where(np.isnan(found), -np.inf, np.where(self._zero[row], np.abs(found), found))
+            margin = self._at(phase, point, row, speeds, values)
+            return np.where(np.isnan(margin), -np.inf, np.where(self._zero[row], np.abs(margin), margin))
 
         for _ in range(round(1.44 * _BISECTIONS) if len(point) else 0):
             inner = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)

@@ -1,20 +1,24 @@
-"""C text of CasADi functions for numbers side by side in vector registers, of the type `lane`."""
+"""Instruction lists of CasADi functions: C code for vector lanes, and bounds on the round-off."""
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Collection
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from solve.model.sampling import inputs_of, symbol
 
 if TYPE_CHECKING:
     import casadi
 
-_MOST = 5000
-"""Instructions beyond which a compiler takes longer than it saves."""
+_MAX_INSTRUCTIONS = 5000
+"""Number of instructions above which compilation costs more than it saves. A choice."""
 
-_OF_ONE = (
+_UNARY = (
     *("sin", "cos", "tan", "asin", "acos", "atan"),
     *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
     *("sqrt", "exp", "log", "fabs", "floor", "ceil"),
 )
-_OF_TWO = "pow", "atan2", "fmin", "fmax", "fmod", "copysign", "hypot"
+_BINARY = "pow", "atan2", "fmin", "fmax", "fmod", "copysign", "hypot"
 _TEXTS = {
     "ADD": "{0} + {1}",
     "SUB": "{0} - {1}",
@@ -34,42 +38,102 @@ _TEXTS = {
     "OR": "where(({0} != 0.0) | ({1} != 0.0), one)",
     "SIGN": "where({0} > 0.0, one) - where({0} < 0.0, one)",
     "IF_ELSE_ZERO": "where({0} != 0.0, {1})",
-    **{name.upper(): f"call_1({name}, {{0}})" for name in _OF_ONE},
-    **{name.upper(): f"call_2({name}, {{0}}, {{1}})" for name in _OF_TWO},
+    **{name.upper(): f"call_1({name}, {{0}})" for name in _UNARY},
+    **{name.upper(): f"call_2({name}, {{0}}, {{1}})" for name in _BINARY},
     "CONSTPOW": "call_2(pow, {0}, {1})",
 }
-"""By CasADi's name of an operation."""
+"""C expressions by CasADi's name of the operation."""
 
 
 def c_text(function: "casadi.Function") -> str | None:
-    """`void formulas(const lane *const *in, lane *out)` of a function with one output; None for one with
-    operations that have no text here, or with very many."""
-    import casadi
+    """C code `void formulas(const lane *const *in, lane *out)` of a function with one output; `lane` is a
+    vector of doubles.
+
+    Returns None for functions with unsupported operations, or with too many.
+    """
 
     count = function.n_instructions()
-    if count > _MOST:
+    if count > _MAX_INSTRUCTIONS:
         return None
-    names = {getattr(casadi, name): name[3:] for name in dir(casadi) if name.startswith("OP_")}
+    operations = _operations()
     lines = []
     for k in range(count):
-        operation = names[function.instruction_id(k)]
-        at = function.instruction_input(k)
-        to = function.instruction_output(k)
+        operation = operations[function.instruction_id(k)]
+        inputs, outputs = function.instruction_input(k), function.instruction_output(k)
         if operation == "OUTPUT":
-            lines.append(f"out[{to[1]}] = w[{at[0]}];")
+            lines.append(f"out[{outputs[1]}] = w[{inputs[0]}];")
             continue
         if operation == "CONST":
             constant = function.instruction_constant(k)
             value = f"none + {constant!r}" if math.isfinite(constant) else None
         elif operation == "INPUT":
-            value = f"in[{at[0]}][{at[1]}]"
+            value = f"in[{inputs[0]}][{inputs[1]}]"
         else:
-            text = _TEXTS.get(operation)
-            value = text and text.format(*(f"w[{each}]" for each in at))
+            template = _TEXTS.get(operation)
+            value = template and template.format(*(f"w[{register}]" for register in inputs))
         if value is None:
             return None
-        lines.append(f"w[{to[0]}] = {value};")
+        lines.append(f"w[{outputs[0]}] = {value};")
     body = "\n    ".join(
         ["const lane none = {0}, one = none + 1.0;", f"lane w[{max(1, function.sz_w())}];", *lines]
     )
     return f"static void formulas(const lane *const *in, lane *out) {{\n    {body}\n}}\n"
+
+
+def _operations() -> dict[int, str]:
+    """CasADi's names of operations by their codes."""
+    import casadi
+
+    return {getattr(casadi, name): name[3:] for name in dir(casadi) if name.startswith("OP_")}
+
+
+_EXACT_OPERATIONS = ("ASSIGN", "NEG", "TWICE", "FABS")
+"""Operations with an exact result, by CasADi's names."""
+
+
+def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -> "casadi.Function":
+    """First-order bound on the round-off of a scalar (SX) function by running error analysis (N. J. Higham,
+    Accuracy and Stability of Numerical Algorithms, 2nd ed., 3.3).
+
+    Returns a function of the same inputs: Σ |∂f/∂z| |z|, in units of the machine precision, over the results
+    z of its operations, its constants, and the inputs named in `rounded`; other inputs are exact.
+    """
+    import casadi
+
+    operations = _operations()
+    inputs, derivatives_of = inputs_of(function), cache(_with_derivatives)
+    symbols = list(inputs.values())
+    # Value in each register, and the bound on its round-off.
+    registers: dict[int, tuple[Any, Any]] = {}
+    results, rows = casadi.SX(function.size1_out(0), 1), function.sparsity_out(0).row()
+    for k in range(function.n_instructions()):
+        operation, code = operations[function.instruction_id(k)], function.instruction_id(k)
+        at, to = function.instruction_input(k), function.instruction_output(k)
+        if operation == "OUTPUT":
+            results[rows[to[1]]] = registers[at[0]][1]
+        elif operation == "CONST":
+            constant = casadi.SX(function.instruction_constant(k))
+            # Integers are exact; other constants, such as π, are rounded.
+            exact = function.instruction_constant(k).is_integer()
+            registers[to[0]] = constant, 0 if exact else casadi.fabs(constant)
+        elif operation == "INPUT":
+            value = symbols[at[0]].nz[at[1]]
+            registers[to[0]] = value, casadi.fabs(value) if list(inputs)[at[0]] in rounded else 0
+        else:
+            arguments, bounds = zip(*(registers[register] for register in at), strict=True)
+            value, *slopes = derivatives_of(code, len(at))(*arguments)
+            propagated = sum(casadi.fabs(slope) * bound for slope, bound in zip(slopes, bounds, strict=True))
+            registers[to[0]] = (
+                value,
+                propagated + (0 if operation in _EXACT_OPERATIONS else casadi.fabs(value)),
+            )
+    return casadi.Function("roundoff", symbols, [casadi.cse(results)], list(inputs), ["bound"])
+
+
+def _with_derivatives(code: int, count: int) -> "casadi.Function":
+    """Result of a CasADi operation and its derivatives with respect to its arguments."""
+    import casadi
+
+    arguments = [symbol(f"x{k}") for k in range(count)]
+    value = casadi.SX.unary(code, *arguments) if count == 1 else casadi.SX.binary(code, *arguments)
+    return casadi.Function("operation", arguments, [value, *(casadi.gradient(value, x) for x in arguments)])

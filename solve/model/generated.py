@@ -1,4 +1,4 @@
-"""Generated modules: found by path, run once, never imported by name."""
+"""Files of models, and generated modules: located by path, executed once, never imported by name."""
 
 import hashlib
 import re
@@ -6,29 +6,78 @@ from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
-from solve.errors import ModelFileError
+from solve.errors import ModelFileError, UnknownNameError
 
 ROOT = Path(__file__).resolve().parents[2]
 """Folder of the packages `models` and `generated`."""
 
-_EVERY = (
+_COMMON_NAMES = (
     *("NAME", "MECHANISM_SHA256", "FILE_SHA256", "COORDINATES", "PARAMETERS", "OPTIONS", "OUTPUTS"),
     *("LIMITS", "VALIDITY", "PERIOD"),
 )
-_SEAL = r'^FILE_SHA256 = "(\w*)"\n'
+_HASH_LINE = r'^FILE_SHA256 = "(\w*)"\n'
 EQUATIONS, STRUCTURE = "equations", "structure"
-_KINDS = {
+_NAMES_OF_KIND = {
     STRUCTURE: ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties"),
     EQUATIONS: ("linearised", "outputs"),
 }
-"""What modules of each kind state besides: links, from which matrices are assembled, or the matrices."""
+"""Further names in modules of each kind: links, from which matrices are assembled, or the matrices."""
+
+
+class Files(NamedTuple):
+    """Files of a model: generated module, case file (optional) and mechanism."""
+
+    generated: Path
+    cases: Path
+    mechanism: Path
+
+
+def model_names() -> list[str]:
+    """Names of the models in the package."""
+    return sorted(path.parent.name for path in (ROOT / "models").glob("*/mechanism.py"))
+
+
+def model_files(model: str) -> Files:
+    """Files of a model given by name or by the path of a mechanism file. Raises UnknownNameError, and
+    ModelFileError if the mechanism or its code is missing, or the code is out of date."""
+    files = _located(model)
+    if not files.generated.is_file():
+        raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
+    text = readable(files.mechanism)
+    if sha256(text) != model_module(files.generated).MECHANISM_SHA256:
+        raise ModelFileError(
+            f"'{model}' has changed since its code was generated; run: python -m derive {model}"
+        )
+    return files
+
+
+def _located(model: str) -> Files:
+    if model.endswith(".py"):
+        mechanism = Path(model)
+        try:
+            exists = mechanism.is_file()
+        except OSError:
+            exists = False
+        if not exists:
+            raise ModelFileError(f"no mechanism file '{model}'; give the path of a file that exists")
+        generated = mechanism.parent / "generated" / mechanism.name
+        return Files(generated, mechanism.with_suffix(".toml"), mechanism)
+    if "/" in model or "\\" in model:
+        raise ModelFileError(
+            f"model '{model}' is neither a name nor a mechanism file; a path must end in .py"
+        )
+    if model not in model_names():
+        raise UnknownNameError("model", model, model_names())
+    folder = ROOT / "models" / model
+    return Files(ROOT / "generated" / f"{model}.py", folder / "cases.toml", folder / "mechanism.py")
 
 
 def model_module(path: Path) -> ModuleType:
-    """The generated module of a model. Raises ModelFileError where the file is something else, or edited."""
-    module = _executed(path.resolve(), path.stat().st_mtime_ns)
-    missing = min((_missing(module, (*_EVERY, *names)) for names in _KINDS.values()), key=len)
+    """Generated module of a model. Raises ModelFileError if the file is something else, or was edited."""
+    module = _execute_file(path.resolve(), path.stat().st_mtime_ns)
+    missing = min((_missing(module, (*_COMMON_NAMES, *names)) for names in _NAMES_OF_KIND.values()), key=len)
     if missing:
         raise ModelFileError(
             f"'{path}' is not generated code (no {missing[0]}); move it away and run derive again"
@@ -37,8 +86,8 @@ def model_module(path: Path) -> ModuleType:
 
 
 def kind_of(module: ModuleType) -> str:
-    """EQUATIONS or STRUCTURE: of which kind a generated module states everything."""
-    return next(kind for kind, names in _KINDS.items() if not _missing(module, names))
+    """Kind of a generated module, EQUATIONS or STRUCTURE: the one of which it has all names."""
+    return next(kind for kind, names in _NAMES_OF_KIND.items() if not _missing(module, names))
 
 
 def _missing(module: ModuleType, names: Sequence[str]) -> list[str]:
@@ -46,39 +95,39 @@ def _missing(module: ModuleType, names: Sequence[str]) -> list[str]:
 
 
 def sha256(text: str) -> str:
-    """Hash of a text with LF line endings, as derive records it."""
+    """Hash of a text with LF line endings, as recorded by derive."""
     return hashlib.sha256(text.replace("\r\n", "\n").encode()).hexdigest()
 
 
 def beam_elements() -> ModuleType:
-    """The generated tables of beam elements."""
+    """Generated module with the tables of beam elements."""
     path = ROOT / "generated" / "beam_elements.py"
     if not path.is_file():
         raise ModelFileError("no generated beam elements; run: python -m derive beam_elements")
-    return _executed(path, path.stat().st_mtime_ns)
+    return _execute_file(path, path.stat().st_mtime_ns)
 
 
-def _sealed(text: str, path: str) -> str:
-    """The text of generated code, of which the seal covers all but its own line. Raises ModelFileError where
-    it bears no seal, or another."""
+def _verified(text: str, path: str) -> str:
+    """Text of generated code after a check of its hash, which covers all other lines. Raises ModelFileError
+    without a hash, or with a wrong one."""
     text = text.replace("\r\n", "\n")
-    seals = re.findall(_SEAL, text, flags=re.MULTILINE)
-    if len(seals) != 1:
-        raise ModelFileError(f"'{path}' is not generated code (no seal); move it away and run derive again")
-    if sha256(re.sub(_SEAL, "", text, flags=re.MULTILINE)) != seals[0]:
+    hashes = re.findall(_HASH_LINE, text, flags=re.MULTILINE)
+    if len(hashes) != 1:
+        raise ModelFileError(f"'{path}' is not generated code (no hash); move it away and run derive again")
+    if sha256(re.sub(_HASH_LINE, "", text, flags=re.MULTILINE)) != hashes[0]:
         raise ModelFileError(f"'{path}' was edited; regenerate it with the command in its header")
     return text
 
 
 def module_of(code: str) -> ModuleType:
-    """The module of generated code that is in no file; it holds its code as CODE. Raises ModelFileError."""
-    module = _of_text(_sealed(code, "<derived>"), "<derived>")
+    """Module of generated code in memory, with the code as CODE. Raises ModelFileError."""
+    module = _execute(_verified(code, "<derived>"), "<derived>")
     module.__dict__["CODE"] = code
     return module
 
 
 def readable(path: Path) -> str:
-    """The text of a file of a model. Raises ModelFileError where its rights, or its disk, forbid it."""
+    """Text of a file of a model. Raises ModelFileError if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
@@ -87,12 +136,12 @@ def readable(path: Path) -> str:
 
 
 @lru_cache(maxsize=32)
-def _executed(path: Path, _modified: int) -> ModuleType:
-    return _of_text(_sealed(readable(path), str(path)), str(path))
+def _execute_file(path: Path, _modified: int) -> ModuleType:
+    return _execute(_verified(readable(path), str(path)), str(path))
 
 
 @lru_cache(maxsize=64)
-def _of_text(text: str, origin: str) -> ModuleType:
+def _execute(text: str, origin: str) -> ModuleType:
     module = ModuleType(f"_generated_{Path(origin).stem}")
     module.__file__ = origin
     try:

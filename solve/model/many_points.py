@@ -1,4 +1,4 @@
-"""A model at many points at once."""
+"""Vectorised evaluation of a model at many points."""
 
 import math
 from collections.abc import Sequence
@@ -10,40 +10,40 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Formulas
 from solve.errors import ValueOutOfBoundsError
+from solve.matrices import by_the_phase
 from solve.model.bounds import clauses, holds
-from solve.model.damping import damped
 from solve.model.domain import Domain
+from solve.model.modes import damped
 from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 
-_TOGETHER = 4096
-"""Sets of parameters whose conditions are looked at together."""
+_CHUNK = 4096
+"""Sets of parameters whose conditions are evaluated at once. A choice."""
 
 
 class ModelPoints:
-    """A model at many points at once, each with its speed and with values (v,) of its own for some of the
-    parameters."""
+    """Model at many points, each with its speed and with separate values (v,) of some parameters."""
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str]):
         self._setup, self._n, self._names = setup, n, names
 
-    @property
-    def formulas(self) -> Formulas | None:
-        return self._formulas
-
     @cached_property
-    def _formulas(self) -> Formulas | None:
+    def formulas(self) -> Formulas | None:
+        """M, C, K by rows and d, for derivatives by time, as C code of phase, speed and parameters, the
+        varied ones among them; None where there is none."""
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
+        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
+        values of the formulas, if computed before; may be overwritten."""
         P, k, n = len(speeds), len(phase), self._n
-        phases, given = np.tile(phase, P), np.repeat(values, k, axis=0)
+        phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:
-            by_time = self._matrices(phases, np.repeat(speeds, k), given)
+            by_time = self._matrices(phases, np.repeat(speeds, k), parameters)
         entries = by_time.reshape(P * k, 3 * n**2 + n)
         if self._setup.ratios is not None:
-            still = self._matrices(phases, np.zeros(P * k), given)
-            entries[:, n**2 : 2 * n**2] += damped(still, n, self._ratios(given)).reshape(P * k, n**2)
+            at_rest = self._matrices(phases, np.zeros(P * k), parameters)
+            entries[:, n**2 : 2 * n**2] += damped(at_rest, n, self._ratios(parameters)).reshape(P * k, n**2)
         entries = by_the_phase(entries.reshape(P, k, 3 * n**2 + n), speeds, n)
         if self._names:
             entries[~self._admitted(values)] = np.nan
@@ -51,23 +51,26 @@ class ModelPoints:
         return entries
 
     def exist(self, speeds: Array, values: Array) -> Array:
+        """Whether the fundamental motion exists (P,)."""
         return (
             np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
         )
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
+        """Phases at which the matrices jump, for each point; None at points without a system."""
         p = np.tile(self._setup.p, (len(values), 1))
         order = list(self._setup.case.parameters)
         p[:, [order.index(name) for name in self._names]] = values
-        found: list[tuple[float, ...] | None] = [None] * len(values)
-        for at in np.flatnonzero(self._admitted(values)).tolist():
+        breaks: list[tuple[float, ...] | None] = [None] * len(values)
+        for point in np.flatnonzero(self._admitted(values)).tolist():
             with suppress(ValueOutOfBoundsError):
-                found[at] = self._setup.breaks_with(p[at])
-        return found
+                breaks[point] = self._setup.breaks_with(p[point])
+        return breaks
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
         P, n, k = q.shape
-        states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
+        states = (np.swapaxes(state, 1, 2).reshape(P * k, n) for state in (q, qd, qdd))
         outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
         return np.swapaxes(outputs.reshape(P, k, -1), 1, 2)
 
@@ -92,7 +95,7 @@ class ModelPoints:
         return self._setup.sampler("conditions", self._names)
 
     def _admitted(self, values: Array) -> Array:
-        """Whether bounds and conditions hold (P,) with the parameters at values (P, v)."""
+        """Whether bounds and conditions hold (P,) for values (P, v) of the parameters."""
         admitted = np.asarray(np.isfinite(values).all(axis=1))
         bounds = {name: bound for name, _, _, bound in self._setup.module.PARAMETERS}
         for name, column in zip(self._names, values.T, strict=True):
@@ -103,18 +106,11 @@ class ModelPoints:
         return admitted
 
     def _conditions_hold(self, values: Array) -> Array:
-        """Whether the conditions hold all over the period (P,)."""
+        """Whether the conditions hold over the entire period (P,)."""
         phase = self._setup.condition_phases
-        different, group = np.unique(values, axis=0, return_inverse=True)
-        hold = np.zeros(len(different), dtype=bool)
-        for at in np.array_split(np.arange(len(different)), math.ceil(len(different) / _TOGETHER)):
-            margins = self._margins(np.tile(phase, len(at)), np.repeat(different[at], len(phase), axis=0))
-            hold[at] = (margins > 0).reshape(len(at), -1).all(axis=1)
+        unique, group = np.unique(values, axis=0, return_inverse=True)
+        hold = np.zeros(len(unique), dtype=bool)
+        for chunk in np.array_split(np.arange(len(unique)), math.ceil(len(unique) / _CHUNK)):
+            margins = self._margins(np.tile(phase, len(chunk)), np.repeat(unique[chunk], len(phase), axis=0))
+            hold[chunk] = (margins > 0).reshape(len(chunk), -1).all(axis=1)
         return hold[group.ravel()]
-
-
-def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
-    """Entries (P, k, 3n² + n) of derivatives by time as those of derivatives by the phase, in place."""
-    entries[:, :, : n**2] *= (speeds**2)[:, None, None]
-    entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
-    return entries

@@ -1,4 +1,4 @@
-"""A periodic system whose matrices, outputs and bounds come from a generated module."""
+"""Periodic systems whose matrices, outputs and bounds come from a generated module."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
@@ -8,32 +8,45 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from solve.argument import first_is
+from solve.arguments import first_is
 from solve.arrays import Array, Plane
-from solve.contracts import Columns, Dependence, Formulas, Marcher, Matrices, Motion
+from solve.contracts import Columns, Formulas, Integrator, Limit, Matrices, Motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.labels import SPEED, require_vibration
-from solve.model.bounds import checked_parameters, clauses, holds, measured
+from solve.labels import require_vibration
+from solve.matrices import by_the_phase, split_entries
+from solve.model.bounds import bound_limit, checked_parameters, clauses, validity_limit
 from solve.model.cases import Case
-from solve.model.checks import require_no_jump, require_sound, sound_at_all_speeds
-from solve.model.damping import DampedSampler, beyond_critical, damped_residual
+from solve.model.checks import require_no_jump, require_valid, valid_at_all_speeds
+from solve.model.derivatives import ModelDerivatives, SlopesCache
 from solve.model.generated import model_module, module_of
-from solve.model.many_points import ModelPoints, by_the_phase
-from solve.model.sampling import MatrixSampler, Sampler, parted, tangent
+from solve.model.many_points import ModelPoints
+from solve.model.modes import DampedSampler, beyond_critical
+from solve.model.sampling import MatrixSampler, Sampler, tangent
 from solve.model.setup import Setup
-from solve.model.sketches import stated_lines
-from solve.model.smooth import SmoothParameters
-from solve.statistics import Limit, Statistics
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi
 
-    from solve.model.dependence import GeneratedSlopes
-
 
 class Model(PeriodicSystem):
-    """A system whose matrices, outputs and bounds come from a generated module."""
+    """System whose matrices, outputs and bounds come from a generated module; see `solve.load`.
+
+    Parameters
+    ----------
+    setup : Setup
+        Generated module, case and options.
+    matrices : callable
+        As for `PeriodicSystem`.
+    coordinates : sequence of (str, str, str)
+        Name, unit and meaning of each coordinate.
+
+    Examples
+    --------
+    >>> import solve
+    >>> solve.load("mathieu", delta=1.5).coordinates
+    ('q',)
+    """
 
     def __init__(
         self,
@@ -41,12 +54,11 @@ class Model(PeriodicSystem):
         matrices: Callable[[Array, float], Sequence[Array]],
         coordinates: Sequence[tuple[str, str, str]],
     ):
-        """coordinates: name, unit and meaning of each."""
         module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
-        self._slopes: dict[tuple[tuple[str, ...], bool], GeneratedSlopes] = {}
+        self.slopes: SlopesCache = {}
         self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
         self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
         self.parameter_sources = setup.case.sources
@@ -64,88 +76,120 @@ class Model(PeriodicSystem):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """The model of a setup."""
-        given = setup.function("linearised"), setup.p
-        sampler = MatrixSampler(*given) if setup.ratios is None else DampedSampler(*given, setup.ratios)
+        """Model of a setup."""
+        linearised, p, ratios = setup.function("linearised"), setup.p, setup.ratios
+        sampler = MatrixSampler(linearised, p) if ratios is None else DampedSampler(linearised, p, ratios)
         return cls(setup, sampler, setup.module.COORDINATES[: sampler.n])
 
     def _repr_html_(self) -> str:
         """Title and linearised equations, in a notebook."""
-        return "".join(f"<p>{each}</p>" for each in (escape(self.title), *self.equations))
+        return "".join(f"<p>{line}</p>" for line in (escape(self.title), *self.equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles are built anew: CasADi's memory serves one thread of one process."""
+        """Rebuild copies and pickles: CasADi's memory serves one thread of one process."""
         origin = getattr(self.module, "CODE", None) or Path(self.module.__file__ or "")
-        made_from = type(self), origin, self.setup.case, self.options
-        return _rebuilt, made_from, {"speed_unit": self.speed_unit}
+        arguments = type(self), origin, self.setup.case, self.options
+        return _rebuilt, arguments, {"speed_unit": self.speed_unit}
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """The same model with some parameters (SI units) and options changed. Raises UnknownNameError and
-        ValueOutOfBoundsError."""
-        made = self.of(self.setup.varied(parameters or {}, options or {}))
-        made.speed_unit = self.speed_unit
+        """Model with some parameters and options changed.
+
+        Parameters
+        ----------
+        parameters : mapping, optional
+            New values by name, in the units of the model.
+        options : mapping, optional
+            New options by name.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        UnknownNameError, ValueOutOfBoundsError
+        """
+        model = self.of(self.setup.varied(parameters or {}, options or {}))
+        model.speed_unit = self.speed_unit
         if not options:
-            made._slopes = self._slopes
-        return made
+            model.slopes = self.slopes
+        return model
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
 
+    @property
+    def sampler(self) -> MatrixSampler | None:
+        """Sampler of the generated matrices; None if the matrices are assembled."""
+        return self._matrices if isinstance(self._matrices, MatrixSampler) else None
+
     def entries(self, phase: Array, speed: float) -> Array:
-        if not isinstance(self._matrices, MatrixSampler):
+        if self.sampler is None:
             return super().entries(phase, speed)
-        found = self.entries_over(phase, np.array([speed]))[0]
-        # The ordinary way says what is wrong.
-        return found if np.isfinite(found).all() else super().entries(phase, speed)
+        entries = self.entries_over(phase, np.array([speed]))[0]
+        # The base class raises the error.
+        return entries if np.isfinite(entries).all() else super().entries(phase, speed)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        found = self._matrices.terms(phase) if isinstance(self._matrices, MatrixSampler) else None
-        if found is None:
+        terms = None if self.sampler is None else self.sampler.terms(phase)
+        if terms is None:
             return None
-        table, entry, power = found
+        table, entry, power = terms
         return table, speeds[:, None] ** power, entry
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
-        sampler = self._matrices
-        if not isinstance(sampler, MatrixSampler):
+        if self.sampler is None:
             return super().entries_over(phase, speeds)
-        found = by_the_phase(sampler.entries(phase, speeds), speeds, self.n)
-        found[~self.setup.exist(speeds)] = np.nan
-        return found
+        entries = by_the_phase(self.sampler.entries(phase, speeds), speeds, self.n)
+        entries[~self.setup.exist(speeds)] = np.nan
+        return entries
 
     def require_desired_motion(self, speeds: Array) -> None:
         if len(missing := speeds[~self.setup.exist(speeds)]) and self.setup.domain:
             self.setup.domain.require(float(missing[0]), self.speed_unit.text(float(missing[0])))
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
-        return ModelPoints(self.setup, self.n, names)
+        return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Checks in addition to those of any system: the fundamental motion exists, generated matrices are
-        periodic and jump at the breaks alone, and M is positive definite. Raises DesiredMotionError,
-        MatricesError."""
+        """Check, in addition, that the fundamental motion exists, that generated matrices are periodic and
+        jump at the breaks only, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
         self.shown_in(speed).require_desired_motion(np.array([speed]))
-        if not self._sound:
+        if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
             super().checked(speed)
-            require_sound(self, speed)
+            require_valid(self, speed)
 
     @cached_property
-    def _sound(self) -> bool:
+    def _valid_at_all_speeds(self) -> bool:
         """Whether the matrices pass all checks at every speed."""
-        return isinstance(self._matrices, MatrixSampler) and sound_at_all_speeds(self, self._matrices)
+        return self.sampler is not None and valid_at_all_speeds(self, self.sampler)
 
     def field(self, name: str, position: Array | float) -> Array:
-        """Mode functions of a deflection at fractions (k,) of its link's length: (k, n).
+        """Mode functions of a deflection field.
 
-        Times the coordinates it is the deflection there: `model.field("w", [0.25, 0.5]) @ orbit.q`.
-        Raises UnknownNameError and ValueOutOfBoundsError.
+        Multiplied by the coordinates, they give the deflection: `model.field("w", [0.25, 0.5]) @ orbit.q`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the field.
+        position : (k,) array or float
+            Fractions of the length of the link, 0 to 1.
+
+        Returns
+        -------
+        (k, n) array
+
+        Raises
+        ------
+        UnknownNameError, ValueOutOfBoundsError
         """
-        known = [field for field, *_ in getattr(self.module, "FIELDS", ())]
-        if name not in known:
-            raise UnknownNameError(f"field of {self.name}", name, known)
+        fields = [field for field, *_ in getattr(self.module, "FIELDS", ())]
+        if name not in fields:
+            raise UnknownNameError(f"field of {self.name}", name, fields)
         fraction = np.asarray(position, dtype=float)
         if not ((fraction >= 0) & (fraction <= 1)).all():
             raise ValueOutOfBoundsError(f"position is {position}; allowed: fractions of the length, 0 to 1")
@@ -153,100 +197,65 @@ class Model(PeriodicSystem):
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
     def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
-        return stated_lines(self.setup, phase, speed, q) or super().sketched(phase, speed, q)
+        return self.setup.stated_lines(phase, speed, q) or super().sketched(phase, speed, q)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What the linearised equations do not know of the nonlinear ones, a sentence each."""
+        """Sentences on the nonlinear terms that the linearised equations neglect."""
         return getattr(self.module, "NONLINEAR", ())
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
         ratios = self.setup.ratios
-        too_large = [] if ratios is None or ratios.max() <= 1 else [beyond_critical(ratios.max())]
-        every = [*super().warnings(speed), *too_large]
-        return every if linear else [text for text in every if text not in self.left_out]
+        overdamped = [] if ratios is None or ratios.max() <= 1 else [beyond_critical(ratios.max())]
+        texts = [*super().warnings(speed), *overdamped]
+        return texts if linear else [text for text in texts if text not in self.left_out]
 
     @property
     def nonlinear(self) -> bool:
         return hasattr(self.module, "residual")
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        return ModelAlong(self, motion, compiled) if self.nonlinear else super().along(motion)
+        if not self.nonlinear:
+            return super().along(motion)
+        return LinearisedModel(self, motion, compiled)
 
     @cached_property
-    def _smooth(self) -> SmoothParameters:
-        return SmoothParameters(self.setup, self.assembled)
-
-    @property
-    def smooth_parameters(self) -> tuple[str, ...]:
-        return self._smooth.names
+    def derivatives(self) -> ModelDerivatives:
+        return ModelDerivatives(self, self.setup, self.assembled, self.slopes)
 
     @property
     def moves_breaks(self) -> bool:
         return self.setup.moves_breaks
 
-    def break_slopes(self, names: Sequence[str]) -> Array:
-        return self._smooth.break_slopes(names)
-
-    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        return self._dependence(names, compiled, False)
-
-    def _dependence(self, names: Sequence[str], compiled: Columns | None, nonlinear: bool) -> Dependence:
-        from solve.model.dependence import AssembledDependence, DampedDependence, GeneratedDependence
-
-        self._smooth.require(names)
-        damped = isinstance(self._matrices, DampedSampler)
-        if self.assembled and not damped:
-            return AssembledDependence(self, names)
-        # One text for the compiler, whatever is asked for.
-        every = tuple(names) if compiled is None else (*self.smooth_parameters, SPEED)
-        slopes = self._slopes_by(every, nonlinear)
-        if compiled is not None and not slopes.residual.text:
-            slopes, compiled = self._slopes_by(tuple(names), nonlinear), None
-        given = slopes, self.setup, self.n, names, compiled
-        return DampedDependence(*given, self._damping_with) if damped else GeneratedDependence(*given)
-
-    def _damping_with(self, parameters: Mapping[str, float], phase: Array) -> Array:
-        """Modal damping (k, n, n) at phases (k,) with some parameters changed."""
-        sampler = self.varied(parameters)._matrices
-        assert isinstance(sampler, DampedSampler)
-        return sampler.damping(phase)
-
-    def _slopes_by(self, names: tuple[str, ...], nonlinear: bool) -> "GeneratedSlopes":
-        from solve.model.dependence import GeneratedSlopes
-
-        key = names, nonlinear
-        if key not in self._slopes:
-            self._slopes[key] = GeneratedSlopes(self.setup, self.n, names, nonlinear)
-        return self._slopes[key]
-
     @property
     def assembled(self) -> bool:
-        """Whether no formulas give the matrices: modal damping follows from their eigenvalues."""
+        """Whether the matrices are assembled numerically: modal damping requires eigenvalues."""
         return self.setup.ratios is not None
 
-    def marcher(self, sizes: Array, count: int, rtol: float) -> Marcher:
+    def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
         if not self.nonlinear:
             return super().marcher(sizes, count, rtol)
-        from solve.model.marching import ModelMarcher
+        from solve.model.integration import ModelIntegrator, damped_residual
 
         residual = self.setup.function("residual_varying")
-        if isinstance(self._matrices, DampedSampler):
-            residual = damped_residual(residual, self._matrices.damping, self.period)
-        return ModelMarcher(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
+        if isinstance(self.sampler, DampedSampler):
+            residual = damped_residual(residual, self.sampler.damping, self.period)
+        return ModelIntegrator(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
 
     def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        still = np.zeros((3, len(phase), self.n))
-        return self.with_damping(
-            phase, self._varying(phase, speed, np.full(len(phase), acceleration), *still)
-        )
+        at_rest = np.zeros((3, len(phase), self.n))
+        entries = self._varying(phase, speed, np.full(len(phase), acceleration), *at_rest)
+        return self.with_damping(phase, entries)
 
     def with_damping(self, phase: Array, entries: Array) -> Matrices:
-        """M, C, K and d of entries (k, 3n² + n) by rows at phases (k,), with the damping of ratios in C. It
-        takes no part in d along a motion, where it stands in C q̇ as well as in the residual."""
-        M, C, K, d = parted(entries, self.n)
-        sampler = self._matrices
-        return M, C + sampler.damping(phase) if isinstance(sampler, DampedSampler) else C, K, d
+        """M, C, K and d of entries (k, 3n² + n) by rows at phases (k,), with modal damping in C.
+
+        It cancels in d about a motion, where it occurs in C q̇ and in the residual.
+        """
+        M, C, K, d = split_entries(entries, self.n)
+        if isinstance(self.sampler, DampedSampler):
+            C = C + self.sampler.damping(phase)
+        return M, C, K, d
 
     @cached_property
     def _varying(self) -> Sampler:
@@ -259,7 +268,7 @@ class Model(PeriodicSystem):
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """The same as C text; None where there is none."""
+        """The same as C code; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
 
     @cached_property
@@ -294,62 +303,44 @@ class Model(PeriodicSystem):
         return tuple(dict.fromkeys((*self.validity, *(name for name, *_ in self.module.LIMITS))))
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        known = list(quantities)
-        stated = [(name, bound, meaning) for name, bound, meaning in self.module.LIMITS if name in known]
-        trusted = [(name, bound) for name, bound in self.validity.items() if linear and name in known]
+        names = list(quantities)
+        bounds = [(name, bound, meaning) for name, bound, meaning in self.module.LIMITS if name in names]
+        validity = [(name, bound) for name, bound in self.validity.items() if linear and name in names]
         return [
-            *super().limits(known, linear),
-            *(_validity(name, bound, self.units[name]) for name, bound in trusted),
+            *super().limits(names, linear),
+            *(validity_limit(name, bound, self.units[name]) for name, bound in validity),
             *(
-                _bound(name, meaning, self.units[name], clause)
-                for name, bound, meaning in stated
+                bound_limit(name, meaning, self.units[name], clause)
+                for name, bound, meaning in bounds
                 for clause in clauses(bound)
             ),
         ]
-
-
-def _validity(name: str, bound: float, unit: str) -> Limit:
-    """Beyond which the linearisation is not to be trusted."""
-
-    def says(found: Statistics) -> str:
-        reached = f"max|{name}| = {found.max_abs:.3g} {unit}, beyond {bound:g}"
-        return f"the linearisation is not to be trusted: {reached}"
-
-    return Limit(name, lambda found: found.max_abs > bound, says)
-
-
-def _bound(name: str, meaning: str, unit: str, clause: str) -> Limit:
-    """A clause of a bound that a generated module states."""
-
-    def extreme(found: Statistics) -> Any:
-        return found.min if clause.startswith(">") else found.max
-
-    def left(found: Statistics) -> Any:
-        return ~np.isnan(extreme(found)) & ~np.asarray(holds(clause, extreme(found)))
-
-    def says(found: Statistics) -> str:
-        return f"{meaning}: {name} reaches {measured(extreme(found), unit, 3)}, bound {clause}"
-
-    return Limit(name, left, says)
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
 """Decorator of public functions that require a vibrating model."""
 
 
-class ModelAlong(Model):
-    """Model linearised along a motion, see `PeriodicSystem.along`. The bounds of validity of the
-    linearisation about the fundamental motion, and the terms it omits, do not apply."""
+class LinearisedModel(Model):
+    """Model linearised about a motion, see `PeriodicSystem.along`.
+
+    The bounds of validity and the neglected terms of the linearisation about the fundamental motion do not
+    apply.
+    """
 
     @property
     def left_out(self) -> tuple[str, ...]:
         return ()
 
+    @cached_property
+    def derivatives(self) -> ModelDerivatives:
+        return self.model.derivatives.about_motion(round(self.period / self.model.period))
+
     def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
         self.model, self.motion, self._compiled = model, motion, compiled
-        turns = np.arange(round(motion.nodes[-1] / model.period)) * model.period
-        self.breaks = tuple((turns[:, None] + np.array(model.breaks)).ravel().tolist())
+        starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
+        self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
         self.speed_unit = model.speed_unit
 
@@ -360,21 +351,21 @@ class ModelAlong(Model):
         return self.model.with_damping(phase, self._tangent(phase, speed).T)
 
     def _tangent(self, phase: Array, speed: float) -> Array:
-        """M, C, K by rows and d (3n² + n, k) at phases (k,), but for the damping of ratios."""
+        """M, C, K by rows and d (3n² + n, k) at phases (k,), without modal damping."""
         self.model.require_desired_motion(np.array([speed]))
         speeds, states = np.full(len(phase), speed), self._motion_states(phase, speed)
-        formulas, found = self.model.tangent_formulas if self._compiled else None, None
+        formulas, entries = self.model.tangent_formulas if self._compiled else None, None
         if self._compiled and formulas:
-            found = self._compiled(formulas, (phase[None], speeds[None], *states))
-        if found is None:
-            found = self.model.tangent(phase, speeds, *(state.T for state in states)).T
-        return found
+            entries = self._compiled(formulas, (phase[None], speeds[None], *states))
+        if entries is None:
+            entries = self.model.tangent(phase, speeds, *(state.T for state in states)).T
+        return entries
 
     def _motion_states(self, phase: Array, speed: float) -> list[Array]:
         """q, q̇ and q̈ (n, k) of the motion."""
-        of = getattr(self.motion, "states", None)
-        motions = of(phase) if of else [self.motion(phase, derivative) for derivative in range(3)]
-        return [speed**derivative * part for derivative, part in enumerate(motions)]
+        states_of = getattr(self.motion, "states", None)
+        states = states_of(phase) if states_of else [self.motion(phase, order) for order in range(3)]
+        return [speed**order * state for order, state in enumerate(states)]
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         states = (state.T for state in self._motion_states(phase, speed))
@@ -383,26 +374,17 @@ class ModelAlong(Model):
     def entries(self, phase: Array, speed: float) -> Array:
         if self.model.assembled:
             return super().entries(phase, speed)
-        made = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
-        # The ordinary way says what is wrong.
-        return made if np.isfinite(made).all() else super().entries(phase, speed)
+        entries = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
+        # The base class raises the error.
+        return entries if np.isfinite(entries).all() else super().entries(phase, speed)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along(motion, compiled)
 
-    def break_slopes(self, names: Sequence[str]) -> Array:
-        return np.tile(self.model.break_slopes(names), (round(self.period / self.model.period), 1))
-
-    def dependence(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        return self.model._dependence(names, compiled, nonlinear=True)
-
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
-    ) -> "ModelAlong":
-        return ModelAlong(self.model.varied(parameters, options), self.motion)
-
-    def many_points(self, names: Sequence[str]) -> None:
-        return None
+    ) -> "LinearisedModel":
+        return LinearisedModel(self.model.varied(parameters, options), self.motion)
 
 
 def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:

@@ -1,69 +1,75 @@
-"""Natural frequencies and modes of M q̈ + K q = 0, for many positions at once, and damping by their ratios."""
+"""Natural frequencies and modes of M q̈ + K q = 0 at many positions at once, and modal damping."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.errors import MatricesError
+from solve.matrices import split_entries
+from solve.model.sampling import MatrixSampler
+
+if TYPE_CHECKING:
+    import casadi
 
 _SHIFT = 1e-6
-"""Shift of ω² where K is singular, relative to the mean ω²."""
+"""Shift of ω² for singular K, relative to the mean ω². A choice."""
 
 _PIVOT = 1e-11
-"""Part of K's diagonal below which a pivot of its factorisation is rounding."""
+"""Pivot of the factorisation of K, relative to its diagonal, below which it is round-off. A choice."""
 
-_REST = 1e-13
-"""Part of the largest K_ii/M_ii below which ω² is rounding: the structure moves freely."""
+_RIGID = 1e-13
+"""ω² relative to the largest K_ii/M_ii below which it is round-off of a rigid-body mode. A choice."""
 
-
-_ROUNDING = 1e-10
-"""Part of the largest entry of K that counts as none."""
+_ASYMMETRY = 1e-10
+"""Asymmetry or negative eigenvalue of the scaled K, relative to its largest entry, that is round-off. A
+choice."""
 
 
 class Modes(NamedTuple):
-    """frequencies (m, k) in rad/s, rising; vectors (m, n, k) with ΦᵀMΦ = I."""
+    """frequencies (m, k) in rad/s, ascending; vectors (m, n, k) with ΦᵀMΦ = I."""
 
     frequencies: Array
     vectors: Array
 
 
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
-    """The lowest `count` frequencies (m, count) in rad/s, rising; see `modes`."""
+    """Lowest `count` frequencies (m, count) in rad/s, ascending; see `modes`."""
     shift, _, pencil = _pencil(M, K)
-    return _frequencies(np.linalg.eigvalsh(pencil), shift, at_rest(M, K))[:, :count]
+    return _frequencies(np.linalg.eigvalsh(pencil), shift, roundoff_frequency(M, K))[:, :count]
 
 
 def modes(M: Array, K: Array) -> Modes:
-    """All modes for M, K (m, n, n); M positive definite, K semidefinite at least.
+    """All modes for M, K (m, n, n); M positive definite, K positive semidefinite.
 
-    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies keep their digits however
-    stiff the highest modes are. These lose digits there, and are found anew, by the pencil K − ω² M, in the
+    1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
+    of the highest modes. The highest modes lose digits; they are recomputed from the pencil K − ω² M in the
     space of the modes above the geometric mean of the lowest and the highest frequency.
     """
     shift, L, pencil = _pencil(M, K)
     values, vectors = np.linalg.eigh(pencil)
     vectors = np.linalg.solve(np.swapaxes(L, 1, 2), vectors / np.sqrt(values[:, None, :]))
-    frequencies = _frequencies(values, shift, at_rest(M, K))
+    frequencies = _frequencies(values, shift, roundoff_frequency(M, K))
     high = int((values**2 < values[:, :1] * values[:, -1:]).sum(axis=1).min(initial=values.shape[1]))
     low = vectors[:, :, high:]
     basis = vectors[:, :, :high] - low @ (np.swapaxes(low, 1, 2) @ M @ vectors[:, :, :high])
-    squares, vectors[:, :, :high] = _within(M, K, basis)
+    squares, vectors[:, :, :high] = _rayleigh_ritz(M, K, basis)
     frequencies[:, values.shape[1] - high :] = np.sqrt(squares[:, ::-1])
     return Modes(frequencies, vectors[:, :, ::-1])
 
 
-def _within(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
-    """ω² (m, r), falling, and modes (m, n, r) of M and K in the space of a basis (m, n, r), by Rayleigh and
-    Ritz."""
-    mass, stiffness = (np.swapaxes(basis, 1, 2) @ part @ basis for part in (M, K))
+def _rayleigh_ritz(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
+    """ω² (m, r), descending, and modes (m, n, r) of M and K in the span of a basis (m, n, r), by the
+    Rayleigh-Ritz method."""
+    mass, stiffness = (np.swapaxes(basis, 1, 2) @ matrix @ basis for matrix in (M, K))
     L = np.linalg.cholesky(mass)
     squares, vectors = np.linalg.eigh(_congruent(stiffness, L))
-    found = basis @ np.linalg.solve(np.swapaxes(L, 1, 2), vectors)
-    return squares[:, ::-1], found[:, :, ::-1]
+    shapes = basis @ np.linalg.solve(np.swapaxes(L, 1, 2), vectors)
+    return squares[:, ::-1], shapes[:, :, ::-1]
 
 
 def _pencil(M: Array, K: Array) -> tuple[Array, Array, Array]:
-    """The shift (m,), L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
+    """Shift (m,), L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
     shift = _shifts(M, K)
     L = np.linalg.cholesky(K + shift[:, None, None] * M)
     return shift, L, _congruent(M, L)
@@ -74,12 +80,12 @@ def _congruent(matrix: Array, L: Array) -> Array:
     return np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, matrix), 1, 2))
 
 
-def at_rest(M: Array, K: Array) -> Array:
-    """Frequency (m,) below which there is only rounding, for M, K (m, n, n): 0 where K is regular, as
-    low frequencies then keep their digits however high the highest are."""
+def roundoff_frequency(M: Array, K: Array) -> Array:
+    """Frequency (m,) below which frequencies are round-off, for M, K (m, n, n); 0 for regular K, where low
+    frequencies are accurate."""
     if M.shape[1] == 0:
         return np.zeros(len(M))
-    rounding = np.sqrt(_REST * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
+    rounding = np.sqrt(_RIGID * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
     return np.where(_shifts(M, K) > 0, rounding, 0.0)
 
 
@@ -89,7 +95,7 @@ def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
 
 
 def _shifts(M: Array, K: Array) -> Array:
-    """What to add to every ω² (m,): nothing, unless some K is singular but for rounding."""
+    """Shift of ω² (m,): 0 unless some K is singular up to round-off."""
     try:
         pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
         singular = (pivots < _PIVOT * np.einsum("mii->mi", K)).any()
@@ -100,22 +106,74 @@ def _shifts(M: Array, K: Array) -> Array:
 
 
 def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
-    """C = MΦ diag(2ζω) ΦᵀM (m, n, n) that gives the modes of M and K (m, n, n) their ratios ζ: one for all,
-    or (..., k) in the order of rising frequencies, of which the last is that of all others."""
+    """Damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) for damping ratios ζ of the modes of M and K (m, n, n).
+
+    ratio: one for all modes, or (…, k) by ascending frequency; the last holds for all higher modes.
+    """
     frequencies, vectors = modes(M, K)
-    given = np.atleast_1d(ratio)
-    each = given[..., np.minimum(np.arange(M.shape[-1]), given.shape[-1] - 1)]
+    ratios = np.atleast_1d(ratio)
+    by_mode = ratios[..., np.minimum(np.arange(M.shape[-1]), ratios.shape[-1] - 1)]
     shapes = M @ vectors
-    return (shapes * (2 * each * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
+    return (shapes * (2 * by_mode * frequencies)[:, None, :]) @ np.swapaxes(shapes, 1, 2)
 
 
-def vibrates(M: Array, K: Array) -> Array:
-    """Whether M and K (m, n, n) have modes (m,): finite, K symmetric and nowhere negative but for
-    rounding."""
+def has_modes(M: Array, K: Array) -> Array:
+    """Whether M and K (m, n, n) have modes (m,): finite, and K symmetric positive semidefinite up to
+    round-off."""
     unit = 1 / np.sqrt(np.einsum("mii->mi", M))
     with np.errstate(invalid="ignore"):
         scaled = K * unit[:, :, None] * unit[:, None, :]
-        allowed = _ROUNDING * np.abs(scaled).max(axis=(1, 2))
+        allowed = _ASYMMETRY * np.abs(scaled).max(axis=(1, 2))
         fit = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2)) <= allowed
     fit[fit] = np.linalg.eigvalsh(scaled[fit]).min(axis=1) >= -allowed[fit]
     return fit
+
+
+_SPEED_ZERO = np.zeros(1)
+
+
+def beyond_critical(ratio: float) -> str:
+    """Warning about a damping ratio above 1."""
+    return f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
+
+
+class DampedSampler(MatrixSampler):
+    """M, C, K, d of a generated `linearised` function with modal damping.
+
+    ratios (k,): damping ratios of the modes of M and K at speed 0 at every phase. Raises MatricesError where
+    there are no modes.
+    """
+
+    def __init__(self, linearised: "casadi.Function", parameters: Array, ratios: Array):
+        super().__init__(linearised, parameters)
+        self._ratios = ratios
+
+    def entries(self, phase: Array, speeds: Array) -> Array:
+        entries = super().entries(phase, speeds)
+        entries[:, :, self.n**2 : 2 * self.n**2] += self.damping(phase).reshape(len(phase), -1)
+        return entries
+
+    def terms(self, phase: Array) -> None:
+        return None
+
+    def damping(self, phase: Array) -> Array:
+        """Modal damping matrix, (m, n, n)."""
+        C = damped(super().entries(phase, _SPEED_ZERO)[0], self.n, self._ratios)
+        without = np.isnan(C).any(axis=(1, 2))
+        if without.any():
+            raise MatricesError(
+                f"damping ratios: at phase {phase[np.argmax(without)]:.4g} and speed 0 K is not symmetric or "
+                "not positive, so that there are no modes; state the dissipation instead"
+            )
+        return C
+
+
+def damped(entries: Array, n: int, ratios: Array) -> Array:
+    """Modal damping (m, n, n) for M and K in entries (m, 3n² + n) by rows, ratios (k,) or (m, k); NaN where
+    there are no modes."""
+    M, _, K, _ = split_entries(entries, n)
+    C, valid = np.full(M.shape, np.nan), has_modes(M, K)
+    if valid.any():
+        by_phase = np.broadcast_to(ratios, (len(M), ratios.shape[-1]))
+        C[valid] = modal_damping(M[valid], K[valid], by_phase[valid])
+    return C

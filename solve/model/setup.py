@@ -1,4 +1,4 @@
-"""A generated module with the case and the options that were chosen for it."""
+"""Setup of a model: generated module, case and options."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,30 +8,28 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.contracts import Formulas
 from solve.errors import ValueOutOfBoundsError
-from solve.model.bounds import checked_parameters, measured
+from solve.model.bounds import checked_options, checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.domain import Domain
-from solve.model.formulas import c_text
-from solve.model.options import checked_options
-from solve.model.roundoff import roundoff_bound
+from solve.model.formulas import c_text, roundoff_bound
 from solve.model.sampling import Sampler, folded
 
 if TYPE_CHECKING:
     import casadi
 
-_PHASES = 720
-"""Phases of a period at which conditions on the parameters are looked at."""
+_CONDITION_PHASES = 720
+"""Phases per period at which conditions on the parameters are checked. A choice."""
 
-_ALIKE = 1e-12
-"""Part of the period up to which breaks are one."""
+SAMPLES = {"points": 1, "curve": 361, "beam": 33}
+"""Points drawn per stated element of a line, by the kind of the line."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A generated module, a case with a value for every parameter in its own unit, every option's value."""
+    """Generated module, case with a value in the declared unit for every parameter, and all options."""
 
     module: ModuleType
     case: Case
@@ -49,18 +47,18 @@ class Setup:
         return setup
 
     def varied(self, parameters: Mapping[str, float], options: Mapping[str, Any]) -> "Setup":
-        """The same with some of them changed."""
+        """Setup with some parameters and options changed."""
         return Setup.checked(self.module, self.case.replaced(parameters), {**self.options, **options})
 
     @cached_property
     def p(self) -> Array:
-        """The parameters in the order of the generated functions."""
+        """Parameters in the order of the generated functions."""
         return np.array(list(self.case.parameters.values()))
 
     @cached_property
     def ratios(self) -> Array | None:
-        """Damping ratios (k,) of the modes in the order of rising frequencies, the last of all others; None
-        where the mechanism states none."""
+        """Damping ratios (k,) of the modes by ascending frequency; the last holds for all higher modes. None
+        if the mechanism states none."""
         if not hasattr(self.module, "damping_ratios"):
             return None
         return self.function("damping_ratios")(self.p).full().ravel()
@@ -72,32 +70,33 @@ class Setup:
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Phases at which the generated matrices jump or have kinks, rising. Raises ValueOutOfBoundsError."""
+        """Phases at which the generated matrices have jumps or kinks, ascending. Raises
+        ValueOutOfBoundsError."""
         return self.breaks_with(self.p)
 
     def breaks_with(self, p: Array) -> tuple[float, ...]:
-        """The same with other parameters, in the order of the generated functions."""
-        found = getattr(self.module, "BREAKS", ())
+        """Breaks for other parameters, in the order of the generated functions."""
+        phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
-                found = self.module.breaks(None, p.tolist(), **self._module_options)
+                phases = self.module.breaks(None, p.tolist(), **self._module_options)
             except ValueError as error:
                 raise ValueOutOfBoundsError(f"{self.module.NAME}: {error}") from None
-        return tuple(sorted(set(found)))
+        return tuple(sorted(set(phases)))
 
     @property
     def _module_options(self) -> dict[str, Any]:
-        """Options of the generated functions; a structure's elements concern its assembly, not these."""
+        """Options of the generated functions; those of a structure's elements concern its assembly only."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
-        """A generated function."""
+        """Generated function of this name."""
         return getattr(self.module, name)(**self._module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
-        """A generated function at many phases, each with values of its own for the free parameters."""
+        """Generated function at many phases, with separate values of the free parameters at each."""
         order = list(self.case.parameters)
-        return Sampler(folded(self.function(name), self.p, [order.index(each) for each in free]))
+        return Sampler(folded(self.function(name), self.p, [order.index(parameter) for parameter in free]))
 
     @cached_property
     def residual_roundoff(self) -> Sampler:
@@ -109,16 +108,16 @@ class Setup:
         self,
         name: str,
         varied: Sequence[str],
-        made: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]" = folded,
+        transform: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]" = folded,
     ) -> Formulas | None:
-        """What is made of a generated function as C, with the parameters that are 0 folded in unless they are
+        """C code of a transformed generated function. Parameters that are 0 are substituted unless they are
         `varied`."""
         order = list(self.case.parameters)
-        kept = [k for k, each in enumerate(order) if self.p[k] != 0 or each in varied]
-        function = made(self.function(name), self.p, kept)
+        free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
+        function = transform(self.function(name), self.p, free)
         text = c_text(function)
-        names = tuple(order[k] for k in kept)
-        return Formulas(text, function.size1_out(0), names, self.p[kept]) if text else None
+        names = tuple(order[k] for k in free)
+        return Formulas(text, function.size1_out(0), names, self.p[free]) if text else None
 
     @cached_property
     def domain(self) -> Domain | None:
@@ -141,44 +140,50 @@ class Setup:
 
     @property
     def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:
-        """What the module demands of its parameters beyond the bound of each, such as lengths with which a
-        linkage can turn: the condition, its meaning, and the parameters that it concerns."""
+        """Conditions on several parameters, such as lengths with which a linkage can turn: the condition, its
+        meaning, and the parameters concerned."""
         return getattr(self.module, "CONDITIONS", ())
 
     @cached_property
     def condition_phases(self) -> Array:
-        """Phases all over the period at which the conditions must hold; one where none depends on it."""
+        """Phases over the period at which the conditions must hold; one if none depends on the phase."""
         over_phase = self.function("conditions").jac_sparsity(0, 0).nnz() > 0
-        return (np.arange(_PHASES if over_phase else 1) + 0.5) * (self.module.PERIOD / _PHASES)
+        return (np.arange(_CONDITION_PHASES if over_phase else 1) + 0.5) * (
+            self.module.PERIOD / _CONDITION_PHASES
+        )
 
     def require_conditions(self) -> None:
-        """Raise ValueOutOfBoundsError where parameters contradict each other."""
+        """Raise ValueOutOfBoundsError if the parameters violate a condition."""
         if not self.conditions:
             return
         margins = self.function("conditions")(self.condition_phases[None], self.p).full()
         units = {name: unit for name, unit, *_ in self.module.PARAMETERS}
         for (condition, meaning, names), margin in zip(self.conditions, margins, strict=True):
             if not (margin > 0).all():
-                given = ", ".join(
+                values = ", ".join(
                     f"{name} = {measured(self.case.parameters[name], units[name])}" for name in names
                 )
                 raise ValueOutOfBoundsError(
-                    f"{meaning}: {condition} does not hold for {given}; choose numbers for which it does"
+                    f"{meaning}: {condition} does not hold for {values}; choose numbers for which it does"
                 )
 
-
-def followed(breaks: Array, moved: Array, period: float) -> Array:
-    """The breaks (b,) where they have moved to (c,), each to the nearest around the period. Raises
-    ValueOutOfBoundsError where some have met or parted."""
-    ends = _different(moved, period)
-    apart = (ends - breaks[:, None] + period / 2) % period - period / 2
-    nearest = np.abs(apart).argmin(axis=1)
-    if not len(set(nearest.tolist())) == len(ends) == len(_different(breaks, period)):
-        raise ValueOutOfBoundsError("jumps meet, or part; change what moves them a little")
-    return breaks + apart[np.arange(len(breaks)), nearest]
-
-
-def _different(breaks: Array, period: float) -> Array:
-    """Those that differ by more than rounding around the period."""
-    phases = np.sort(breaks % period)
-    return phases[np.diff(phases, append=phases[:1] + period) > _ALIKE * period]
+    def stated_lines(self, phase: Array, speed: float, q: Array) -> dict[str, Plane]:
+        """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
+        (k,). Raises ValueOutOfBoundsError for a line without finite points."""
+        lines: dict[str, Plane] = {}
+        if not getattr(self.module, "SKETCH", ()):
+            return lines
+        function = self.function("sketch")
+        for number, (name, _, kind) in enumerate(self.module.SKETCH):
+            samples = SAMPLES[kind]
+            fractions = np.tile(np.linspace(0.0, 1.0, samples), len(phase))
+            columns = np.repeat(np.vstack((phase, np.full(len(phase), speed), q)), samples, axis=1)
+            values = function.call([columns[:1], columns[1:2], columns[2:], fractions[None], self.p])
+            coordinates = values[number].full()
+            points = coordinates[::2] + 1j * coordinates[1::2]
+            if not np.isfinite(points).all():
+                raise ValueOutOfBoundsError(
+                    f"sketch {name} of {self.module.NAME} has no place at some phase; look at its parameters"
+                )
+            lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
+        return lines

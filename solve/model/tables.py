@@ -1,4 +1,4 @@
-"""Measured functions of an angle: CSV tables, and the Fourier series that fit them by least squares."""
+"""Measured functions of an angle: CSV tables, and Fourier series fitted to them by least squares."""
 
 import csv
 import math
@@ -11,21 +11,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array
 from solve.errors import CaseFileError, UnitError, cause
-from solve.sizes import require_size
 from solve.units import conversion
 
 _NUMBERS_A_BYTE = 8
-_TURN = 2 * math.pi
-_WHOLE = 1e-9
-"""Part of a turn by which angles may differ and be the same."""
+"""Memory per byte of a table while it is read, in numbers. An upper estimate, for the memory limit."""
+_REVOLUTION = 2 * math.pi
+_SAME_ANGLE = 1e-9
+"""Distance of angles, in revolutions, below which they coincide. A choice."""
 
 
 class Series(NamedTuple):
-    """A periodic function as a generated module declares it: k = 1 … harmonics with parameters FIRST1, …
-    and SECOND1, …; form "cosine-sine" or "amplitude-phase"; integrated where the coefficients are those of
-    its derivative; mean "" where it has none."""
+    """Periodic function declared by a generated module, with harmonics k = 1 … `harmonics`.
+
+    form: "cosine-sine" or "amplitude-phase". integrated: whether the coefficients are those of the
+    derivative. mean: name of the parameter of the mean, "" without one. first, second: prefixes of the
+    parameters FIRST1, … and SECOND1, ….
+    """
 
     name: str
     form: str
@@ -38,10 +42,10 @@ class Series(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A series fitted to rows of a table.
+    """Fit of a series to the rows of a table.
 
-    name: of the series, with ' for its derivative. angles (m,) in rad, values (m,) in `unit`; coefficients
-    (1 + 2 harmonics,): mean, cosines, sines; parameters: what the model calls them.
+    name: series, with ' for its derivative. angles (m,): rad. values (m,): in `unit`. coefficients
+    (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of the model.
     """
 
     name: str
@@ -57,33 +61,32 @@ class Fit:
         return len(self.coefficients) // 2
 
     def at(self, angles: Array) -> Array:
-        """The fitted function."""
+        """Values of the fitted function."""
         return _columns(angles, self.harmonics) @ self.coefficients
 
     @cached_property
     def errors(self) -> Array:
-        """Of the fitted function at the rows (m,)."""
+        """Errors of the fitted function at the rows (m,)."""
         return self.at(self.angles) - self.values
 
     @property
     def sentence(self) -> str:
-        """What was fitted, and how well."""
+        """Sentence on the fit and its errors."""
         largest, rms = np.abs(self.errors).max(), math.sqrt(np.mean(self.errors**2))
-        part = 100 * largest / (np.ptp(self.values) or 1.0)
+        percent = 100 * largest / (np.ptp(self.values) or 1.0)
         return (
             f"{self.name} is fitted to {self.table} by {self.harmonics} harmonics: off by up to "
-            f"{largest:.3g} {self.unit}, {part:.3g} % of its range, and by {rms:.3g} {self.unit} rms"
+            f"{largest:.3g} {self.unit}, {percent:.3g} % of its range, and by {rms:.3g} {self.unit} rms"
         )
 
 
 def fitted(
     name: str, path: Path, columns: Sequence[str], harmonics: int | None, series: Series, unit: str
 ) -> Fit:
-    """A declared series from a table; harmonics beyond those fitted are 0.
+    """Fit a declared series to a table; harmonics that are not fitted are 0.
 
-    name: of the series, or with ' of its derivative. columns: headers of angle and value, with units in
-    brackets. harmonics: all that are declared by default. unit: that of the parameters.
-    Raises CaseFileError, UnitError.
+    name: series, with ' for its derivative. columns: headers of angle and value, with units in brackets.
+    harmonics: by default all declared ones. unit: unit of the parameters. Raises CaseFileError, UnitError.
     """
     most = series.harmonics
     if harmonics is not None and (type(harmonics) is not int or not 1 <= harmonics <= most):
@@ -95,7 +98,7 @@ def fitted(
         raise CaseFileError(f"{name} is given by its own coefficients; give a table of {name[:-1]}")
     order = most if harmonics is None else harmonics
     angles, values = _read(name, path, columns, unit)
-    _require_turn(name, path, angles, order)
+    _require_revolution(name, path, angles, order)
     has_mean = bool(series.mean) or (series.integrated and not derivative)
     matrix = _columns(angles, order)[:, 0 if has_mean else 1 :]
     solution = np.linalg.lstsq(matrix, values)[0]
@@ -110,42 +113,42 @@ def _columns(angles: Array, harmonics: int) -> Array:
 
 
 def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[str, float]:
-    """What the model calls the coefficients."""
+    """Parameters of the model for the coefficients."""
     k = np.arange(1, len(coefficients) // 2 + 1)
     cosine, sine = coefficients[1:].reshape(2, -1)
     if series.integrated and not derivative:
         cosine, sine = k * sine, -k * cosine
     if series.form == "amplitude-phase":
         cosine, sine = np.hypot(cosine, sine), np.arctan2(-sine, cosine)
-    found = {series.mean: float(coefficients[0])} if series.mean else {}
+    parameters = {series.mean: float(coefficients[0])} if series.mean else {}
     for prefix, numbers in ((series.first, cosine), (series.second, sine)):
         padded = [*numbers.tolist(), *[0.0] * (series.harmonics - len(k))]
-        found |= {f"{prefix}{i}": number for i, number in enumerate(padded, start=1)}
-    return found
+        parameters |= {f"{prefix}{i}": number for i, number in enumerate(padded, start=1)}
+    return parameters
 
 
-def _require_turn(name: str, path: Path, angles: Array, harmonics: int) -> None:
-    """Raise CaseFileError unless the angles are different and cover one turn densely enough."""
+def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) -> None:
+    """Raise CaseFileError unless the angles are distinct and cover one revolution densely enough."""
     if len(angles) < 2 * harmonics + 1:
         raise CaseFileError(
             f"{name}: {path.name} has {len(angles)} rows; {harmonics} harmonics need {2 * harmonics + 1} or "
             "more"
         )
-    rising = np.sort(angles)
-    gaps, span = np.diff(rising), float(rising[-1] - rising[0])
-    if gaps.min() < _WHOLE * _TURN:
-        twice = math.degrees(rising[np.argmin(gaps)])
+    ordered = np.sort(angles)
+    gaps, span = np.diff(ordered), float(ordered[-1] - ordered[0])
+    if gaps.min() < _SAME_ANGLE * _REVOLUTION:
+        twice = math.degrees(ordered[np.argmin(gaps)])
         raise CaseFileError(f"{name}: {path.name} has the angle {twice:.6g} deg twice; give each once")
-    if span > _TURN * (1 + _WHOLE):
+    if span > _REVOLUTION * (1 + _SAME_ANGLE):
         raise CaseFileError(
-            f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one turn, 360 deg"
+            f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one revolution, 360 deg"
         )
-    gaps = np.append(gaps, _TURN - span)
-    widest, wave = float(gaps.max()), _TURN / harmonics
-    if widest >= wave / 2 * (1 - _WHOLE):
-        start = math.degrees(rising[np.argmax(gaps)])
+    gaps = np.append(gaps, _REVOLUTION - span)
+    widest, wave = float(gaps.max()), _REVOLUTION / harmonics
+    if widest >= wave / 2 * (1 - _SAME_ANGLE):
+        start = math.degrees(ordered[np.argmax(gaps)])
         raise CaseFileError(
-            f"{name}: {path.name} does not cover the turn: no row between {start:.6g} deg and "
+            f"{name}: {path.name} does not cover the revolution: no row between {start:.6g} deg and "
             f"{start + math.degrees(widest):.6g} deg, half a wave of harmonic {harmonics} or more; add "
             "rows or fit fewer harmonics"
         )
@@ -168,7 +171,7 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
 
 
 def cells_of(name: str, path: Path) -> list[list[str]]:
-    """Cells of the lines that are not empty, the header first; comma, semicolon or tab divide them."""
+    """Cells of the nonempty lines, header first, separated by comma, semicolon or tab."""
     try:
         if path.exists() and not path.is_file():
             raise CaseFileError(f"{name}: table '{path}' is no file; give a CSV file")
@@ -181,8 +184,8 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
         ) from None
     if not lines:
         raise CaseFileError(f"{name}: table '{path}' is empty; give a header and rows")
-    divider = max(",;\t", key=lines[0].count)
-    header, *rows = ([cell.strip() for cell in row] for row in csv.reader(lines, delimiter=divider))
+    delimiter = max(",;\t", key=lines[0].count)
+    header, *rows = ([cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter))
     long = next((row for row in rows if any(row[len(header) :])), None)
     if long is not None:
         raise CaseFileError(
@@ -193,6 +196,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
 
 
 def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
+    """Finite number in the cell `place` of a row. Raises CaseFileError."""
     text = row[place] if place < len(row) else ""
     try:
         number = float(text)
@@ -207,16 +211,16 @@ def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
 
 
 def size_in_header(name: str, column: str, unit: str) -> float:
-    """Size of the unit that ends a column's header in brackets."""
-    found = re.search(r"\(([^()]*)\)\s*$", column)
-    if not found:
+    """Size, in `unit`, of the unit in brackets at the end of a column header."""
+    bracket = re.search(r"\(([^()]*)\)\s*$", column)
+    if not bracket:
         raise CaseFileError(f"{name}: column '{column}' has no unit; write it as in 'angle (deg)'")
     try:
-        return conversion(found[1].strip(), unit)
+        return conversion(bracket[1].strip(), unit)
     except UnitError as error:
         raise UnitError(f"{name}: column '{column}': {error}") from None
 
 
 def series_of(rows: Sequence[Sequence]) -> Mapping[str, Series]:
-    """By name, of the rows of a generated module."""
+    """Series by name, from the rows of a generated module."""
     return {row[0]: Series(*row) for row in rows}

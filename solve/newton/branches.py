@@ -4,15 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED
 from solve.methods.radau import Radau
-from solve.newton.following import Point, followed
+from solve.newton.arclength import follow_branch
+from solve.newton.branch_points import ContinuationParameter, Point
 from solve.newton.iteration import Task
 from solve.newton.orbits import nonlinear
-from solve.newton.parameter import ContinuationParameter
 from solve.newton.starts import Start
 from solve.results.branch import Branch
 from solve.system import PeriodicSystem, of_system
@@ -20,9 +20,9 @@ from solve.units import checked_rtol, ramp_in_si
 
 _FIELDS = "figures", "figure_errors", "radius", "errors", "repeats"
 
-_FIRST = 1e-3
-"""Accuracy at least of the orbit from which a branch starts, whose steps the next orbits take: on coarser
-grids Newton's iteration along the branch may diverge. The cam at 300 rpm: at 1e-2, not at 3e-3."""
+_MAX_START_RTOL = 1e-3
+"""Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
+grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it does at 1e-2, not at 3e-3."""
 
 
 @of_system
@@ -78,13 +78,13 @@ def branch(
         raise ValueOutOfBoundsError(
             f"speeds are {speeds!r}; give two different ones above 0, such as '300:600 rpm'"
         )
-    require_whole("points", points, 2)
+    require_integer("points", points, 2)
     rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
-    orbit = nonlinear(system, first, start, periods, rtol=min(rtol, _FIRST), engine=engine)
+    orbit = nonlinear(system, first, start, periods, rtol=min(rtol, _MAX_START_RTOL), engine=engine)
     task = Task(system.shown_in(first), float(first), int(periods), Radau(), used, rtol)
     parameter = ContinuationParameter(task)
-    found, ended = followed(parameter, (float(first), float(last)), orbit, int(points))
-    return _result(parameter, found, ended, notes)
+    branch_points, ended = follow_branch(parameter, (float(first), float(last)), orbit, int(points))
+    return _result(parameter, branch_points, ended, notes)
 
 
 def _result(

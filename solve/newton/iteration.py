@@ -1,6 +1,7 @@
 """Newton's iteration for a nonlinear orbit (Newton–Kantorovich): every correction is a linear periodic
 problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value
-Problems, 2.3.4), damped until corrections fall (P. Deuflhard, Newton Methods for Nonlinear Problems, 3.3)."""
+Problems, 2.3.4), damped until corrections decrease (P. Deuflhard, Newton Methods for Nonlinear Problems,
+3.3)."""
 
 import math
 from collections.abc import Sequence
@@ -10,8 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import corrected, correction
-from solve.certify.scale import CoordinateScale
+from solve.certify.correction import CoordinateScale, corrected, correction
 from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
@@ -19,7 +19,7 @@ from solve.methods.collocation import Collocated, Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
 from solve.period.curve import Curve
-from solve.period.frozen import Frozen
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.points import Multiplied, OnePoint, Points
 from solve.period.rigid_body import RigidBodyModes
@@ -27,26 +27,28 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.threads import one_thread
 
-_MOST = 40
-"""Corrections after which an iteration is given up."""
+_MAX_CORRECTIONS = 40
+"""Maximum number of corrections. A choice."""
 
-_LEAST_PART = 1 / 64
-"""Part of a correction below which none is tried."""
+_MIN_DAMPING = 1 / 64
+"""Least damping factor of a correction. A choice."""
 
 _STALLED = 1e-6
-"""Size below which corrections that fall no more are rounding."""
+"""Relative size below which corrections that no longer decrease are round-off. A choice: far above eps times
+the condition number of usual systems, far below a useful rtol."""
 
-_PART_OF_RTOL = 0.01
-"""What the last correction may be of the tolerance of the orbit."""
+_RTOL_FRACTION = 0.01
+"""Largest last correction as a fraction of the tolerance of the orbit. A choice: quadratic convergence leaves
+an error far below the correction."""
 
 _COARSE = 256
-"""Steps from which on a grid is not to blame where the iteration does not converge."""
+"""Number of steps above which a finer grid is not expected to make the iteration converge. A choice."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """The orbit to find: of a system at a speed (rad/s), over so many of its periods, by a method on grids
-    whose corrections end at rtol; factors (1, n): by which equations in far units are multiplied."""
+    """Orbit to find: of a system at a speed (rad/s), over a number of its periods, by a method, to a
+    tolerance. factors (1, n): multipliers of the equations, if their units differ by orders of magnitude."""
 
     system: PeriodicSystem
     speed: float
@@ -56,23 +58,24 @@ class Task:
     rtol: float
     factors: Array | None = None
 
-    def in_words(self, speed: float) -> str:
-        """A speed (rad/s)."""
+    def speed_text(self, speed: float) -> str:
+        """Text of a speed (rad/s) with its unit."""
         return self.system.speed_unit.text(speed, ".4g")
 
     @property
     def period(self) -> float:
-        """In phase."""
+        """Period of the orbit in phase."""
         return self.periods * self.system.period
 
     def grid(self, steps: int) -> Grid:
-        """About `steps` steps over the orbit's period."""
-        turns = np.arange(self.periods) * self.system.period
-        breaks = tuple(float(b) for phase in self.system.breaks for b in phase + turns)
+        """Grid of about `steps` steps over the period of the orbit."""
+        offsets = np.arange(self.periods) * self.system.period
+        breaks = tuple(float(b) for phase in self.system.breaks for b in phase + offsets)
         return Grid.uniform(steps, self.period, breaks)
 
     @cached_property
     def rigid(self) -> RigidBodyModes | None:
+        """Rigid-body modes at rest, if any."""
         return rigid_at_rest(self.system, self.speed)
 
     def rest(self, grid: Grid) -> Curve:
@@ -82,7 +85,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Converged:
-    """The last iterate, the corrections that led there, and the size of the last one."""
+    """Last iterate, number of corrections, and relative size of the last correction."""
 
     solutions: Solutions
     iterations: int
@@ -90,65 +93,66 @@ class Converged:
 
     @property
     def curve(self) -> Curve:
+        """Curve of the orbit."""
         curve = self.solutions.curve
         assert isinstance(curve, Curve)
         return curve[0]
 
 
 def at_rest(n: int, grid: Grid) -> Curve:
-    """q = 0 of n coordinates on a grid."""
+    """Motion q = 0 of n coordinates on a grid."""
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
 
 
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
-    """Rigid-body modes of a system linearised about the desired motion, None where it has none."""
-    found = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
-    return None if found is None else found.modes
+    """Rigid-body modes of a system linearised about the fundamental motion, None if it has none."""
+    free_machine = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
+    return None if free_machine is None else free_machine.modes
 
 
 def without_zeros(sizes: Array) -> Array:
-    """Sizes (n,) of coordinates, those that are 0 as large as the largest, or 1 where all are."""
+    """Sizes (n,) of coordinates, with zeros replaced by the largest, or by 1 if all are zero."""
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
-def iterated(task: Task, start: Motion, grid: Grid, most: int = _MOST) -> Converged:
-    """Newton's iteration on a grid from a motion. Raises NoOrbitError, which says how far it came."""
+def iterate(task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS) -> Converged:
+    """Newton's iteration on a grid from a motion. Raises NoOrbitError, which states the progress."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
-        return _iterated(task, start, grid, most)
+        return _iterate(task, start, grid, most)
 
 
-def _iterated(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
-    measure, curve = _Measure(task, grid), on(grid, start)
-    found = _corrected(task, curve, grid)
-    size, part, smallest, count = measure(curve, found), 1.0, math.inf, 0
+def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
+    norm, curve = _CorrectionNorm(task, grid), on(grid, start)
+    corrected = _correct(task, curve, grid)
+    size, damping, smallest, count = norm(curve, corrected), 1.0, math.inf, 0
     while count < most:
         count += 1
         smallest = min(smallest, size)
-        if size <= _PART_OF_RTOL * task.rtol:
-            return measure.converged(curve, found, count)
-        trial = between(curve, Converged(found, count, size).curve, part)
+        if size <= _RTOL_FRACTION * task.rtol:
+            return norm.converged(curve, corrected, count)
+        trial = interpolate(curve, Converged(corrected, count, size).curve, damping)
         try:
-            after = _corrected(task, trial, grid)
+            after = _correct(task, trial, grid)
         except LinearModelError:
             raise
         except SolveError:
             after = None
-        then = math.inf if after is None else measure(trial, after)
-        if not then <= (1 - part / 4) * size and measure.refined(curve, found):
-            size = measure(curve, found)
-            then = math.inf if after is None else measure(trial, after)
-        if size < _STALLED and then > size / 2:
-            return measure.converged(curve, found, count)
-        if after is not None and then <= (1 - part / 4) * size:
-            curve, found, size, part = trial, after, then, min(1.0, 2 * part)
-        elif part <= _LEAST_PART:
+        next_size = math.inf if after is None else norm(trial, after)
+        if not next_size <= (1 - damping / 4) * size and norm.refined(curve, corrected):
+            size = norm(curve, corrected)
+            next_size = math.inf if after is None else norm(trial, after)
+        if size < _STALLED and next_size > size / 2:
+            return norm.converged(curve, corrected, count)
+        if after is not None and next_size <= (1 - damping / 4) * size:
+            curve, corrected, size, damping = trial, after, next_size, min(1.0, 2 * damping)
+        elif damping <= _MIN_DAMPING:
             break
         else:
-            part /= 2
+            damping /= 2
     raise NoOrbitError(f"after {count} corrections the least was {smallest:.1e} of the orbit")
 
 
-class _Measure:
+class _CorrectionNorm:
     """Norm of corrections: relative to max|q| of each coordinate or, once these no longer decrease, to scales
     that do not vanish with the coordinates; 0 for corrections within round-off."""
 
@@ -157,57 +161,57 @@ class _Measure:
         self._floor, self._roundoff = np.zeros((2, task.system.n))
         self._curve: Curve | None = None
 
-    def __call__(self, curve: Curve, found: Solutions) -> float:
+    def __call__(self, curve: Curve, solutions: Solutions) -> float:
         """Norm of the correction to a curve: the largest over the coordinates."""
-        change, largest = correction(curve, found)
+        change, largest = correction(curve, solutions)
         return self._relative(np.where(change > self._roundoff, change, 0.0), largest)
 
     def _relative(self, change: Array, largest: Array) -> float:
         scale = np.maximum(largest, self._floor)
         return float((change / np.where(scale > 0, scale, 1.0)).max())
 
-    def refined(self, curve: Curve, found: Solutions) -> bool:
+    def refined(self, curve: Curve, solutions: Solutions) -> bool:
         """Compute the scales along a curve; False if they are already known."""
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
         along = task.system.along(curve, columns_by(task.engine))
         scale = CoordinateScale(along, curve, task.speed, self._grid.steps)
-        change, largest = correction(curve, found)
+        change, largest = correction(curve, solutions)
         self._floor, self._roundoff = scale.of(largest), np.zeros_like(largest)
         if self._relative(change, largest) > _STALLED:
             self._floor, self._roundoff = scale.of(largest, roundoff=True), scale.roundoff
         return True
 
-    def converged(self, curve: Curve, found: Solutions, count: int) -> Converged:
+    def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
         """Converged result; coordinates that are zero within round-off are set to zero."""
-        size, reached = self._relative(*correction(curve, found)), Converged(found, count, 0.0).curve
+        size, reached = self._relative(*correction(curve, solutions)), Converged(solutions, count, 0.0).curve
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
             moving = np.where(zero[:, None, None], 0.0, reached.coefficients)[None]
-            found = replace(found, curve=Curve(reached.nodes, moving))
-        return Converged(found, count, size)
+            solutions = replace(solutions, curve=Curve(reached.nodes, moving))
+        return Converged(solutions, count, size)
 
 
-def between(one: Curve, other: Curve, part: float) -> Curve:
-    """The curve that lies a part of the way from one to the other, or beyond; both on the same nodes."""
-    return other if part == 1 else summed(one, part, summed(other, -1.0, one))
+def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:
+    """Curve at a fraction of the way from one to the other, or beyond; both on the same nodes."""
+    return other if fraction == 1 else add(one, fraction, add(other, -1.0, one))
 
 
-def summed(one: Curve, part: float, other: Curve) -> Curve:
-    """One curve and a part of another, both on the same nodes."""
-    powers = max(each.coefficients.shape[-1] for each in (one, other))
-    made = np.zeros((*one.coefficients.shape[:-1], powers))
-    made[..., : one.coefficients.shape[-1]] = one.coefficients
-    made[..., : other.coefficients.shape[-1]] += part * other.coefficients
-    return Curve(one.nodes, made, drift=_drift(one, part, other))
+def add(one: Curve, factor: float, other: Curve) -> Curve:
+    """Sum of a curve and a multiple of another, both on the same nodes."""
+    powers = max(curve.coefficients.shape[-1] for curve in (one, other))
+    total = np.zeros((*one.coefficients.shape[:-1], powers))
+    total[..., : one.coefficients.shape[-1]] = one.coefficients
+    total[..., : other.coefficients.shape[-1]] += factor * other.coefficients
+    return Curve(one.nodes, total, drift=_drift(one, factor, other))
 
 
-def _drift(one: Curve, part: float, other: Curve) -> Array | None:
+def _drift(one: Curve, factor: float, other: Curve) -> Array | None:
     if one.drift is None and other.drift is None:
         return None
     first, second = (np.zeros(curve.n) if curve.drift is None else curve.drift for curve in (one, other))
-    return first + part * second
+    return first + factor * second
 
 
 def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
@@ -217,17 +221,17 @@ def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) 
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:
         vectors = rigid.vectors[0]
-        shares = np.linalg.pinv(vectors) @ q
-        velocities = (shares[:, -1] - shares[:, 0]) / period
+        components = np.linalg.pinv(vectors) @ q
+        velocities = (components[:, -1] - components[:, 0]) / period
         steady = vectors @ velocities
-        q = q - vectors @ shares.mean(axis=1, keepdims=True) - steady[:, None] * (nodes - period / 2)
+        q = q - vectors @ components.mean(axis=1, keepdims=True) - steady[:, None] * (nodes - period / 2)
         v = v - steady[:, None]
         drift = vectors @ np.where(rigid.dragged[0], velocities, 0.0)
     return replace(Curve.quintic(nodes, q.T, v.T, a.T[:-1], a.T[1:]), drift=drift)
 
 
 def on(grid: Grid, motion: Motion) -> Curve:
-    """A motion on the nodes of a grid."""
+    """Curve of a motion on the nodes of a grid."""
     if isinstance(motion, Curve) and np.array_equal(motion.nodes, grid.nodes):
         return motion
     ends = grid.stages(np.array([0.0, 1.0]))
@@ -238,19 +242,19 @@ def on(grid: Grid, motion: Motion) -> Curve:
     return curve if drift is None else replace(curve, drift=drift)
 
 
-def _corrected(task: Task, curve: Curve, grid: Grid) -> Solutions:
+def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
     return corrected(task.system, curve, task.speed, task.method, grid, task.engine, task.factors)
 
 
 class Newton(Method):
-    """The converged iteration on each grid as a method of one point, for `certified` to compare grids: each
-    starts from the last curve of the finest. found: the iteration on the first grid, where it has converged
-    by the task's own method."""
+    """Converged iteration on each grid as a method of one point, for `certified` to compare grids. Each
+    starts from the last curve of the finest grid. found: converged iteration by the task's method on the
+    first grid, if known."""
 
     def __init__(self, task: Task, start: Motion, steps: int = 0, found: Converged | None = None):
         method = task.method
         self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found
-        # The curve enters the next linearisation, whose solution is no more exact than it.
+        # The curve enters the next linearisation, whose solution is not more accurate than the curve.
         self._set(name=method.name, l_stable=method.l_stable, follows=method.follows, samples_evenly=False)
         self._set(order=method.curve_order, curve_order=method.curve_order)
 
@@ -280,7 +284,7 @@ class Newton(Method):
     def corrector(self) -> Collocated:
         return self.task.method
 
-    def least_steps(self, modes: Frozen) -> Array:
+    def least_steps(self, modes: FrozenModes) -> Array:
         """Coarser grids than that of the first start may have no orbit near it."""
         return np.full(len(modes), int(self.first / 1.2))
 
@@ -299,7 +303,7 @@ class Newton(Method):
             found, task = None, replace(task, factors=point.factors)
         try:
             if found is None or not np.array_equal(found.solutions.grid.nodes, grid.nodes):
-                found = iterated(task, self.start, grid)
+                found = iterate(task, self.start, grid)
         except NoOrbitError as reason:
             if grid.steps < _COARSE:
                 raise StepsError(str(reason)) from None

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from solve.argument import require_whole
-from solve.certify.all_multipliers import Spectrum, refined, rigid_multipliers
+from solve.arguments import require_integer
+from solve.certify.all_multipliers import Spectrum, refined_multipliers, rigid_multipliers
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
@@ -19,24 +19,24 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
-from solve.newton.continuation import by_load, by_speed
-from solve.newton.iteration import Converged, Newton, Task, at_rest, iterated
-from solve.newton.settling import by_transient
+from solve.newton.iteration import Converged, Newton, Task, at_rest, iterate
 from solve.newton.starts import Start, motion_of
+from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import speed_in_si
 
 _STEPS = 64, 128
-"""Of a period on the grids on which orbits are looked for; the last where one is followed."""
+"""Steps per period of the grids on which orbits are sought; continuation uses the last. Choices."""
 
 _TRANSIENT = "transient"
-_WAYS = ("linear orbit", "load", "speed", _TRANSIENT)
-"""In their order; for several periods the transient is first, as the others lead to an orbit of one."""
+_STRATEGIES = ("linear orbit", "load", "speed", _TRANSIENT)
+"""Strategies in their order; for several periods the transient comes first, as the others converge to an
+orbit of one period."""
 
 
 @of_system
@@ -101,13 +101,13 @@ def nonlinear(
     one stage more; multipliers are those of the converged linearisation.
     """
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
-    require_whole("periods", periods)
-    asked = request(steps, rtol, used, True)
+    require_integer("periods", periods)
+    solve_request = request(steps, rtol, used, True)
     system.checked(omega)
     system = system.shown_in(omega)
-    task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, asked.rtol)
+    task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, solve_request.rtol)
     search = _Search(task, steps, notes, all_multipliers)
-    return search.found() if start is None else search.certified(search.iterated(start), "start")
+    return search.find() if start is None else search.certified(search.iterate(start), "start")
 
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
@@ -122,93 +122,95 @@ def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
 
 @dataclass(frozen=True)
 class _Search:
-    """Ways to an orbit, on grids of so many steps or, without, of few; notes: what the engine has to say;
-    every: whether each multiplier shall have its digits."""
+    """Search for an orbit by several strategies. steps: of the grid, chosen if None; notes: of the engine;
+    all_multipliers: whether `rtol` applies to each multiplier."""
 
     task: Task
     steps: int | None
     notes: Sequence[str]
-    every: bool = False
+    all_multipliers: bool = False
 
     @property
     def grids(self) -> list[Grid]:
-        """Those on which orbits are looked for; the last where one is followed."""
-        counts = [each * self.task.periods for each in _STEPS] if self.steps is None else [self.steps]
+        """Grids on which orbits are sought; continuation uses the last."""
+        counts = [steps * self.task.periods for steps in _STEPS] if self.steps is None else [self.steps]
         return [self.task.grid(count) for count in counts]
 
-    def found(self) -> NonlinearOrbit:
-        """By the first way that leads to an orbit; where that is unstable, what a transient settles on, if it
-        does on one that is not."""
-        ways = _WAYS if self.task.periods == 1 else (_TRANSIENT, *_WAYS[:-1])
+    def find(self) -> NonlinearOrbit:
+        """Orbit by the first successful strategy. If it is unstable, the orbit on which a transient settles
+        is preferred, provided that this one is not unstable."""
+        strategies = _STRATEGIES if self.task.periods == 1 else (_TRANSIENT, *_STRATEGIES[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None
-        with progress.steps(len(ways)) as step:
-            for way in ways:
-                if unstable is not None and way != _TRANSIENT:
+        with progress.steps(len(strategies)) as step:
+            for strategy in strategies:
+                if unstable is not None and strategy != _TRANSIENT:
                     continue
-                step(f"by the {way}")
+                step(f"by the {strategy}")
                 try:
-                    orbit = self._by(way, failed)
+                    orbit = self._orbit_by(strategy, failed)
                 except UnbalancedLoadError:
                     raise
                 except SolveError as error:
-                    failed.append(f"by the {way}: {error}")
+                    failed.append(f"by the {strategy}: {error}")
                     continue
-                if orbit.verdict != "unstable" or (way == _TRANSIENT and unstable is None):
+                if orbit.verdict != "unstable" or (strategy == _TRANSIENT and unstable is None):
                     return orbit
-                failed.append(f"by the {way}: an orbit that is unstable")
+                failed.append(f"by the {strategy}: an orbit that is unstable")
                 unstable = unstable or orbit
         if unstable is not None:
             return replace(unstable, settled=False)
         raise NoOrbitError(
             f"no periodic orbit of {self.task.system.name} was reached at "
-            f"{self.task.in_words(self.task.speed)}; {'; '.join(failed)}; there may be no stable orbit of "
+            f"{self.task.speed_text(self.task.speed)}; {'; '.join(failed)}; there may be no stable orbit of "
             "this period: try more periods or another speed, or give a start"
         )
 
-    def _by(self, way: str, failed: Sequence[str]) -> NonlinearOrbit:
+    def _orbit_by(self, strategy: str, failed: Sequence[str]) -> NonlinearOrbit:
         finest, settled = self.grids[-1], True
-        if way == _TRANSIENT:
+        if strategy == _TRANSIENT:
             reached, settled = by_transient(self.task, finest)
-        elif way == "linear orbit":
-            reached = self.iterated(None)
+        elif strategy == "linear orbit":
+            reached = self.iterate(None)
         else:
-            reached = (by_load if way == "load" else by_speed)(self.task, finest)
-        return self.certified(reached, way, failed, settled)
+            reached = (by_load if strategy == "load" else by_speed)(self.task, finest)
+        return self.certified(reached, strategy, failed, settled)
 
-    def iterated(self, start: Start | None) -> Converged:
-        """From a motion, by default rest, on the first of the grids on which the iteration converges."""
+    def iterate(self, start: Start | None) -> Converged:
+        """Orbit by the iteration from a motion, by default rest, on the first grid on which it converges."""
         motion = None if start is None else motion_of(start, self.task)
         self._check_period(motion)
         for grid in self.grids[:-1]:
             try:
-                return iterated(self.task, motion or self.task.rest(grid), grid)
+                return iterate(self.task, motion or self.task.rest(grid), grid)
             except (NoOrbitError, ResonanceError):
                 continue
-        return iterated(self.task, motion or self.task.rest(self.grids[-1]), self.grids[-1])
+        return iterate(self.task, motion or self.task.rest(self.grids[-1]), self.grids[-1])
 
     def _check_period(self, motion: Motion | None) -> None:
-        shares = 1.0 if motion is None else self.task.period / motion.nodes[-1]
-        if not math.isclose(shares, max(1, round(shares)), rel_tol=1e-9):
+        ratio = 1.0 if motion is None else self.task.period / motion.nodes[-1]
+        if not math.isclose(ratio, max(1, round(ratio)), rel_tol=1e-9):
             raise ValueOutOfBoundsError(
-                f"the start repeats after {self.task.period / shares:.6g} in phase; allowed: the period of "
-                f"the orbit, {self.task.period:.6g}, or a whole part of it; give `periods` to match"
+                f"the start repeats after {self.task.period / ratio:.6g} in phase; allowed: the period of "
+                f"the orbit, {self.task.period:.6g}, or an integer fraction of it; give `periods` to match"
             )
 
     def certified(
-        self, found: Converged, way: str, failed: Sequence[str] = (), settled: bool = True
+        self, found: Converged, strategy: str, failed: Sequence[str] = (), settled: bool = True
     ) -> NonlinearOrbit:
-        """The orbit on grids that agree, from that on one grid."""
+        """Certified orbit from an orbit on one grid."""
         task, start, first = self.task, found.curve, found.solutions.grid.steps
-        asked = request(self.steps, task.rtol, task.engine, True)
+        solve_request = request(self.steps, task.rtol, task.engine, True)
         newton = Newton(task, start, first, found)
-        (result,) = certified(newton.point(), newton, asked)
+        (result,) = certified(newton.point(), newton, solve_request)
         if isinstance(result, Failed):
             raise result.reason
         assert result.solutions.curve is not None
-        every_one = (
-            refined(newton.point(), newton, asked, result.steps, rigid_multipliers(result))
-            if self.every
+        spectrum = (
+            refined_multipliers(
+                newton.point(), newton, solve_request, result.steps, rigid_multipliers(result)
+            )
+            if self.all_multipliers
             else None
         )
         linearised, result = task.system.along(result.solutions.curve[0]), replace(result, method=task.method)
@@ -216,10 +218,10 @@ class _Search:
             linearised,
             task.speed,
             result,
-            Spectrum(OnePoint(linearised, task.speed), result, every_one),
+            Spectrum(OnePoint(linearised, task.speed), result, spectrum),
             self.notes,
             iterations=found.iterations,
-            found_by=way,
+            found_by=strategy,
             failed=tuple(failed),
             periods=task.periods,
             settled=settled,

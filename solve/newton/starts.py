@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.contracts import Motion
 from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.newton.iteration import Task, joined
-from solve.newton.settling import sizes_of
+from solve.newton.strategies import linear_sizes
 from solve.period.curve import Curve
 from solve.results.orbit import Orbit
 from solve.results.save import opened
@@ -28,13 +28,17 @@ _STATES, _RTOL = 128, 1e-6
 """States per period and tolerance of the motion from a given state; Newton's iteration corrects the rest."""
 
 
+class _NotRealError(TypeError):
+    """Values that are not real numbers."""
+
+
 def motion_of(start: Start, task: Task) -> Motion:
     """Motion of a start of `solve.nonlinear`. Raises ValueOutOfBoundsError for an invalid start, FileError,
     and TransientError for states from which the motion cannot be integrated."""
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
-        return given.motion if isinstance(given, Orbit) else _end_of(given, task)
+        return given.curve if isinstance(given, Orbit) else _end_of(given, task)
     if callable(given):
         return _checked(given, task) if hasattr(given, "nodes") else _through(given, task)
     return _from_state(given, task)
@@ -56,13 +60,13 @@ def _opened(path: str | Path, task: Task) -> Orbit | Transient:
     if Path(path).suffix.lower() not in FILES:
         raise _refused(path, _allowed(task))
     try:
-        found = opened(path)
-        kind = type(found).__name__
+        result = opened(path)
+        kind = type(result).__name__
     except ResultKindError as error:
-        found, kind = None, error.kind
-    if not isinstance(found, Orbit | Transient):
+        result, kind = None, error.kind
+    if not isinstance(result, Orbit | Transient):
         raise FileError(f"start '{path}' is a {kind}; give a file of an orbit or of a transient")
-    return found
+    return result
 
 
 def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
@@ -95,34 +99,46 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
     shape = task.system.n, len(phase) - 1
     try:
         values = _real(function(phase[:-1]))
+    except _NotRealError as reason:
+        raise ValueOutOfBoundsError(f"start returns {reason}; it must return finite q {shape}") from None
     except Exception as reason:  # A user function may raise any exception.
         raise ValueOutOfBoundsError(
             f"start raises {type(reason).__name__} for {shape[1]} phases ({reason}); it must return q {shape}"
         ) from None
-    if values.shape != shape or not np.isfinite(values).all():
+    if values.shape != shape:
         raise ValueOutOfBoundsError(
             f"start returns shape {values.shape} for {shape[1]} phases; it must return finite q {shape}"
         )
+    if not np.isfinite(values).all():
+        raise ValueOutOfBoundsError(f"start returns NaN or infinite values; it must return finite q {shape}")
     spline = CubicSpline(phase, np.column_stack((values, values[:, 0])), axis=1, bc_type="periodic")
     q, v, a = (spline(phase, order).T for order in range(3))
     return Curve.quintic(phase, q, v, a[:-1], a[1:])
 
 
 def _real(values: Any) -> Array:
-    """Values as floats. Raises TypeError for complex numbers and ValueError for what is not an array."""
-    return np.asarray(values).astype(float, casting="same_kind")
+    """Values as floats. Raises _NotRealError for complex numbers and what is not an array of numbers, and
+    ValueError for rows of different lengths."""
+    array = np.asarray(values)
+    if not np.can_cast(array.dtype, float, casting="same_kind"):
+        raise _NotRealError(reprlib.repr(values))
+    return array.astype(float)
 
 
 def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
-    """q and q̇ (n,) given as a start. Raises ValueOutOfBoundsError, which says what is `allowed`, for anything
-    but two arrays of real numbers, and for other shapes and values that are not finite."""
+    """q and q̇ (n,) given as a start. Raises ValueOutOfBoundsError, which states what is `allowed`, for
+    anything but two arrays of real numbers, and for other shapes and values that are not finite."""
     try:
         q, qd = map(_real, given)
     except (TypeError, ValueError):
         raise _refused(given, allowed) from None
-    if q.shape != (n,) or qd.shape != (n,) or not np.isfinite([q, qd]).all():
+    if q.shape != (n,) or qd.shape != (n,):
         raise ValueOutOfBoundsError(
             f"the start has shapes {q.shape} and {qd.shape}; give finite q and q̇ of shape ({n},) each"
+        )
+    if not np.isfinite([q, qd]).all():
+        raise ValueOutOfBoundsError(
+            f"the start has NaN or infinite values; give finite q and q̇ of shape ({n},) each"
         )
     return q, qd
 
@@ -133,7 +149,7 @@ def _from_state(given: Any, task: Task) -> Curve:
     q, qd = state_of(given, n, _allowed(task))
     state = np.concatenate((q, qd / task.speed))
     sizes = np.maximum(
-        sizes_of(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
+        linear_sizes(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
     )
     march, turns = task.system.marcher(sizes, _STATES, _RTOL), []
     for turn in range(task.periods):

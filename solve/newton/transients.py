@@ -1,27 +1,30 @@
-"""The motion in time from a state, and how soon it reaches the periodic one."""
+"""Motion in time from a state, at constant speed or during a run-up, and how soon it reaches the orbit."""
 
 import json
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer, require_size
 from solve.arrays import Array
-from solve.contracts import Marcher
+from solve.contracts import Integrator, Matrices, driven
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
+from solve.methods.method import Discretisation
+from solve.methods.radau import Radau
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
-from solve.newton.stepping import METHOD, StepMarcher
+from solve.period.curve import interpolation_error, interpolation_tolerance
+from solve.period.frozen import frozen
 from solve.period.grid import Grid
-from solve.period.states import interpolation_error, interpolation_tolerance
+from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.sizes import require_size
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
@@ -30,18 +33,27 @@ REST, ORBIT = "rest", "orbit"
 TURNS = "turns"
 
 _COUNT, _MOST_STATES = 256, 2**14
-"""States a turn at first, and at most."""
+"""States per period: first, and maximum. Choices."""
 
-_WORK = 2**23
-"""Entries of matrices at the states of a motion up to which a turn gets more states."""
+_MAX_ENTRIES = 2**23
+"""Largest number of matrix entries at the states of a motion for which a period gets more states: 64 MB."""
 
-_FINER = 1e-4
-"""Tolerance of the motion by that with which it is compared."""
+_MARCH_RTOL, _MIN_MARCH_RTOL = 1e-4, 1e-12
+"""Tolerance of the motion as a fraction of rtol, and its least value. Choices."""
 
-_FINEST = 1e-12
+_OFF_RESONANCE = 0.9
+"""Fraction of a resonant speed at which the linear orbit provides the sizes of the coordinates. A choice."""
 
-_SLOWER = 0.9
-"""Part of a speed at resonance at which the linear orbit tells sizes."""
+_FIRST_STEPS, _MAX_STEPS = 64, 2**14
+"""Steps per period: first, and maximum. Choices."""
+
+_PHASES = 32
+"""Phases per period at which the frequency of the fastest mode is computed. A choice."""
+
+_MAX_CACHED = 2**21
+"""Largest number of matrix entries of a period whose one-step maps are kept for the next: 16 MB."""
+
+_METHOD = Radau()
 
 Start = str | Path | tuple[Array, Array]
 
@@ -57,20 +69,59 @@ def transient(
     engine: str = "auto",
     speeds: str | tuple[float | str, float | str] | None = None,
 ) -> Transient:
-    """The motion over `turns` periods at a speed (rad/s, or a text with unit), or while the speed goes
-    linearly in time from one of two speeds to the other ("0:600 rpm"), from the phase 0 on.
+    """Integrate the motion over a number of periods, at a speed or while the speed changes linearly in time.
 
-    start: "rest", "orbit" (the linear one), q and q̇ (n,) by time, or a file .npz of an orbit or of a
-    transient, which goes on from its end. The linear motion goes by steps of Radau's method, doubled until
-    they agree, the nonlinear one by CVODES; both with so many states a turn that curves through them tell
-    the extrema. rtol: relative to the largest of each coordinate, within which the orbit counts as reached.
-    Raises TransientError where the motion cannot be followed, LinearModelError for nonlinear
-    motions of linear systems, FileError, and other SolveError subclasses for bad input.
+    Parameters
+    ----------
+    speed : float or str, optional
+        Constant speed in rad/s, or a text with unit.
+    turns : int
+        Number of periods, from phase 0.
+    start : optional
+        "rest"; "orbit", the linear one; q and q̇ (n,) by time; or a file .npz of an orbit or of a transient,
+        which is continued from its end.
+    nonlinear : bool
+        Whether to integrate the nonlinear equations.
+    rtol : float
+        Distance from the orbit, relative to the largest value of each coordinate, within which the orbit
+        counts as reached.
+    engine : str
+        "auto", "compiled" or "numpy".
+    speeds : str or (float or str, float or str), optional
+        First and last speed of a run-up, such as "0:600 rpm", instead of `speed`.
+
+    Returns
+    -------
+    Transient
+
+    Raises
+    ------
+    TransientError
+        If the motion cannot be integrated.
+    LinearModelError
+        For nonlinear motions of linear systems.
+    FileError
+        For a file that is not a state of this system.
+    SolveError
+        Other subclasses for bad input.
+
+    Notes
+    -----
+    Linear motion is integrated by Radau's method, with the number of steps doubled until two agree; nonlinear
+    motion by CVODES (A. C. Hindmarsh et al., ACM Trans. Math. Softw. 31, 2005, 363-396). The number of states
+    per period is increased until curves through them give the extrema.
+
+    Examples
+    --------
+    >>> import solve
+    >>> found = transient(solve.load("cam"), "300 rpm", turns=2)
+    >>> found.turns
+    2
     """
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)
-    require_whole("turns", turns)
+    require_integer("turns", turns)
     require_size("turns", turns, 3 * system.n * _COUNT)
     given = start
     if isinstance(start, str | Path) and start not in (REST, ORBIT):
@@ -79,25 +130,24 @@ def transient(
         ramp = ramp_in_si(speeds)
         return _run_up(system.shown_in(max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
     assert speed is not None
-    omega, finer = speed_in_si(speed), max(_FINER * rtol, _FINEST)
+    omega, march_rtol = speed_in_si(speed), max(_MARCH_RTOL * rtol, _MIN_MARCH_RTOL)
     system = system.shown_in(omega)
-    linear = _linear(system, omega, min(1e-6, finer), engine, nonlinear and given != ORBIT)
-    ends, follow = np.full(turns + 1, omega), _Follow(system, linear, nonlinear, rtol)
-    nodes, motion, off, notes = follow.followed(_state(given, system, linear), ends)
+    linear = _linear(system, omega, min(1e-6, march_rtol), engine, nonlinear and given != ORBIT)
+    ends, integration = np.full(turns + 1, omega), _Integration(system, linear, nonlinear, rtol)
+    nodes, motion, error, notes = integration.run(_state(given, system, linear), ends)
     orbit = _settled(system, omega, motion[-1], engine) if nonlinear else linear
     notes = [] if given == ORBIT else notes
-    return Transient(system, ends, nodes, motion, off, orbit, rtol, nonlinear, notes)
+    return Transient(system, ends, nodes, motion, error, orbit, rtol, nonlinear, notes)
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """The linear orbit; at resonance, where only the sizes of its coordinates are needed, that of a slower
-    speed."""
+    """Linear orbit; at resonance, if only the sizes of its coordinates are needed, that of a lower speed."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:
         if not for_sizes:
             raise
-        return periodic(system, _SLOWER * speed, rtol=rtol, engine=engine)
+        return periodic(system, _OFF_RESONANCE * speed, rtol=rtol, engine=engine)
 
 
 def _run_up(
@@ -109,7 +159,7 @@ def _run_up(
     rtol: float,
     engine: str,
 ) -> Transient:
-    """While the speed goes linearly in time, so that its square goes linearly from turn to turn."""
+    """Motion while the speed changes linearly in time, so that its square changes linearly with the phase."""
     system.require_motion()
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     system.require_desired_motion(ends)
@@ -117,65 +167,66 @@ def _run_up(
         raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
     fastest = _linear(system, max(ramp), 1e-6, engine, True) if nonlinear else None
-    follow = _Follow(system, fastest, nonlinear, rtol)
-    nodes, motion, off, notes = follow.followed(_state(start, system, first), ends)
+    integration = _Integration(system, fastest, nonlinear, rtol)
+    nodes, motion, error, notes = integration.run(_state(start, system, first), ends)
     notes = [] if start == ORBIT else notes
-    return Transient(system, ends, nodes, motion, off, None, rtol, nonlinear, notes)
+    return Transient(system, ends, nodes, motion, error, None, rtol, nonlinear, notes)
 
 
 @dataclass(frozen=True)
-class _Follow:
-    """A motion of a system, linear or not, to an accuracy by which it can be compared to rtol; orbit: a
-    linear one that tells the sizes of the coordinates."""
+class _Integration:
+    """Integration of a system, linear or not, accurately enough for a comparison to rtol. orbit: a linear one
+    that provides the sizes of the coordinates."""
 
     system: PeriodicSystem
     orbit: Orbit | None
     nonlinear: bool
     rtol: float
 
-    def followed(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
-        """Nodes (k,), motions as `_marched` gives them, how far these or what lies between the states of a
-        turn are off, and what is doubtful: so many states that the former matters little, if memory allows.
+    def run(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
+        """Nodes (k,), motions as by `_march`, their error including interpolation, and warnings. The number
+        of states is increased until interpolation is accurate, if memory allows.
 
-        No linear motion is refused because its vibrations are too fast for steps or states: how far it is
-        off says so. Raises TransientError for nonlinear ones that CVODES cannot follow with few states."""
+        Linear motion with vibrations too fast for steps or states is not an error; its error is reported.
+        Raises TransientError for nonlinear motion that CVODES cannot integrate with few states."""
         count, work = _COUNT, 3 * self.system.n**2 * (len(ends) - 1)
-        found, known, tolerance = None, 0.0, interpolation_tolerance(self.rtol)
+        result, march_error, tolerance = None, 0.0, interpolation_tolerance(self.rtol)
         while True:
             march = self._marcher(count)
             try:
-                motion = _marched(march, state, ends, self.system.period)
+                motion = _march(march, state, ends, self.system.period)
             except TransientError:
-                if found is None:
+                if result is None:
                     raise
-                return found
-            before, known = known, march.off if isinstance(march, StepMarcher) else 0.0
-            if found is not None and known > tolerance >= before:
-                # So many states meet vibrations that no steps follow; the result says what it knows of these.
-                return found
-            off = max(float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max()), known)
-            most = max(count, min(_MOST_STATES, 2 ** max(0, int(math.log2(_WORK / work)))))
-            found = march.nodes, motion, off, _damped_out(march)
-            if off <= max(tolerance, known) or count == most:
-                return found
-            # What is missed falls with the fourth power at least.
-            more = 2 ** math.ceil(max(1.0, math.log2(off / tolerance) / 4))
-            count = min(count * more, most)
+                return result
+            previous, march_error = march_error, march.error if isinstance(march, StepMarcher) else 0.0
+            if result is not None and march_error > tolerance >= previous:
+                # More states reveal vibrations that no steps resolve; the result before states their error.
+                return result
+            between = float(interpolation_error(march.nodes, motion, bool(self.system.breaks)).max())
+            error = max(between, march_error)
+            most = max(count, min(_MOST_STATES, 2 ** max(0, int(math.log2(_MAX_ENTRIES / work)))))
+            result = march.nodes, motion, error, _damping_note(march)
+            if error <= max(tolerance, march_error) or count == most:
+                return result
+            # The interpolation error falls with the fourth power at least.
+            factor = 2 ** math.ceil(max(1.0, math.log2(error / tolerance) / 4))
+            count = min(count * factor, most)
 
-    def _marcher(self, count: int) -> Marcher:
-        sizes, finer = np.zeros(self.system.n), max(_FINER * self.rtol, _FINEST)
+    def _marcher(self, count: int) -> Integrator:
+        sizes, march_rtol = np.zeros(self.system.n), max(_MARCH_RTOL * self.rtol, _MIN_MARCH_RTOL)
         if self.orbit is not None:
             sizes = np.abs(self.orbit.q).max(axis=1)
         if not self.nonlinear:
-            return StepMarcher(self.system, sizes, count, finer)
-        # A linear system says here that it is one.
+            return StepMarcher(self.system, sizes, count, march_rtol)
+        # Raises LinearModelError for a linear system.
         self.system.along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
-        return self.system.marcher(without_zeros(sizes), count, finer)
+        return self.system.marcher(without_zeros(sizes), count, march_rtol)
 
 
-def _damped_out(march: Marcher) -> list[str]:
-    """A warning where steps do not follow the fastest modes."""
-    if not isinstance(march, StepMarcher) or march.angle <= METHOD.follows:
+def _damping_note(march: Integrator) -> list[str]:
+    """Warning if the steps do not resolve the fastest modes."""
+    if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
         return []
     return [
         f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, and with them what a start away "
@@ -183,21 +234,21 @@ def _damped_out(march: Marcher) -> list[str]:
     ]
 
 
-def _marched(march: Marcher, state: Array, ends: Array, period: float) -> Array:
-    """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of turns;
-    derivatives as `Marcher` has them."""
-    parts, n = [], len(state) // 2
+def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array:
+    """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of the
+    periods; derivatives as in `Integrator`."""
+    motions, n = [], len(state) // 2
     with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):
             scale = np.repeat([1.0, (first + last) / 2], n)
-            parts.append(march(state / scale, turn * period, first, last))
-            state = parts[-1][:2, :, -1].ravel() * scale
+            motions.append(march(state / scale, turn * period, first, last))
+            state = motions[-1][:2, :, -1].ravel() * scale
             count.add()
-    return np.stack(parts)
+    return np.stack(motions)
 
 
 def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
-    """q and q̇ (2n,), where the start is that of the orbit."""
+    """q and q̇ (2n,) of a start, which may be that of the orbit."""
     n = system.n
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
@@ -211,10 +262,14 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             f"start '{file}' is no state; allowed: {REST}, {ORBIT}, or a file .npz saved with --save"
         )
     try:
-        with np.load(file, allow_pickle=False) as held:
-            names, q, qd = tuple(held["coordinates"].tolist()), held["q"][:, -1], held["qd"][:, -1]
-            model = json.loads(str(held["metadata"]))["model"]
-    except Exception:  # NumPy and zipfile raise whatever they meet in a damaged file.
+        with np.load(file, allow_pickle=False) as file_data:
+            names, q, qd = (
+                tuple(file_data["coordinates"].tolist()),
+                file_data["q"][:, -1],
+                file_data["qd"][:, -1],
+            )
+            model = json.loads(str(file_data["metadata"]))["model"]
+    except Exception:  # NumPy and zipfile raise various exceptions for a damaged file.
         raise FileError(
             f"start '{file}' is no saved orbit or transient; allowed: {REST}, {ORBIT}, or a file .npz that "
             "`solve periodic` or `solve transient` wrote with --save"
@@ -230,9 +285,104 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
 
 
 def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -> Orbit | None:
-    """The nonlinear orbit near the last turn (3, n, k); None where there is none."""
+    """Nonlinear orbit near the last period (3, n, k), if there is one."""
     last = joined([motion], system.period, rigid_at_rest(system, speed))
     try:
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
     except SolveError:
         return None
+
+
+class StepMarcher:
+    """Linear motion, period by period, by steps of Radau's method, with `count` states per period.
+
+    The number of steps is doubled until two results agree to rtol, relative to the largest value of each
+    coordinate so far, from `sizes` (n,) on, or until it is 16384. error: largest relative difference so far;
+    angle: largest ω_max h of the fastest mode. The steps damp out modes that they do not resolve.
+    """
+
+    def __init__(self, system: PeriodicSystem, sizes: Array, count: int, rtol: float):
+        self.nodes = np.linspace(0.0, system.period, count + 1)
+        self._system, self._rtol, self._steps = system, rtol, _FIRST_STEPS
+        self._largest, self._period = sizes, _PeriodSteps(system, 0.0, 0.0)
+        self.angle, self.error = 0.0, 0.0
+
+    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
+        """States of a period, see `Integrator`."""
+        ends = speed, speed if last is None else last
+        if self._period.ends != ends:
+            self._period = _PeriodSteps(self._system, *ends)
+        period = self._period
+        fine, _ = period.motion(state, self._steps, self.nodes)
+        while True:
+            coarse, (fine, reached) = fine, period.motion(state, 2 * self._steps, self.nodes)
+            sizes = np.maximum(self._largest, reached)
+            change = np.abs(fine[0] - coarse[0]).max(axis=1)
+            error = float((change / without_zeros(sizes)).max())
+            agree, steps = error <= self._rtol, 2 * self._steps
+            if agree or steps == _MAX_STEPS:
+                self.error, self.angle = max(self.error, error), max(self.angle, period.phase_advance / steps)
+                self._largest, self._steps = (
+                    sizes,
+                    max(_FIRST_STEPS, self._steps // 2) if agree else self._steps,
+                )
+                return fine
+            self._steps = steps
+
+
+class _PeriodSteps:
+    """Steps over a period while the speed changes from the first to the last (rad/s), as functions of s, time
+    times the mean speed."""
+
+    def __init__(self, system: PeriodicSystem, first: float, last: float):
+        self._system, self.ends = system, (first, last)
+        self._mean, self._cache = (first + last) / 2, dict[int, Discretisation]()
+
+    def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
+        """q, v, a (3, n, k) at nodes (k,) from the state (2n,), and max|q| (n,) at the ends of the steps."""
+        discretisation = self._cache.get(steps) or self._discretised(steps)
+        if steps * self._system.n**2 <= _MAX_CACHED:
+            self._cache[steps] = discretisation
+        x = np.empty((len(discretisation.steps.A[0]) + 1, len(state)))
+        x[0] = state
+        for k, (A, b) in enumerate(zip(discretisation.steps.A[0], discretisation.steps.b[0], strict=True)):
+            x[k + 1] = A @ x[k] + b
+        curve = discretisation.curve(x[None])[0]
+        # At the period itself the curve restarts.
+        inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
+        largest = np.abs(x[:, : len(state) // 2]).max(axis=0)
+        return np.stack([curve(inside, order) for order in range(3)]), largest
+
+    def _discretised(self, steps: int) -> Discretisation:
+        grid = Grid.uniform(steps, self._system.period, self._breaks)
+        return _METHOD.discretise(self._point, grid)
+
+    @cached_property
+    def _point(self) -> OnePoint:
+        if self.ends[0] == self.ends[1]:
+            return OnePoint(self._system, self._mean)
+        given = self._system.coordinates, self._system.period, self._breaks
+        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean)
+
+    @cached_property
+    def phase_advance(self) -> float:
+        """Angle by which the fastest mode rotates in the period, ω_max T."""
+        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean else 0.0
+
+    def _matrices(self, s: Array, _: float) -> Matrices:
+        phase, speed, acceleration = driven(s, *self.ends, self._system.period)
+        return self._system.varying(phase, speed, acceleration)
+
+    @cached_property
+    def _breaks(self) -> tuple[float, ...]:
+        """Jumps of the matrices as values of s, from φ mean = first s + slope s²/2; and 0, since a period
+        does not start as it ends."""
+        first, last = self.ends
+        if first == last:
+            return 0.0, *self._system.breaks
+        slope = (last - first) / self._system.period
+        phases = {0.0, *(float(phase) % self._system.period for phase in self._system.breaks)}
+        doubled = (2 * self._mean * phase for phase in phases)
+        return tuple(
+            value / (first + math.sqrt(first**2 + slope * value)) if value else 0.0 for value in doubled
+        )

@@ -4,8 +4,7 @@ Let s = l q be the amplitude of a rigid-body mode e (K e = 0) in the motion. The
 σ replaces s, and q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
 multiplier +1 of the mode becomes exp(-α T), for any T-periodic M, C and K, and all others are unchanged. If C
 e = 0, the new system again has a multiplier +1 in the direction e; the same shift with β in place of α
-removes it too.
-"""
+removes it too."""
 
 from dataclasses import dataclass
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.period.multipliers import EPS, scaled_alike
+from solve.period.eigenvalues import EPS, balance_matrices
 
 LOSS = 1e-12
 """Rounding of a product of neighbours, relative to its smallest singular value, up to which it is formed."""
@@ -97,4 +97,4 @@ def _balanced(blocks: Blocks) -> Blocks:
     """The blocks in units that balance the mean of |A|."""
     A = blocks.factors
     size = np.abs(A) / np.maximum(np.abs(A).max(axis=(2, 3), keepdims=True), np.finfo(float).tiny)
-    return blocks.in_units(blocks.units * scaled_alike(size.mean(axis=1))[1])
+    return blocks.in_units(blocks.units * balance_matrices(size.mean(axis=1))[1])

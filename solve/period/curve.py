@@ -1,7 +1,6 @@
 """The continuous curve of solutions over the phase: polynomials by steps, or a Fourier series.
 
-Arrays may have a leading axis of points, here `…`, each with a curve of its own on the same nodes.
-"""
+Arrays may have a leading axis of points, here `…`, each with a curve of its own on the same nodes."""
 
 import math
 from collections.abc import Sequence
@@ -30,12 +29,12 @@ _QUINTIC = np.linalg.inv(
 
 
 _ALIKE = 4e-13
-"""Difference of fractions of a step, by the number of steps, that counts as none: what phases beside a jump
-are moved by, and rounding."""
+"""Difference of fractions of a step, divided by the number of steps, that counts as zero: the displacement of
+phases at a jump, and round-off."""
 
 
 class PeriodicCurve(Protocol):
-    """nodes: phases (m+1,) from 0 to the period."""
+    """Periodic curves with nodes, which are phases (m+1,) from 0 to the period."""
 
     @property
     def nodes(self) -> Array: ...
@@ -50,23 +49,23 @@ class PeriodicCurve(Protocol):
 
     @property
     def finite(self) -> Array:
-        """Whether the curves are finite throughout (…)."""
+        """Whether the curves (…) are finite."""
         ...
 
     def __getitem__(self, points: Any) -> Self:
-        """The curves of some points, or of one."""
+        """Curves of some points, or of one."""
         ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or its derivative by the phase, at phases (k,) of any turn: (…, n, k)."""
+        """q or a derivative (…, n, k) with respect to the phase, at phases (k,) in any period."""
         ...
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        """The same at `a_step` phases evenly from the start of every step on: (…, n, m · a_step)."""
+        """q or a derivative (…, n, m · a_step) at `a_step` uniform phases from the start of every step."""
         ...
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
-        """The same at phases (…, n, k) of their own: (…, n, k)."""
+        """q or a derivative (…, n, k) at phases (…, n, k) per coordinate."""
         ...
 
 
@@ -86,8 +85,8 @@ class Curve:
 
     @classmethod
     def quintic(cls, nodes: Array, q: Array, v: Array, a_start: Array, a_end: Array) -> "Curve":
-        """Hermite's quintic from q, v = dq/dphase at the nodes (…, m+1, n) and the second derivatives at
-        both ends of each step (…, m, n); its own error is O(h^6)."""
+        """Quintic Hermite interpolant of q and v = dq/dphase at the nodes (…, m+1, n) and of second
+        derivatives at both ends of each step (…, m, n); its error is O(h^6)."""
         h = np.diff(nodes)[:, None]
         starts, ends = np.s_[..., :-1, :], np.s_[..., 1:, :]
         data = (q[starts], h * v[starts], h**2 * a_start, q[ends], h * v[ends], h**2 * a_end)
@@ -95,7 +94,7 @@ class Curve:
 
     @classmethod
     def of(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
-        """From what each step knows of its curve, (…, m, n, r), and what that gives to powers of θ (D, r)."""
+        """Curve from data (…, m, n, r) of each step, and the matrix (D, r) from these to powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     @property
@@ -130,7 +129,7 @@ class Curve:
         return self.states(phase, (derivative,))[0]
 
     def states(self, phase: Array, derivatives: Sequence[int] = (0, 1, 2)) -> list[Array]:
-        """q and derivatives of it by the phase, at phases (k,) of any turn: (…, n, k) each."""
+        """q and its derivatives (…, n, k) with respect to the phase, at phases (k,) in any period."""
         phase, h = np.asarray(phase, dtype=float), self.h
         theta = self._fractions(phase, h)
         if theta is not None:
@@ -143,8 +142,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """The fractions (s,) of every step at which phases lie, step by step, as stages do; None where they
-        lie otherwise."""
+        """Fractions (s,) of every step at which phases lie step by step, as stages do; None for other
+        phases."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None
@@ -154,7 +153,7 @@ class Curve:
         return same if alike else None
 
     def basis(self, phase: Array, derivative: int = 0) -> tuple[Array, Array]:
-        """Steps (k,) in which phases lie, and the derivatives there of the powers of θ (k, degree+1)."""
+        """Steps (k,) that contain the phases, and the derivatives of the powers of θ (k, degree+1) there."""
         step, theta = self._places(np.asarray(phase, dtype=float))
         D, h = self.coefficients.shape[-1], self.h[step]
         powers = theta[:, None] ** np.maximum(np.arange(D) - derivative, 0)
@@ -187,7 +186,7 @@ class Curve:
         return with_drift(value / self.h[step] ** derivative, self.drift, derivative) if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
-        """Step and fraction of it that phases of any turn lie in."""
+        """Steps that contain phases in any period, and the fractions of these steps."""
         nodes, last = self.nodes, len(self.nodes) - 2
         wrapped = np.mod(phase, nodes[-1])
         if self._uniform:
@@ -275,3 +274,47 @@ class FourierCurve:
     @property
     def _rates(self) -> Array:
         return 2j * np.pi / self.nodes[-1] * np.arange(self.coefficients.shape[-1])
+
+
+_FEWEST = 256
+"""Least number of states per revolution that curves go through."""
+
+
+def curves_through(nodes: Array, motions: Array) -> Curve:
+    """Curves, one a revolution, through motions (turns, 3, n, k) at nodes (k,): q and its first and second
+    derivative."""
+    q, v, a = np.moveaxis(motions, 1, 0).swapaxes(-1, -2)
+    return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
+
+
+def interpolation_tolerance(rtol: float) -> float:
+    """Error allowed between the states: a tenth of rtol, but at least 1e-9 and at most 1e-3."""
+    return min(max(rtol / 10, 1e-9), 1e-3)
+
+
+def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
+    """Error (turns,) between the states of the curves through motions (turns, 3, n, k), relative to the
+    largest of each coordinate and its rates.
+
+    It follows from the errors at every other state of curves through the rest. For q and its first and second
+    derivative these fall with the sixth, fifth and fourth power of the steps; a tenth of that of the second
+    derivative counts. Where the equations jump they fall with the second power, and second derivatives are
+    left out.
+    """
+    coarse, off = curves_through(nodes[::2], motions[..., ::2]), np.zeros(len(motions))
+    for order in range(2 if jumps else 3):
+        size = np.abs(motions[:, order]).max(axis=(0, 2), initial=0.0)[:, None]
+        missed = np.abs(coarse(nodes[1::2], order) - motions[:, order, :, 1::2])
+        part = (missed / np.where(size > 0, size, 1.0)).max(axis=(1, 2)) / 2 ** (2 if jumps else 6 - order)
+        off = np.maximum(off, part / 10 if order == 2 else part)
+    return off
+
+
+def sufficient_strides(nodes: Array, motions: Array, jumps: bool, allowed: float) -> Array:
+    """Strides (turns,), powers of 2: curves through every so many states are within the allowed error."""
+    strides, stride = np.ones(len(motions), dtype=int), 2
+    while stride * _FEWEST <= len(nodes) - 1:
+        error = interpolation_error(nodes[::stride], motions[..., ::stride], jumps)
+        strides[(error <= allowed) & (strides == stride // 2)] = stride
+        stride *= 2
+    return strides

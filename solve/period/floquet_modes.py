@@ -1,8 +1,7 @@
-"""Floquet modes along the turn: which order of the rotation a mode mostly vibrates with.
+"""Floquet modes over the period, and their dominant harmonics.
 
-A multiplier tells the frequency of its mode only modulo 2π/T. The mode is p(φ) exp(λt) with a periodic p, and
-the order k with the largest part of p tells the frequency that is measured, |Im λ + 2πk/T|.
-"""
+A multiplier determines the frequency of its mode only modulo 2π/T. The mode is p(φ) exp(λt) with a periodic
+p. The harmonic k with the largest participation in p gives the frequency that is measured, |Im λ + 2πk/T|."""
 
 import math
 from collections.abc import Sequence
@@ -16,18 +15,28 @@ from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
 _ALIASED = 0.1
-"""Part by which the mean square of the rates may differ from that of the orders that the steps see."""
+"""Relative difference between the mean square of the rates and that of the resolved harmonics: a choice."""
 
 _SAME = 1e-6
-"""Relative difference between the parts of two orders that counts as none."""
+"""Relative difference between the participations of two harmonics that counts as zero: a choice."""
 
 
 class FloquetMode(NamedTuple):
-    """folded: Im λ in rad/s, within ±π/T; unfolded: |folded + 2π order/T|; participation: part of the mode
-    that has this order, of 1, in the norm of the mean mass matrix. mirror: the other order of a real
-    multiplier, which has as large a part and the same frequency; else None.
+    """Frequency and dominant harmonic of a Floquet mode; None if the method has no step maps, or too few
+    steps.
 
-    None where the method has no maps of steps that could tell, or they are too few.
+    Attributes
+    ----------
+    folded : float
+        Im λ in rad/s, within ±π/T.
+    unfolded : float or None
+        |folded + 2π order/T| in rad/s.
+    order : int or None
+        Dominant harmonic.
+    participation : float or None
+        Fraction of the mode with this harmonic, in the norm of the mean mass matrix.
+    mirror : int or None
+        Other harmonic of a real multiplier, with the same participation and frequency.
     """
 
     folded: float
@@ -38,35 +47,46 @@ class FloquetMode(NamedTuple):
 
 
 def floquet_modes(
-    steps: Array, grid: Grid, mass: Array, blocks: Blocks, found: ProductEigenvalues, rotation: float
+    steps: Array, grid: Grid, mass: Array, blocks: Blocks, eigenvalues: ProductEigenvalues, rotation: float
 ) -> Sequence[FloquetMode]:
-    """The modes (N,) of a point, in the order of its eigenvalues `found` with their right vectors.
+    """Modes (N,) of a point, in the order of its `eigenvalues`, which include right vectors.
 
-    steps (m, N, N): maps of the state, coordinates first; mass (n, n): mean of M, in any unit; blocks: of
-    these maps; rotation: 2π/T in rad/s.
+    Parameters
+    ----------
+    steps : (m, N, N)
+        Maps of the state, coordinates first.
+    grid : Grid
+    mass : (n, n)
+        Mean of M in any unit.
+    blocks : Blocks
+        Products of these maps.
+    eigenvalues : ProductEigenvalues
+    rotation : float
+        2π/T in rad/s.
     """
-    p = _periodic_parts(steps, grid, blocks, found)
+    p = _periodic_parts(steps, grid, blocks, eigenvalues)
     if not grid.smooth:
         p = _evenly(grid, p)
-    parts = np.fft.fft(p, axis=0)
+    spectrum = np.fft.fft(p, axis=0)
     of_coordinates, of_rates = (
-        (part.conj() * (mass @ part)).sum(axis=1).real for part in np.split(parts, 2, axis=1)
+        (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
     )
     orders = np.rint(np.fft.fftfreq(len(p), 1 / len(p))).astype(int)
-    turn = 2 * math.pi / grid.period
-    exponents = found.logarithms[0] / grid.period + 1j * turn * orders[:, None]
-    # Rates that are not those of the orders seen belong to a mode that turns too far in a step.
+    fundamental = 2 * math.pi / grid.period
+    exponents = eigenvalues.logarithms[0] / grid.period + 1j * fundamental * orders[:, None]
+    # Other rates than those of the resolved harmonics: the phase advance of the mode per step is too large.
     rates = (np.abs(exponents) ** 2 * of_coordinates).sum(axis=0)
-    seen = np.abs(rates - of_rates.sum(axis=0)) <= _ALIASED * of_rates.sum(axis=0)
+    is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= _ALIASED * of_rates.sum(axis=0)
     shares = of_coordinates / of_coordinates.sum(axis=0)
-    folded = np.imag(found.logarithms[0]) * rotation / (2 * math.pi)
+    folded = np.imag(eigenvalues.logarithms[0]) * rotation / (2 * math.pi)
     return [
-        _mode(angle, rotation, orders, share) if known else FloquetMode(angle)
-        for angle, share, known in zip(folded.tolist(), shares.T, seen, strict=True)
+        _mode(angle, rotation, orders, share) if resolved else FloquetMode(angle)
+        for angle, share, resolved in zip(folded.tolist(), shares.T, is_resolved, strict=True)
     ]
 
 
 def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> FloquetMode:
+    """Mode whose dominant harmonic has the highest frequency among those of equal participation."""
     frequencies = folded + orders * rotation
     largest = np.flatnonzero(shares >= (1 - _SAME) * shares.max())
     at = largest[np.argmax(frequencies[largest])]
@@ -77,14 +97,14 @@ def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> Floqu
     return FloquetMode(folded, unfolded, order, float(shares[at]), mirror)
 
 
-def _periodic_parts(steps: Array, grid: Grid, blocks: Blocks, found: ProductEigenvalues) -> Array:
-    """p (m, N, N) at the beginning of every step, a column a mode, each of any length."""
-    assert found.right is not None
-    units, starts, logarithms = blocks.units[0][:, None], blocks.starts, found.logarithms[0]
+def _periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
+    """p (m, N, N) at the start of every step, one column per mode, in any norm."""
+    assert eigenvalues.right is not None
+    units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]
     lengths = np.diff(np.append(starts, len(steps)))
-    vectors, reached = carried(steps, starts, units * found.right[0])
-    # Each block begins anew with vectors of length 1: what the one before leaves, but for a factor.
-    following = np.roll(found.right[0], -1, axis=0)
+    vectors, reached = carried(steps, starts, units * eigenvalues.right[0])
+    # Each block starts with vectors of length 1: those at the end of the previous block up to a factor.
+    following = np.roll(eigenvalues.right[0], -1, axis=0)
     with np.errstate(divide="ignore"):
         gained = np.log((following.conj() * (reached / units)).sum(axis=1))
     exponents = np.repeat(np.cumsum(gained, axis=0) - gained, lengths, axis=0)
@@ -94,7 +114,7 @@ def _periodic_parts(steps: Array, grid: Grid, blocks: Blocks, found: ProductEige
 
 
 def _evenly(grid: Grid, p: Array) -> Array:
-    """Values (m, …) at the nodes of an uneven grid, as many as two a step at even phases."""
+    """Values (m, …) at the nodes of a nonuniform grid, interpolated at uniform phases, two per step."""
     from scipy.interpolate import CubicSpline
 
     even = np.arange(2 * grid.steps) * (grid.period / (2 * grid.steps))

@@ -1,4 +1,4 @@
-"""The steps of one turn: nodes on the phase, with every jump of the matrices at the end of a step."""
+"""Grids of steps over one period, with every jump of the matrices at the end of a step."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -7,19 +7,23 @@ import numpy as np
 
 from solve.arrays import Array
 
-_FEW = 4096
-"""Steps up to which grids and their phases are kept."""
+_MAX_CACHED = 4096
+"""Steps up to which grids and their phases are cached: a choice."""
 
 _INSIDE = 1e-13
-"""How far inside its step, relative to the period, a stage beside a jump is sampled."""
+"""Distance from a jump, relative to the period, at which a stage at the jump is sampled inside its step."""
 
 
 @dataclass(frozen=True)
 class Grid:
     """m steps over one period.
 
-    nodes: phases (m+1,), rising, from 0 to the period. at_break: for each node but the last, whether
-    the matrices jump there.
+    Attributes
+    ----------
+    nodes : (m+1,)
+        Phases in ascending order, from 0 to the period.
+    at_break : (m,)
+        Whether the matrices jump at each node except the last.
     """
 
     nodes: Array
@@ -27,15 +31,15 @@ class Grid:
 
     @classmethod
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
-        """About `steps` steps of equal length; with breaks, equal within each piece between two.
+        """About `steps` steps of equal length; with breaks, of equal length between two breaks.
 
-        Every piece gets more steps when there are twice as many, or a third more (of 6 a piece or more),
-        however short it is: two grids alike in a piece would agree there on what neither resolves.
-        """
-        return (_kept if steps <= _FEW else cls._made)(steps, period, tuple(breaks))
+        Every piece has more steps on a grid of twice the steps, or of a third more from 6 steps per piece on,
+        however short it is. Two grids with equal steps in a piece would agree on features that neither
+        resolves."""
+        return (_cached if steps <= _MAX_CACHED else cls._new)(steps, period, tuple(breaks))
 
     @classmethod
-    def _made(cls, steps: int, period: float, breaks: tuple[float, ...]) -> "Grid":
+    def _new(cls, steps: int, period: float, breaks: tuple[float, ...]) -> "Grid":
         if not breaks:
             return cls(np.linspace(0.0, period, steps + 1), np.zeros(steps, dtype=bool))
         ends, jump_at_zero = pieces(period, breaks)
@@ -63,11 +67,11 @@ class Grid:
 
     @cached_property
     def smooth(self) -> bool:
-        """Whether the matrices jump nowhere."""
+        """Whether the matrices have no jumps."""
         return not self.at_break.any()
 
     def parts(self, steps: int) -> "list[Grid]":
-        """This grid in parts of so many steps; whole where the matrices jump."""
+        """Parts of this grid with at most this number of steps; the whole grid if the matrices jump."""
         if not self.smooth:
             return [self]
         return [
@@ -78,10 +82,9 @@ class Grid:
     def stages(self, c: Array) -> Array:
         """Phases (m, s) of the stages at the fractions c (s,) of every step.
 
-        Where a step ends at a jump, its end stages lie just inside the step: each step sees the
-        matrices of its own side.
+        If a step ends at a jump, its end stages lie just inside the step, on the side of its own matrices.
         """
-        if self.steps > _FEW:
+        if self.steps > _MAX_CACHED:
             return self._stages(c)
         key = c.tobytes()
         if key not in self._phases:
@@ -91,7 +94,7 @@ class Grid:
 
     @cached_property
     def _phases(self) -> dict[bytes, Array]:
-        """Stages that were asked for."""
+        """Cached stages."""
         return {}
 
     def _stages(self, c: Array) -> Array:
@@ -105,14 +108,15 @@ class Grid:
 
 
 @lru_cache(maxsize=64)
-def _kept(steps: int, period: float, breaks: tuple[float, ...]) -> Grid:
-    """Grids are met again, from solution to solution."""
-    return Grid._made(steps, period, breaks)
+def _cached(steps: int, period: float, breaks: tuple[float, ...]) -> Grid:
+    """Grid from the cache, because solutions share grids."""
+    return Grid._new(steps, period, breaks)
 
 
 def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
-    """Ends of the pieces between the jumps, 0 and the period among them, and whether there is a jump at
-    0. Breaks that differ by rounding are one."""
+    """Ends of the pieces between the jumps, including 0 and the period, and whether there is a jump at 0.
+
+    Breaks that differ by round-off are one."""
     same = 0.5 * _INSIDE * period
     ends, jump_at_zero = [0.0], False
     for phase in sorted(b % period for b in breaks):
@@ -124,8 +128,9 @@ def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
 
 
 def steps_of(steps: int, lengths: Array) -> Array:
-    """Steps of the pieces: in proportion to their lengths (k,), parts of the period, but for short ones,
-    which get half the steps that equal shares would give."""
+    """Steps of the pieces, in proportion to their lengths (k,) as fractions of the period.
+
+    Short pieces have half of the steps that pieces of equal length would have."""
     k = len(lengths)
     least = steps // (2 * k) + 1
     short = steps * lengths < least

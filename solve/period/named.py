@@ -1,5 +1,7 @@
-"""Quantities by their names, one grammar for all commands: NAME.FIGURE of a coordinate or output, such as
-q3.max_abs or contact_force.harmonic5; spectral_radius; rho1, exponent1 and their parts, such as rho1.re."""
+"""Quantities by name, with one grammar for all commands.
+
+NAME.FIGURE of a coordinate or output, such as q3.max_abs or contact_force.harmonic5; spectral_radius; rho1,
+exponent1 and their parts, such as rho1.re."""
 
 import re
 from dataclasses import dataclass
@@ -8,13 +10,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
 from solve.period.quantities import FIGURES
-from solve.statistics import Statistics
 from solve.system import PeriodicSystem
 
 HARMONIC, PHASE = "harmonic", "phase"
-"""Amplitude and phase angle of an order, which follows the word."""
+"""Amplitude and phase angle of a harmonic, whose number follows the word."""
 
 RHO, EXPONENT, RADIUS = "rho", "exponent", "spectral_radius"
 _PARTS = {RHO: ("re", "im", "abs"), EXPONENT: ("re", "im")}
@@ -23,7 +25,7 @@ _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
 class OneByOne(Protocol):
-    """Floquet multipliers, each found where it is asked for."""
+    """Floquet multipliers that are computed one at a time."""
 
     def multiplier(self, at: int) -> complex: ...
 
@@ -31,7 +33,7 @@ class OneByOne(Protocol):
 
 
 class Solved(Protocol):
-    """An orbit; of its stability alone where no coordinate or output is asked for."""
+    """An orbit, or stability alone for quantities without a coordinate or output."""
 
     @property
     def spectrum(self) -> OneByOne: ...
@@ -49,9 +51,11 @@ class Solved(Protocol):
 
 @dataclass(frozen=True)
 class Named:
-    """A quantity. subject: a coordinate or output, RHO, EXPONENT or RADIUS; figure: a field of `Statistics`,
-    HARMONIC or PHASE; of multipliers and exponents "re", "im", "abs", or "" for the complex number; number:
-    the order, or which of the multipliers, from 1 on."""
+    """A quantity by name.
+
+    subject: a coordinate or output, RHO, EXPONENT or RADIUS. figure: a field of `Statistics`, HARMONIC or
+    PHASE; "re", "im", "abs", or "" for the complex number of multipliers and exponents. number: harmonic, or
+    position of the multiplier, from 1."""
 
     text: str
     unit: str
@@ -61,7 +65,7 @@ class Named:
 
     @classmethod
     def of(cls, system: PeriodicSystem, text: str) -> "Named":
-        """Of a text. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Quantity of a name. Raises UnknownNameError, ValueOutOfBoundsError."""
         subject, dot, figure = text.partition(".")
         known = (*system.coordinates, *system.outputs)
         if subject in known:
@@ -93,11 +97,11 @@ class Named:
 
     @property
     def of_orbit(self) -> bool:
-        """Whether it needs the orbit, not the stability alone."""
+        """Whether the quantity requires the orbit."""
         return self.subject not in (RHO, EXPONENT, RADIUS)
 
     def value(self, solved: Solved) -> float | complex:
-        """Of a solution."""
+        """Value of a solution."""
         if self.subject == RADIUS:
             return solved.spectral_radius
         if self.figure in (HARMONIC, PHASE):
@@ -111,7 +115,7 @@ class Named:
         )
 
     def part(self, number: Any) -> Any:
-        """What is asked for of a complex number, or of each of an array."""
+        """Requested part of a complex number, or of each number of an array."""
         return {"": np.asarray, "re": np.real, "im": np.imag, "abs": np.abs}[self.figure](number)[()]
 
 

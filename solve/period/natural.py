@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array, solved
-from solve.period.multipliers import EPS
+from solve.period.eigenvalues import EPS
 from solve.period.rigid_body import rigid_body_modes
 
 _SYMMETRIC = 64 * EPS

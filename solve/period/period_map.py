@@ -1,68 +1,66 @@
-"""One period as a chain of affine maps: x at node k+1 = A_k x_k + b_k (chapter Eqs. (17), (38)).
+"""One period as a chain of affine maps, x_{k+1} = A_k x_k + b_k (chapter Eqs. (17), (38)).
 
-The maps of neighbouring steps are multiplied pairwise, level by level, with one array operation a
-level: a tree of about 2 m products instead of a loop over m steps. At most `BLOCKS` blocks are left;
-their cyclic system is solved by structured orthogonal factorisation (S. J. Wright, SIAM J. Sci. Stat.
-Comput. 13 (1992) 742-764), which keeps the digits that single shooting, chapter Eqs. (21), (40),
-loses where a solution of the homogeneous system grows over the period.
-"""
+The maps of neighbouring steps are multiplied pairwise, with one array operation per level of a tree of about
+2m products. The products stop at `BLOCKS` blocks. Their cyclic system is solved by structured orthogonal
+factorisation (S. J. Wright, SIAM J. Sci. Stat. Comput. 13 (1992) 742-764). Single shooting, chapter Eqs.
+(21), (40), would lose digits if a solution of the homogeneous system grows over the period."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array, solved
-from solve.period.multipliers import EPS, accumulated, scaled_alike
-from solve.sizes import SMALL
+from solve.period.eigenvalues import EPS, balance_matrices, roundoff_growth
 
 BLOCKS = 32
-"""Number of blocks at which products stop and the orthogonal factorisation takes over."""
+"""Number of blocks at which products stop and the orthogonal factorisation begins: a choice."""
 
 _LARGE, _BLOCKS_OF_LARGE = 2 * SMALL, 8
-"""States beyond which there are fewer blocks: with 216 states an elimination takes 15 times as long as a
-product. Where a solution grows by |ρ| over the period, blocks of an eighth of it cost log10|ρ|/8 digits: with
-216 states and |ρ| = 1e12 the error is 2.6e-13, with 32 blocks 1.1e-13, with one 3e-4."""
+"""Number of states above which there are fewer blocks: with 216 states an elimination takes 15 times as long
+as a product. If a solution grows by |ρ| over the period, blocks of an eighth of it cost log10|ρ|/8 digits:
+with 216 states and |ρ| = 1e12 the error is 2.6e-13, with 32 blocks 1.1e-13, with one block 3e-4."""
 
 SINGULAR = 1e-14
-"""Reciprocal condition number of the closed cyclic system below which it counts as singular."""
+"""Reciprocal condition number of the cyclic system below which it is singular."""
 
 APART = 1e-3
-"""Part of what acts on any state: where less acts on one, elimination costs it its digits, unless it is in
-units of its own."""
+"""Fraction of the largest terms of a state below which the terms of another one lose digits in elimination,
+unless that state has its own unit: a choice."""
 
 _ROUNDING = 8.0
-"""Times rounding: what is no larger rests."""
+"""Multiple of the round-off up to which a state is at rest: a choice."""
 
 _RESTS = 1e-11
-"""Part of what acts: what rests is no larger, however much rounding there is."""
+"""Largest fraction of the terms that a state at rest may have, independent of the round-off: a choice."""
 
 REGULAR = 1e13
-"""Condition number of states that does not make their chain singular."""
+"""Condition number assigned to regular systems whose condition number in other units is larger: a choice."""
 
 _LEFT = 1e-12
-"""Part of what acts on the states at a node that may be left over of them: elimination treats nodes alike,
-and a solution that grows by many powers of ten within the period loses its digits where it is small."""
+"""Residual of the cyclic system, relative to its terms, above which it is solved again in other units.
+Elimination treats all nodes alike; a solution that grows by many powers of ten loses digits where it is
+small."""
 
 _AGAIN = 3
-"""Times at most that a chain is closed anew, in units in which its states are alike at all nodes."""
+"""Largest number of solutions in units in which the states at all nodes are comparable: a choice."""
 
 _SMALLEST = 2.0**-100
-"""By which the unit of a node falls at most at a time, from that of the largest one."""
+"""Smallest unit of a node relative to the largest one, per solution: a choice."""
 
 
 @dataclass(frozen=True)
 class Steps:
     """Affine maps of the steps of one period: A (..., m, N, N), b (..., m, N).
 
-    Leading axes are points of a sweep, each with a period of its own. b may be (..., m, N, r) for
-    `periodic_states`: r problems with the same A.
-    """
+    Leading axes are points. For `periodic_states`, b may be (..., m, N, r), which are r problems with the
+    same A."""
 
     A: Array
     b: Array
 
     def where(self, points: Array) -> "Steps":
-        """The steps of the points (P,) that are true, zero elsewhere."""
+        """Steps of the selected points (P,), zero for all others."""
         if points.all():
             return self
         A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
@@ -78,13 +76,13 @@ def monodromy(steps: Steps) -> Array:
 
 
 def affine_period(steps: Steps) -> Steps:
-    """The map of the whole period, as one step."""
+    """Map of the whole period as one step."""
     whole = _levels(Steps(steps.A, steps.b[..., None]), 1)[-1]
     return Steps(whole.A, whole.b[..., 0])
 
 
 def states_from(steps: Steps, start: Array) -> Array:
-    """States x (..., m+1, N) at the nodes from the state (..., N) at the first."""
+    """States x (..., m+1, N) at the nodes from the state (..., N) at the first node."""
     x = start[..., None, :, None]
     levels = _levels(Steps(steps.A, steps.b[..., None]), 1)
     for level in reversed(levels[:-1]):
@@ -95,16 +93,17 @@ def states_from(steps: Steps, start: Array) -> Array:
 
 def periodic_states(steps: Steps) -> tuple[Array, Array]:
     """States x (..., m+1, N), or (..., m+1, N, r), of the periodic solution at the nodes, and the condition
-    number (...) of the closed system: infinite, with NaN for states, where it is singular, a multiplier at
-    +1."""
+    number (...) of the cyclic system.
+
+    If that is singular, which is a multiplier +1, the condition number is infinite and the states are NaN."""
     columns = steps.b.ndim == steps.A.ndim
     with_columns = steps if columns else Steps(steps.A, steps.b[..., None])
     return _closed_levels(_levels(with_columns, _most_blocks(steps)), columns)
 
 
 def period(steps: Steps) -> tuple[Array, Array, Array]:
-    """Φ(T) as `monodromy` has it, and of points (P,) where that is finite states and condition numbers as of
-    `periodic_states`, from the same products of steps."""
+    """Φ(T) as in `monodromy`, and the result of `periodic_states` for points (P,) with finite Φ, from the
+    same products of steps."""
     levels = _levels(Steps(steps.A, steps.b[..., None]), _most_blocks(steps))
     Phi = monodromy(levels[-1])
     finite = np.asarray(np.isfinite(Phi).all(axis=(1, 2)))
@@ -130,10 +129,10 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
             x, condition, left = _at_nodes(A, b, unit)
             acting = _acting(A, b, x)
-        rounding = EPS * accumulated(steps.A.shape[-3]) * condition
+        rounding = EPS * roundoff_growth(steps.A.shape[-3]) * condition
         cancels = _cancels(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
-    condition = np.fmax(condition, np.minimum(left / (EPS * accumulated(steps.A.shape[-3])), REGULAR))
+    condition = np.fmax(condition, np.minimum(left / (EPS * roundoff_growth(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
         x = _refined(level, x)
     x = np.concatenate((x, x[..., :1, :, :]), axis=-3)
@@ -141,17 +140,21 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
 
 
 def _units(A: Array) -> Array:
-    """Units (..., N) of the states, powers of 2, in which the maps are balanced: orthogonal elimination
-    treats all states alike, so that a metre beside a milliradian would cost the small one its digits."""
+    """Powers of 2 (..., N) as units of the states, in which the maps are balanced.
+
+    Orthogonal elimination treats all states alike: a state in metres would cost one in milliradians its
+    digits."""
     size = np.abs(A).sum(axis=-3)
     size = size / np.maximum(size.sum(axis=(-2, -1), keepdims=True), np.finfo(float).tiny)
-    return scaled_alike(size)[1]
+    return balance_matrices(size)[1]
 
 
 def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
-    """Starts of the blocks of a closed chain, its condition number, and the part of what acts on them that is
-    left over; in such units (..., N) of the states, and where that loses digits in units of the nodes too. A
-    chain is singular that is so in both."""
+    """States at the starts of the blocks, the condition number of the cyclic system, and its relative
+    residual.
+
+    The system is solved in units (..., N) of the states, and again in units of the nodes if that loses
+    digits. It is singular if it is singular in both."""
     unit = np.broadcast_to(unit[..., None, :], A.shape[:-1])
     x, condition, left = _in_units(A, b, unit, level=False)
     regular = condition < 1 / SINGULAR
@@ -176,7 +179,7 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
 
 
 def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Array, Array]:
-    """The same in such units (..., B, N), whether singular or not; level: see `_cyclic`."""
+    """`_at_nodes` in units (..., B, N), without a test for singularity; level: see `_cyclic`."""
     ahead = np.roll(unit, -1, axis=-2)
     scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
     x, condition = _cyclic(scaled, level)
@@ -184,8 +187,8 @@ def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Arra
 
 
 def _left(blocks: Steps, x: Array) -> Array:
-    """Part of what acts on the states at the end of a block that these leave over, at most (...): rounding,
-    or what elimination has lost."""
+    """Largest residual (...) of the states at the ends of blocks, relative to the terms: round-off, or digits
+    lost in elimination."""
     ahead = np.roll(x, -1, axis=-3)
     left = np.abs(blocks.A @ x + blocks.b - ahead).max(axis=(-2, -1))
     acting = (np.abs(blocks.A) @ np.abs(x) + np.abs(blocks.b)).max(axis=(-2, -1))
@@ -193,27 +196,27 @@ def _left(blocks: Steps, x: Array) -> Array:
 
 
 def _acting(A: Array, b: Array, x: Array) -> Array:
-    """What acts at most on each of the states x (..., B, N, 1) of blocks (..., N)."""
+    """Largest sums of moduli of the terms of each state x (..., B, N, 1) over the blocks (..., N)."""
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
     least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
     return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))
 
 
 def at_rest(rounding: Array) -> Array:
-    """Largest part (...) of what acts that is taken for the rounding (...) of it."""
+    """Largest fraction (...) of the terms that is round-off, from the relative round-off (...)."""
     return np.minimum(_ROUNDING * rounding, _RESTS)
 
 
 def _cancels(acting: Array, size: Array, rounding: Array) -> Array:
-    """How many times larger than a state what acts on it is, at most (...), but for states that are nothing
-    but the rounding (...) of that; both (..., N) in the units of the chain."""
+    """Largest ratio (...) of the terms of a state to the state, except for states that are round-off (...) of
+    their terms; both (..., N) in the units of the chain."""
     moving = size > at_rest(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:
-    """The steps, b with columns, the maps over pairs of them, over pairs of those, … until at most `most` are
-    left."""
+    """Steps with columns b, products of pairs of them, products of pairs of those, …, until at most `most`
+    remain."""
     levels = [steps]
     while levels[-1].b.shape[-3] > most:
         levels.append(_halved(levels[-1]))
@@ -227,7 +230,7 @@ def _halved_products(A: Array) -> Array:
 
 
 def _halved(steps: Steps) -> Steps:
-    """Maps over pairs of steps; an odd last step stays as it is."""
+    """Products of pairs of steps; an odd last step remains."""
     A, b = steps.A, steps.b
     pairs = b.shape[-3] // 2 * 2
     joined = A[..., 1:pairs:2, :, :] @ b[..., 0:pairs:2, :, :] + b[..., 1:pairs:2, :, :]
@@ -235,7 +238,7 @@ def _halved(steps: Steps) -> Steps:
 
 
 def _refined(level: Steps, starts: Array) -> Array:
-    """States at the start of every step of the level, from those at the start of every pair."""
+    """States at the start of every step of a level, from those at the start of every pair."""
     x = np.empty_like(level.b)
     x[..., 0::2, :, :] = starts
     inner = level.b.shape[-3] // 2
@@ -245,12 +248,12 @@ def _refined(level: Steps, starts: Array) -> Array:
 
 
 def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
-    """Starts x (..., B, N, r) of the blocks of a closed chain x_{k+1} = A_k x_k + b_k, x_B = x_0.
+    """States x (..., B, N, r) at the starts of the blocks of a cyclic chain x_{k+1} = A_k x_k + b_k, x_B =
+    x_0.
 
-    Each row G x_k + H x_{k+1} = r is joined with the next by an orthogonal elimination of the state
-    between them, until one row G x_0 + H x_B = r is left. level: rows are divided by what makes none larger
-    than about 1, as units of the nodes may.
-    """
+    Each row G x_k + H x_{k+1} = r is combined with the next one by orthogonal elimination of the state
+    between them, until one row G x_0 + H x_B = r remains. level: whether rows are scaled to at most about 1,
+    which units of the nodes require."""
     N, r = blocks.b.shape[-2:]
     unit = np.broadcast_to(-np.eye(N), blocks.A.shape)
     rows, eliminated = np.concatenate((blocks.A, unit, -blocks.b), axis=-1), []
@@ -282,17 +285,17 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
 
 
 def _powers(sizes: Array) -> Array:
-    """Powers of 2 next below sizes: what is divided by them keeps all of its digits."""
+    """Powers of 2 next below sizes; division by them is exact."""
     return np.ldexp(1.0, np.frexp(sizes)[1] - 1)
 
 
 def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
-    """x of (G + H) x = r (..., N, columns), and the condition number of G + H measured against (G, H)."""
+    """x of (G + H) x = r (..., N, columns), and the condition number of G + H relative to (G, H)."""
     return solved(G + H, r), closed_condition(G, H)
 
 
 def closed_condition(G: Array, H: Array) -> Array:
-    """Condition number (...) of G + H measured against (G, H)."""
+    """Condition number (...) of G + H relative to (G, H)."""
     least = np.linalg.svd(G + H, compute_uv=False)[..., -1]
     scale = np.linalg.svd(np.concatenate((G, H), axis=-2), compute_uv=False)[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):

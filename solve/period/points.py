@@ -1,8 +1,7 @@
-"""Points solved side by side: systems that differ by numbers, each at a speed, given by samples.
+"""Batches of points, which are systems at a speed, by samples of their coefficients over the phase.
 
-An entry is one of those of Ω²M, ΩC, K by rows and d, the matrices of derivatives by the phase:
-3n² + n of them.
-"""
+The 3n² + n entries of a point are those of Ω²M, ΩC and K by rows, and of d. Derivatives are with respect to
+the phase."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -16,8 +15,19 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Tables:
-    """R terms at k phases: table (k, R), the same for all points, or (P, k, R); coefficients (P, R) of the
-    terms at each point; entry (R,), rising: to which entry each term belongs; n coordinates."""
+    """Entries of P points at k phases as sums of R terms.
+
+    Attributes
+    ----------
+    table : (k, R) or (P, k, R)
+        Terms, shared by all points or per point.
+    coefficients : (P, R)
+        Coefficients of the terms at each point.
+    entry : (R,)
+        Number of the entry to which each term belongs, in ascending order.
+    n : int
+        Number of coordinates.
+    """
 
     table: Array
     coefficients: Array
@@ -26,17 +36,17 @@ class Tables:
 
     @classmethod
     def of(cls, entries: Array, n: int) -> "Tables":
-        """Of entries (P, k, 3n² + n) that are sampled for each point by itself."""
+        """Tables of entries (P, k, 3n² + n) that are sampled per point."""
         count = entries.shape[-1]
         return cls(entries, np.ones((len(entries), count)), np.arange(count), n)
 
     def __getitem__(self, points: Array) -> "Tables":
-        """Those of some points."""
+        """Tables of some points."""
         table = self.table[points] if self.own else self.table
         return Tables(table, self.coefficients[points], self.entry, self.n)
 
     def multiplied(self, factors: Array) -> "Tables":
-        """With the equations multiplied by factors (P, n)."""
+        """Tables of equations multiplied by factors (P, n)."""
         equation = np.concatenate((np.tile(np.repeat(np.arange(self.n), self.n), 3), np.arange(self.n)))
         factors = factors[:, equation[self.entry]]
         if self.own:
@@ -45,40 +55,40 @@ class Tables:
 
     @property
     def own(self) -> bool:
-        """Whether every point has a table of its own."""
+        """Whether the table contains terms per point."""
         return self.table.ndim == 3
 
     def fields(self) -> Array:
         """All entries as fields over points and phases (3n² + n, P, k)."""
-        if self._whole:
+        if self._is_entries:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
         if len(self.coefficients) == 1 and not self.own:
             return (self._weights @ self.table.T)[:, None]
-        made = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
+        fields = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
         last = -1
         for term, entry in enumerate(self.entry.tolist()):
             factors = self.coefficients[:, term, None], self.table[..., term]
             if entry == last:
-                made[entry] += np.multiply(*factors)
+                fields[entry] += np.multiply(*factors)
             else:
-                np.multiply(*factors, out=made[entry])
+                np.multiply(*factors, out=fields[entry])
             last = entry
-        return made
+        return fields
 
     def ranges(self) -> tuple[Array, Array]:
-        """Numbers (3n² + n, P) between which the entries are at all of the phases, from the ranges of the
-        terms that all points share."""
+        """Lower and upper bounds (3n² + n, P) of the entries over the phases, from the ranges of shared
+        terms."""
         low, high = self.table.min(axis=0), self.table.max(axis=0)
-        made = np.zeros((2, 3 * self.n**2 + self.n, len(self.coefficients)))
+        bounds = np.zeros((2, 3 * self.n**2 + self.n, len(self.coefficients)))
         for term, entry in enumerate(self.entry.tolist()):
             factor = self.coefficients[:, term]
-            made[0, entry] += np.minimum(factor * low[term], factor * high[term])
-            made[1, entry] += np.maximum(factor * low[term], factor * high[term])
-        return made[0], made[1]
+            bounds[0, entry] += np.minimum(factor * low[term], factor * high[term])
+            bounds[1, entry] += np.maximum(factor * low[term], factor * high[term])
+        return bounds[0], bounds[1]
 
     def entries(self) -> Array:
-        """The same as (P, k, 3n² + n)."""
-        if self._whole:
+        """All entries (P, k, 3n² + n)."""
+        if self._is_entries:
             return self.table
         if len(self.coefficients) == 1 and not self.own:
             return (self.table @ self._weights.T)[None]
@@ -86,21 +96,21 @@ class Tables:
 
     @property
     def _weights(self) -> Array:
-        """Of the terms in the entries of the first point (3n² + n, R)."""
+        """Coefficients of the terms in the entries of the first point (3n² + n, R)."""
         every = np.arange(3 * self.n**2 + self.n)
         return np.where(every[:, None] == self.entry, self.coefficients[0], 0.0)
 
     @property
-    def _whole(self) -> bool:
-        """Whether the table is the entries themselves, as `of` makes it."""
+    def _is_entries(self) -> bool:
+        """Whether the table contains the entries themselves, as in `of`."""
         return self.own and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
 
 
 class Points(Protocol):
-    """Some points: n coordinates each, the period in phase, and breaks, phases where the matrices jump.
+    """Points with n coordinates, a period in phase, and breaks, which are phases at which the matrices jump.
 
-    bytes_a_phase: memory that a point's own tables take a phase. alone: whether it is one that was never
-    among others.
+    bytes_a_phase: memory per point and phase of tables that are not shared. alone: whether this is a single
+    point that is not part of a batch.
     """
 
     @property
@@ -121,17 +131,17 @@ class Points(Protocol):
     def __len__(self) -> int: ...
 
     def __getitem__(self, positions: Array) -> "Points":
-        """The points at the positions (k,)."""
+        """Points at positions (k,)."""
         ...
 
     def tables(self, phase: Array) -> Tables:
-        """At phases (k,)."""
+        """Tables at phases (k,)."""
         ...
 
 
 @dataclass(frozen=True)
 class _OfSystem:
-    """Points of one system."""
+    """Base class of points of one system."""
 
     system: PeriodicSystem
     bytes_a_phase: int = field(default=0, init=False)
@@ -151,7 +161,7 @@ class _OfSystem:
 
 @dataclass(frozen=True)
 class OnePoint(_OfSystem):
-    """A system at a speed (rad/s)."""
+    """A system at a speed in rad/s."""
 
     speed: float
     alone: bool = field(default=True, init=False)
@@ -189,7 +199,7 @@ class AtSpeeds(_OfSystem):
 
 
 class Multiplied:
-    """Points with their equations multiplied by factors (P, n), which changes no solution."""
+    """Points with equations multiplied by factors (P, n), which do not change the solutions."""
 
     def __init__(self, points: Points, factors: Array):
         self.points, self.factors = points, factors
@@ -212,7 +222,7 @@ def matrices(points: Points, phase: Array) -> Matrices:
 
 
 def parted(entries: Array, n: int) -> Matrices:
-    """Ω²M, ΩC, K (…, n, n) and d (…, n) of entries (…, 3n² + n)."""
+    """Ω²M, ΩC, K (…, n, n) and d (…, n) from entries (…, 3n² + n)."""
     M, C, K = (
         entries[..., part * n**2 : (part + 1) * n**2].reshape(*entries.shape[:-1], n, n) for part in range(3)
     )
@@ -220,13 +230,13 @@ def parted(entries: Array, n: int) -> Matrices:
 
 
 def state_rate(points: Points, phase: Array) -> Array:
-    """(P | f) of x′ = P x + f, x = (q, dq/dphase): (P, k, 2n, 2n+1), chapter Eq. (5); NaN where M is
+    """(A | f) of x′ = A x + f (P, k, 2n, 2n+1) for x = (q, dq/dphase), chapter Eq. (5); NaN if M is
     singular."""
     return rate_of(*matrices(points, phase))
 
 
 def rate_of(M: Array, C: Array, K: Array, d: Array) -> Array:
-    """The same (…, 2n, 2n+1) of matrices (…, n, n) and loads (…, n)."""
+    """`state_rate` (…, 2n, 2n+1) of matrices (…, n, n) and loads (…, n)."""
     n = d.shape[-1]
     rate = np.zeros((*d.shape[:-1], 2 * n, 2 * n + 1))
     rate[..., :n, n : 2 * n] = np.eye(n)
@@ -235,5 +245,5 @@ def rate_of(M: Array, C: Array, K: Array, d: Array) -> Array:
 
 
 def affine(maps: Array, x: Array) -> Array:
-    """A x + b (…, k) of maps (A | b) (…, k, N+1) at x (…, N)."""
+    """A x + b (…, k) for maps (A | b) (…, k, N+1) and states x (…, N)."""
     return np.squeeze(maps[..., :-1] @ x[..., None], -1) + maps[..., -1]

@@ -3,8 +3,7 @@
 SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42; D.
 Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
 triangular; an eigenvalue is a product of diagonal entries. The backward error of each factor is a few units
-of round-off of its own norm. An eigenvalue of 1e-400 is therefore as accurate as the factors determine it.
-"""
+of round-off of its own norm. An eigenvalue of 1e-400 is therefore as accurate as the factors determine it."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.kernel.cyclic import cyclic
 from solve.kernel.slicot import periodic_schur, product_logarithms
-from solve.period.multipliers import EPS
+from solve.period.eigenvalues import EPS
 
 ROUNDING = 4.0
 """Backward error of the periodic Schur form in units of round-off of a factor's Frobenius norm: the largest

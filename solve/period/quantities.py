@@ -1,20 +1,21 @@
-"""Quantities over one turn: extrema of the continuous curve, means and harmonics."""
+"""Coordinates and outputs over one period: extrema of the continuous curve, means, harmonics and
+statistics."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from solve.arguments import SMALL
 from solve.arrays import Array
-from solve.contracts import Formulas
+from solve.contracts import Formulas, Statistics
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.period.curve import Curve, PeriodicCurve
-from solve.sizes import SMALL
-from solve.statistics import Statistics
+from solve.system import PeriodicSystem
 
 Signal = Callable[[Array], Array]
 """Values (k,) at phases (k,)."""
@@ -27,7 +28,8 @@ FIGURES = Statistics._fields
 LEAST_SAMPLES = 2048
 _SAMPLES_PER_STEP = 4
 _ZOOMS, _ROUGH = 6, 3
-"""Narrowings of an extremum to a sixteenth, and of one that may turn out to be lower than another."""
+"""Number of refinements of an extremum, each to a sixteenth of the interval, and of a candidate that may be
+lower: choices."""
 
 _ZOOM = np.linspace(-1.0, 1.0, 33)
 
@@ -35,24 +37,23 @@ _SIGNS = np.array([1.0, -1.0])
 """Signs for maxima and for minima, which are maxima of the negative."""
 
 _TOGETHER = 16
-"""Extrema of a quantity that are narrowed down at once."""
+"""Number of extrema of a quantity that are refined at a time: a choice."""
 
 _TIE = 1e-10
-"""Part of the largest value by which one extremum is beyond another if both are not the same."""
+"""Difference of two extrema, relative to the largest value, above which they are distinct: a choice."""
 
 
 def samples_a_step(steps: int) -> int:
-    """Samples of a step with which a turn of so many steps is resolved."""
+    """Number of samples per step that resolves a period with this number of steps."""
     wanted = max(LEAST_SAMPLES, 2 ** math.ceil(math.log2(_SAMPLES_PER_STEP * steps)))
     return math.ceil(wanted / steps)
 
 
 def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
-    """The fields of `Statistics` (…, 7) of quantities with values (…, k) at k phases evenly from 0 on.
+    """Fields of `Statistics` (…, 7) of quantities with values (…, k) at k uniform phases from 0.
 
-    at: values (…, j) of each quantity at phases (…, j) of its own, by which extrema are refined between
-    the samples, so that they are those of the continuous curve. NaN where a value is not finite.
-    """
+    at: function that returns values (…, j) of each quantity at its phases (…, j). Extrema are refined with it
+    between the samples, so that they are those of the continuous curve. NaN if a value is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         return _figures(_known(values), at, period)
 
@@ -70,11 +71,12 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
         "rms": np.sqrt(np.mean(values**2, axis=-1)),
     }
     found = np.stack([made[name] for name in FIGURES], axis=-1)
-    return np.where(np.isnan(values[..., :1]), np.nan, found)
+    # Without −0.0, which records would show.
+    return np.where(np.isnan(values[..., :1]), np.nan, found) + 0.0
 
 
 def _known(values: Array) -> Array:
-    """Values (…, k), all NaN where one of the k is not finite."""
+    """Values (…, k), all NaN if one of the k values is not finite."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
@@ -125,8 +127,10 @@ def _above(
 
 
 def _reach(values: Array) -> Array:
-    """Up to where the curve may rise next to samples (…, k) that are no less than their neighbours: twice as
-    far above them as the parabola through the three; -inf at others."""
+    """Upper bounds of the curve near samples (…, k) that are at least as large as their neighbours; -inf for
+    others.
+
+    The bound is twice as far above the sample as the maximum of the parabola through the three samples."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
     peak, bend = (values >= before) & (values >= after), 2 * values - before - after
     above = np.square(before - after) / (4 * np.where(bend > 0, bend, np.inf))
@@ -161,14 +165,14 @@ def _zoomed(
 
 
 def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
-    """Of one quantity, given as a function of the phase."""
+    """Statistics of one quantity, given as a function of the phase."""
     values = signal(np.arange(samples) * (period / samples))
     return Statistics(*figures(values, signal, period).tolist())
 
 
 def spectrum(values: Array, count: int) -> tuple[Array, Array]:
     """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …], (…, count + 1), of A0 + Σ A_k cos(kφ + ψ_k) from
-    values (…, m) at m phases evenly from 0 on; A0 is the signed mean, the others are single-sided peak
+    values (…, m) at m uniform phases from 0; A0 is the signed mean, the others are single-sided peak
     amplitudes."""
     series = np.fft.rfft(_known(values), axis=-1)[..., : count + 1] / values.shape[-1]
     amplitudes, angles = 2 * np.abs(series), np.angle(series)
@@ -177,7 +181,8 @@ def spectrum(values: Array, count: int) -> tuple[Array, Array]:
 
 
 def enough_samples(samples: int, count: int) -> int:
-    """Samples a turn, at least so many, that tell `count` harmonics. Raises ValueOutOfBoundsError."""
+    """Number of samples per period, at least `samples`, that resolves `count` harmonics. Raises
+    ValueOutOfBoundsError."""
     if not (isinstance(count, int | np.integer) and count >= 0):
         raise ValueOutOfBoundsError(f"harmonics are {count!r}; allowed: whole numbers from 0 on, such as 60")
     return max(samples, 8 * int(count))
@@ -192,11 +197,10 @@ def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SA
 
 @dataclass(frozen=True)
 class Quantities:
-    """Coordinates, and behind them outputs where there are such, of P points: q quantities.
+    """Coordinates of P points, followed by outputs if there are any: q quantities.
 
-    curve: of the points, (P, n, …). speeds (P,) in rad/s. formulas: of the outputs, with values (P, p) of
-    their parameters, and positions of those that are quantities; `outputs` gives the same in NumPy.
-    """
+    curve (P, n, …): of the points. speeds (P,): in rad/s. formulas: of the outputs, with parameters (P, p).
+    positions: those of the quantities among the formulas. outputs: the same outputs in NumPy."""
 
     curve: PeriodicCurve
     speeds: Array
@@ -211,11 +215,11 @@ class Quantities:
 
     @cached_property
     def values(self) -> Array:
-        """Samples (P, q, k), evenly over the turn, that resolve the curves."""
+        """Samples (P, q, k), uniform over the period, that resolve the curves."""
         return self.sampled(samples_a_step(len(self.curve.nodes) - 1))
 
     def sampled(self, a_step: int) -> Array:
-        """The same with so many samples a step; of steps of different lengths evenly too."""
+        """Samples (P, q, k), uniform over the period also on nonuniform grids, with this number per step."""
         count = a_step * (len(self.curve.nodes) - 1)
         phase, even = np.arange(count) * (self.period / count), self._uniform
         states = (
@@ -229,7 +233,7 @@ class Quantities:
         return np.concatenate((q, self.outputs(every, q, *rates)), axis=1)
 
     def at(self, phase: Array) -> Array:
-        """Each quantity at phases of its own (P, q, k): (P, q, k)."""
+        """Values (P, q, k) of each quantity at its own phases (P, q, k)."""
         n = self.curve.n
         values = self.curve.each(phase[:, :n])
         if self.outputs is None:
@@ -242,12 +246,12 @@ class Quantities:
         return np.concatenate((values, outputs[:, np.arange(o), np.arange(o)]), axis=1)
 
     def figures(self) -> Array:
-        """(P, q, 7): the fields of `Statistics`."""
+        """Fields of `Statistics` (P, q, 7)."""
         found = self.compiled_figures()
         return figures(self.values, self.at, self.period) if found is None else found
 
     def compiled_figures(self) -> Array | None:
-        """The same in compiled code; None where that is not to be had, or a quantity is not finite."""
+        """`figures` in compiled code; None if that is not available, or a quantity is not finite."""
         curve, known = self.curve, self.outputs is None or self.formulas is not None
         if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):
             return None
@@ -269,7 +273,8 @@ class Quantities:
         return bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
 
     def amplitudes(self, quantities: list[int], count: int) -> Array:
-        """(P, chosen, count + 1): signed mean and single-sided amplitudes of `count` harmonics."""
+        """Signed mean and single-sided amplitudes (P, k, count + 1) of `count` harmonics of some
+        quantities."""
         steps, enough = len(self.curve.nodes) - 1, enough_samples(self.values.shape[-1], count)
         values = self.values if enough == self.values.shape[-1] else self.sampled(-(-enough // steps))
         return spectrum(values[:, quantities], count)[0]
@@ -281,3 +286,77 @@ class Quantities:
             self.speeds[:, None, None],
             self.speeds[:, None, None] ** 2,
         ]
+
+
+_REPEATS, _SAMPLES = 1e-6, 512
+"""Tolerance, relative, and number of phases of the comparison between periods of an orbit of several periods:
+if they agree, it is an orbit of a single period."""
+
+_A_STEP = 4
+"""Phases per step at which outputs of two curves are compared."""
+
+
+def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
+    """Statistics (n, 7) of each coordinate of the continuous curve: the fields of `Statistics`."""
+    return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
+
+
+def compiled_output_figures(
+    system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
+) -> Array | None:
+    """Statistics (o, 7) of each output at a speed in rad/s from compiled code; None without compiled code."""
+    formulas = system.output_formulas() if engine == COMPILED else None
+    if formulas is None:
+        return None
+    formulas = formulas._replace(values=formulas.values[None])
+    positions = range(len(system.outputs))
+    quantities = Quantities(curve[None], np.array([speed]), None, engine, formulas, positions)
+    found = quantities.compiled_figures()
+    return None if found is None else found[0, system.n :]
+
+
+def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
+    """Statistics (o, 7) of each output, from compiled code if available."""
+    compiled = compiled_output_figures(system, curve, speed, engine)
+    if compiled is not None:
+        return compiled
+
+    def outputs(phase: Array, *state: Array) -> Array:
+        values = system.output_values(phase[0], speed, *(part[0] for part in state))
+        return np.array([[values[name] for name in system.outputs]])
+
+    positions = range(len(system.outputs))
+    quantities = Quantities(curve[None], np.array([speed]), outputs, engine, None, positions)
+    return quantities.figures()[0, system.n :]
+
+
+def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
+    """Statistics (n + o, 7) of the coordinates, then of the outputs."""
+    of_coordinates = coordinate_figures(curve, engine)
+    if not system.outputs:
+        return of_coordinates
+    return np.concatenate((of_coordinates, output_figures(system, curve, speed, engine)))
+
+
+def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve) -> Array:
+    """Largest differences (o,) of the outputs between two curves on the same nodes, relative to the largest
+    moduli on the other."""
+    if not system.outputs:
+        return np.zeros(0)
+    phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
+    before, after = (_outputs_at(system, phase, speed, curve) for curve in (one, other))
+    changes = ((np.abs(after[name] - before[name]).max(), np.abs(after[name]).max()) for name in after)
+    return np.array([change / (largest or 1.0) for change, largest in changes])
+
+
+def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve) -> Mapping[str, Array]:
+    q, v, a = (curve.sampled(_A_STEP, order) for order in range(3))
+    return system.output_values(phase, speed, q, speed * v, speed**2 * a)
+
+
+def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
+    """Whether a curve over several periods repeats after one of them."""
+    last = float(curve.nodes[-1])
+    phase = np.arange(_SAMPLES) * (last / _SAMPLES)
+    q, later = curve(phase), curve(phase + last / periods)
+    return bool((np.abs(later - q).max(axis=1) <= _REPEATS * np.abs(q).max(axis=1)).all())

@@ -1,8 +1,7 @@
 """Rigid-body modes: constant vectors e with K(φ) e = 0 over the whole period.
 
 The machine moves along e without a restoring force, for example in the rotation of a drive train without a
-spring to ground.
-"""
+spring to ground."""
 
 from dataclasses import dataclass
 

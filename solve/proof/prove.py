@@ -2,13 +2,14 @@
 
 from concurrent.futures import Executor
 
-from solve.argument import first_is
+from solve.arguments import first_is
 from solve.errors import LinearModelError, MissingValueError, ValueOutOfBoundsError
+from solve.labels import require_vibration
 from solve.model.model import Model
 from solve.model.sampling import MatrixSampler
 from solve.proof.result import Proof
 from solve.results.chart import ProvedBoxes
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
 from solve.system import PeriodicSystem
@@ -93,6 +94,7 @@ def checked_digits(digits: int | None) -> int:
 def require_provable(system: PeriodicSystem) -> Model:
     """The system, a model whose matrices are a generated function of the phase. Raises LinearModelError, and
     MissingLibraryError without python-flint."""
+    require_vibration(system)
     if not isinstance(system, Model) or not isinstance(system._matrices, MatrixSampler) or system.assembled:
         raise LinearModelError(
             "a proof needs matrices that are a generated function of the phase; systems of Python functions "

@@ -224,6 +224,7 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
     real = plane.moved(equation, *(interval(arb(low), arb(high)) for low, high in box))
     period = period_of(plane.system)
     found: dict[tuple[int, int], tuple[tuple[int, int], Array]] = {}
+    sizes: list[Ball] = []
 
     def examine(i: int, j: int) -> None:
         ratios = _RATIOS[i], _RATIOS[j]
@@ -231,16 +232,19 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
         bounds = _bounds(real, plane.moved(equation, *ellipses), period, plane.system.breaks)
         size = largest(bounds)
         if size < arb(2) ** _LARGEST:
+            sizes.append(size)
             counts = _count(size, ratios[0]), _count(size, ratios[1])
             found[i, j] = counts, np.array([above(_error(bound, ratios, counts)) for bound in bounds])
 
     def best() -> tuple[int, int]:
         return min(found, key=lambda at: math.prod(found[at][0]))
 
-    for k in range(len(_RATIOS)):
-        examine(k, k)
-    if not found:
+    examine(0, 0)
+    # S grows with the ellipses: if S of the smallest needs too many nodes on the largest, so do all others.
+    if not found or math.prod(_count(sizes[0], _RATIOS[-1]) for _ in box) > _MOST_NODES:
         return None, np.zeros(0), False
+    for k in range(1, len(_RATIOS)):
+        examine(k, k)
     k = best()[0]
     for i, j in ((k - 1, k), (k + 1, k), (k, k - 1), (k, k + 1)):
         if min(i, j) >= 0 and max(i, j) < len(_RATIOS):

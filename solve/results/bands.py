@@ -1,33 +1,39 @@
-"""Bands of speed in which the motion is unstable."""
+"""Unstable bands of speed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, Facts, digits, speeds_of
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
 from solve.results.result import Figure, Result
+from solve.results.serialization import serializable, stored_property
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 
 _MOST_NAMED = 4
-"""Bands that the summary names."""
+"""Maximum number of bands that the summary lists."""
 
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Band:
-    """low, high: edges in rad/s; open: the band goes on beyond the range there, or up to a speed without a
-    result.
+    """Unstable band of speed.
 
-    kind: the multiplier that leaves the unit circle: "+1" (period T), "-1" (period 2T) or "complex".
-    spectral_radius: the largest that was met inside.
+    Attributes
+    ----------
+    low, high : float
+        Edges in rad/s.
+    kind : {"+1", "-1", "complex"}
+        Multiplier that leaves the unit circle: period T, period 2T, or a complex pair.
+    spectral_radius : float
+        Largest spectral radius of the solved speeds in the band.
+    open_low, open_high : bool
+        Whether the band continues beyond the range, or ends at a speed without a result.
     """
 
     low: float
@@ -40,11 +46,21 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Bands(Sequence[Band], Result):
-    """Unstable bands in ascending order within a range of speeds (rad/s). spacing: largest distance in rad/s
-    of neighbouring solved speeds; narrower bands may be missed. notes: how the bands were found, such as
-    speeds without a result. speeds, spectral_radius (P,): solved speeds in ascending order and their spectral
-    radii, NaN without a result. constant_matrices: whether M, C and K are constant over the period; then
-    eigenvalues decide."""
+    """Unstable bands in ascending order, a sequence of `Band`, from `solve.bands`.
+
+    Attributes
+    ----------
+    range : tuple of float
+        Lowest and highest speed in rad/s.
+    spacing : float
+        Largest distance in rad/s between neighbouring solved speeds; narrower bands may be missed.
+    notes : sequence of str
+        Notes on the search, such as speeds without a result.
+    speeds, spectral_radius : (P,) array
+        Solved speeds in rad/s, ascending, and their spectral radii; NaN without a result.
+    constant_matrices : bool
+        Whether M, C and K are constant over the period, so that eigenvalues decide.
+    """
 
     found: Sequence[Band]
     system: PeriodicSystem
@@ -58,32 +74,32 @@ class Bands(Sequence[Band], Result):
     def __len__(self) -> int:
         return len(self.found)
 
-    def __getitem__(self, at: Any) -> Any:
-        return self.found[at]
+    def __getitem__(self, index: Any) -> Any:
+        return self.found[index]
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Sequence) and list(self) == list(other)
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """About the equations themselves."""
+        """Sentences on what is doubtful about the equations."""
         return self.system.warnings(self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
-        """The spectral radius over the speeds that were solved, or over those of a sweep, with the bands
-        shaded by their kind. Raises ValueOutOfBoundsError for what is no sweep."""
+        """Figure of the spectral radius over the solved speeds, or over those of a sweep, with the bands
+        shaded by kind. Raises ValueOutOfBoundsError if `sweep` is not a Sweep."""
         return super().plot(sweep)
 
     _rows: ClassVar[str] = "bands"
 
     @property
-    def whole(self) -> dict[str, Any]:
-        about = {"range": self.range, "spacing": self.spacing, "notes": self.notes}
-        return {**about, "constant_matrices": self.constant_matrices}
+    def summary_values(self) -> dict[str, Any]:
+        names = "range", "spacing", "notes", "constant_matrices"
+        return {name: getattr(self, name) for name in names}
 
     @property
     def columns(self) -> Columns:
-        """A row a band."""
+        """Row per band."""
         unit = self.system.speed_unit
         low, high = [band.low for band in self], [band.high for band in self]
         lows = [f"{'< ' * band.open_low}{unit.of(band.low):.3f}" for band in self]
@@ -97,13 +113,13 @@ class Bands(Sequence[Band], Result):
             "to": Column(high, "rad/s", "upper edge", f"to ({unit.name})", highs),
             "width": speeds_of(self.system, widths, "of the band", "width ({})", ".3g"),
             "spectral_radius": Column(radii, "1", "largest in the band", "largest |ρ|", digits(".6g")),
-            "open_low": Column([band.open_low for band in self], "", "whether it goes on below"),
-            "open_high": Column([band.open_high for band in self], "", "whether it goes on above"),
+            "open_low": Column([band.open_low for band in self], "", "whether it continues below"),
+            "open_high": Column([band.open_high for band in self], "", "whether it continues above"),
         }
 
     @property
     def summary(self) -> str:
-        """Whether there are any, and where."""
+        """Sentence on the bands."""
         unit = self.system.speed_unit
         if not self:
             return f"No unstable band found from {unit.span(*self.range)}."
@@ -111,5 +127,5 @@ class Bands(Sequence[Band], Result):
         more = f" and {len(self) - _MOST_NAMED} more" if len(self) > _MOST_NAMED else ""
         return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}{more}."
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         return [("M, C, K", "constant over the period")] * self.constant_matrices

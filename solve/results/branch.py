@@ -2,23 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.contracts import Statistics
 from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
 from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
-from solve.results.quantities import headed, prefixed
+from solve.results.formatting import headed, prefixed
 from solve.results.result import Result
-from solve.statistics import Statistics
+from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _NARROW = 1e-3
-"""Range of the values, relative to the largest, below which seven digits do not distinguish them."""
+"""Relative range of the values below which tables show ten digits, because seven do not distinguish them."""
 
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
@@ -30,15 +30,34 @@ _YES = {True: "yes", False: ""}
 
 @dataclass(frozen=True)
 class Branch(Result):
-    """Orbits (P,) along a branch. speeds (P,) in rad/s. figures (P, q, 7): the fields of
-    `solve.statistics.Statistics` of the continuous curve, for each coordinate and then each output.
-    figure_errors (P, q): estimated errors of the extrema, relative to the largest modulus, or to the scale of
-    a coordinate on which the forces cancel. radius (P,): spectral radii. errors (P, 2): estimated relative
-    errors of the orbits and absolute errors of the spectral radii. turns (P,): whether the orbit is a turning
-    point. repeats (P,): whether an orbit of several periods repeats after one. rtol: tolerance of the orbits.
-    ended: reason why the branch ends within its range, otherwise empty. notes: of the engine. periods: number
-    of model periods per period of the orbits. parameters: values (P,) by name of the parameter that varies
-    instead of the speed."""
+    """Branch of P nonlinear orbits, from `solve.branch`.
+
+    Attributes
+    ----------
+    speeds : (P,) array
+        Speeds in rad/s.
+    figures : (P, q, 7) array
+        Statistics of each coordinate and output, the fields of `solve.contracts.Statistics`.
+    figure_errors : (P, q) array
+        Estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate on
+        which the forces cancel.
+    radius : (P,) array
+        Spectral radii.
+    errors : (P, 2) array
+        Estimated relative errors of the orbits and absolute errors of the spectral radii.
+    turns, repeats : (P,) array of bool
+        Whether the orbit is a turning point; whether an orbit of several periods repeats after one.
+    rtol : float
+        Tolerance of the orbits.
+    ended : str
+        Reason why the branch ends within its range, otherwise empty.
+    notes : sequence of str
+        Notes of the engine.
+    periods : int
+        Number of periods of the model per period of the orbits.
+    parameters : mapping of str to (P,) array
+        Values of the parameter that varies instead of the speed.
+    """
 
     _rows: ClassVar[str] = "points"
 
@@ -83,37 +102,37 @@ class Branch(Result):
 
     @property
     def verdicts(self) -> list[str]:
-        """Of each point: "asymptotically stable", "unstable", or "undetermined" where the error of the
-        radius leaves it open; with the margins of `solve.period.multipliers.verdicts`."""
+        """Verdicts (P,), which are "undetermined" within the errors of the spectral radii, with the margins
+        of `solve.period.multipliers.verdicts`."""
         errors = self.errors[:, 1]
         beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
         return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """What is doubtful about this result, a sentence each."""
-        found, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
-        found += self.system.warnings(float(self.speeds.max()), linear=False)
+        """Sentences on what is doubtful about the result."""
+        sentences, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
+        sentences += self.system.warnings(float(self.speeds.max()), linear=False)
         if worst > self.rtol:
-            found.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
+            sentences.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
         if self.repeats.any():
-            found.append(
+            sentences.append(
                 f"orbits of {self.periods} periods repeat after one period{self._where(self.repeats)}; "
                 "use another start to find orbits of longer period"
             )
-        return found + self._beyond_limits
+        return sentences + self._beyond_limits
 
     @property
     def _beyond_limits(self) -> list[str]:
         """Violated limits of the model, one sentence each, with the first violation."""
-        found = []
+        sentences = []
         for limit in self.system.limits(self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
-            left = np.asarray(limit.left(Statistics(*figures.T)))
+            left = np.asarray(limit.exceeded(Statistics(*figures.T)))
             if left.any():
                 first = Statistics(*figures[int(left.argmax())].tolist())
-                found.append(f"{limit.says(first)}{self._where(left)}")
-        return found
+                sentences.append(f"{limit.message(first)}{self._where(left)}")
+        return sentences
 
     def _where(self, which: Array) -> str:
         """Text that locates points (P,)."""
@@ -121,7 +140,7 @@ class Branch(Result):
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {"turning": self.turning, "rtol": self.rtol, "periods": self.periods}
 
     @property
@@ -131,45 +150,45 @@ class Branch(Result):
 
     @property
     def columns(self) -> Columns:
-        """A row a point."""
-        system, back = self.system, self.turns.astype(bool)
-        found = [("speed", speeds_of(system, self.speeds, heading="{}", form=self._digits))]
-        found += [
+        """Row per point."""
+        system, turning = self.system, self.turns.astype(bool)
+        columns = [("speed", speeds_of(system, self.speeds, heading="{}", form=self._digits))]
+        columns += [
             (name, Column(values, *system.parameter_labels[name], name, digits(".7g")))
             for name, values in self.parameters.items()
         ]
-        for at, name in enumerate(self.quantities):
-            found += self._columns_of(name, at)
+        for number, name in enumerate(self.quantities):
+            columns += self._columns_of(name, number)
         meaning = "estimated error of the spectral radius"
-        found += [
+        columns += [
             ("spectral_radius", Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))),
             ("verdict", Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__)),
-            ("turns", Column(back, "", "whether the branch turns back", "turns", _YES.__getitem__)),
+            ("turns", Column(turning, "", "whether the branch turns back", "turns", _YES.__getitem__)),
             ("error", Column(self.errors[:, 0], "1", "estimated relative error of the orbit")),
             ("radius_error", Column(self.errors[:, 1], "1", meaning)),
         ]
-        require_different_names(found)
-        return dict(found)
+        require_different_names(columns)
+        return dict(columns)
 
-    def _columns_of(self, name: str, at: int) -> list[tuple[str, Column]]:
+    def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
         """Columns of the statistics of a quantity; the table shows the largest moduli of the first
         coordinates."""
         unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
-        values = {figure: self.figures[:, at, FIGURES.index(figure)] for figure in _SHOWN}
+        values = {figure: self.figures[:, number, FIGURES.index(figure)] for figure in _SHOWN}
         factor, shown = prefixed(unit, float(np.nanmax(np.append(values["max_abs"], 0.0))))
-        title = headed(f"max|{name}|", shown) if at < min(self.system.n, MOST_SHOWN - 1) else ""
-        found = []
+        title = headed(f"max|{name}|", shown) if number < min(self.system.n, MOST_SHOWN - 1) else ""
+        columns = []
         for figure, numbers in values.items():
             heading = title if figure == "max_abs" else ""
             column = Column(numbers, unit, f"{figure} of {meaning}", heading, digits(".5g", factor))
-            found.append((f"{name}_{figure}", column))
+            columns.append((f"{name}_{figure}", column))
         error = f"estimated relative error of the extrema of {meaning}"
-        return [*found, (f"{name}_error", Column(self.figure_errors[:, at], "1", error))]
+        return [*columns, (f"{name}_error", Column(self.figure_errors[:, number], "1", error))]
 
     @property
     def summary(self) -> str:
-        """Where it goes and turns back."""
+        """Sentence on the range and the turning points."""
         unit = self.system.unit_of(self.over)
         ends = unit.span(self.values[0], self.values[-1])
-        back = ", ".join(unit.text(each, ".6g") for each in self.turning)
-        return f"The branch goes from {ends}" + (f" and turns back at {back}." if back else ".")
+        turning = ", ".join(unit.text(value, ".6g") for value in self.turning)
+        return f"The branch goes from {ends}" + (f" and turns back at {turning}." if turning else ".")

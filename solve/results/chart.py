@@ -1,10 +1,9 @@
-"""Stability over two quantities: spectral radius, verdict, and the boundaries between."""
+"""Stability over two quantities: spectral radius, verdict and boundaries."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,31 +11,44 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE, VERDICTS
 from solve.period.named import Named
-from solve.results.contents import Column, Columns, Facts, plain, require_different_names
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows, require_different_names, to_json
+from solve.results.formatting import greek
 from solve.results.points import PointResults
-from solve.results.quantities import greek
 from solve.results.result import Result
+from solve.results.serialization import NOT_STORED, serializable, stored_property
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
 
-@lasting
+@serializable
 class BoundaryCurve(NamedTuple):
-    """A curve between a stable and an unstable region: the multiplier that leaves the unit circle, "+1", "-1"
-    or "complex", and points (k, 2), x and y."""
+    """Curve between a stable and an unstable region.
+
+    Attributes
+    ----------
+    name : {"+1", "-1", "complex"}
+        Multiplier that leaves the unit circle.
+    points : (k, 2) array
+        x and y of its points.
+    """
 
     name: str
     points: Array
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Cut:
-    """A line through a chart: values (k,) of the quantity `along`, `across` held at `value`.
+    """Stability along a line through a chart, on which the quantity `across` is held at `value`.
 
-    spectral_radius and stable (k,): 1 or 0, NaN where a point failed. crossings: where stability is lost or
-    won, and the multiplier that leaves the unit circle.
+    Attributes
+    ----------
+    values : (k,) array
+        Values of the quantity `along`.
+    spectral_radius, stable : (k,) array
+        Spectral radius; 1 or 0. NaN where a point failed.
+    crossings : sequence of tuple
+        Values at which stability changes, and the multiplier that leaves the unit circle.
     """
 
     along: str
@@ -48,23 +60,32 @@ class Cut:
     crossings: Sequence[tuple[float, str]]
 
     def record(self) -> dict[str, Any]:
+        """Values for records."""
         return {
             "along": self.along,
             "values": self.values,
             "at": {self.across: self.value},
             "spectral_radius": self.spectral_radius,
-            "stable": [None if math.isnan(one) else bool(one) for one in self.stable],
-            "crossings": [{"at": at, "kind": kind} for at, kind in self.crossings],
+            "stable": [None if math.isnan(value) else bool(value) for value in self.stable],
+            "crossings": [{"at": value, "kind": kind} for value, kind in self.crossings],
         }
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class ProvedBoxes:
-    """Boxes that cover the ranges of a chart, with the verdicts that are proved everywhere on them.
+    """Boxes that cover the ranges of a chart, with proved verdicts.
 
-    ends (k, 4): lower and upper end of x, then of y. verdicts (k,): positions in VERDICTS. assumed: the
-    statement's assumptions. seconds: of all processors.
+    Attributes
+    ----------
+    ends : (k, 4) array
+        Lower and upper end of x, then of y.
+    verdicts : (k,) array of int
+        Positions in VERDICTS of the verdict that holds everywhere on the box.
+    assumed : str
+        Assumptions on the numbers of the model.
+    seconds : float
+        Elapsed time.
     """
 
     ends: Array
@@ -92,6 +113,7 @@ class ProvedBoxes:
         return found
 
     def record(self) -> dict[str, Any]:
+        """The objects `proved` and `boxes` of JSON."""
         return {
             "proved": {
                 "stable": self.fraction(ASYMPTOTICALLY_STABLE, STABLE),
@@ -109,17 +131,31 @@ class ProvedBoxes:
 
 @dataclass(frozen=True)
 class Chart(Result):
-    """Stability at ny × nx points: y (ny,) over x (nx,), each a parameter in its own unit or "speed" (rad/s).
+    """Stability at ny × nx points over two quantities, from `solve.chart`.
 
-    system: the model as it was given, or the first that could be built. boundaries: curves between stable
-    and unstable regions. at(x, y): the stability at a point anywhere, with its warnings. solve_cut (position
-    of the quantity that is held, its value): stability along a line. notes: how the engine was chosen,
-    where that is not as asked. of: a quantity that was asked for, values (ny, nx): what it is, NaN where
-    it has none; beyond: where there are no orbits, or these leave the bounds of the model. proved: boxes
-    with proved verdicts, if these were requested.
+    Attributes
+    ----------
+    x_name, y_name : str
+        Names of the quantities: a parameter, in its own unit, or "speed", in rad/s.
+    x, y : (nx,), (ny,) array
+        Their values.
+    system : PeriodicSystem
+        The model, or the first system that could be built.
+    boundaries : sequence of BoundaryCurve
+        Curves between stable and unstable regions.
+    at : callable
+        Function of x and y that returns the `Stability` at any point.
+    notes : sequence of str
+        Notes on the selection of the engine.
+    cuts : sequence of Cut
+        Stability along lines.
+    of, values : Named, (ny, nx) array
+        Requested quantity and its values; NaN where it has none.
+    beyond : sequence of str
+        Sentences on points without an orbit, and on orbits beyond the bounds of the model.
+    proved : ProvedBoxes
+        Boxes with proved verdicts, if these were requested.
     """
-
-    _of_solver: ClassVar[tuple[str, ...]] = ("at", "solve_cut")
 
     x_name: str
     x: Array
@@ -128,8 +164,8 @@ class Chart(Result):
     system: PeriodicSystem
     results: PointResults
     boundaries: Sequence[BoundaryCurve]
-    at: Callable[[float, float], Stability]
-    solve_cut: Callable[[int, float], Cut]
+    at: Callable[[float, float], Stability] = field(metadata=NOT_STORED)
+    solve_cut: Callable[[int, float], Cut] = field(metadata=NOT_STORED)
     notes: Sequence[str] = ()
     cuts: Sequence[Cut] = ()
     of: Named | None = None
@@ -148,12 +184,12 @@ class Chart(Result):
 
     @property
     def multipliers(self) -> Array:
-        """(ny, nx, 2n), falling in modulus; zero where unresolved, NaN where a point failed."""
+        """Multipliers (ny, nx, 2n) by falling modulus; 0 if unresolved, NaN where a point failed."""
         return self.results.all_multipliers.reshape(*self.shape, -1)
 
     @property
     def error_estimate(self) -> Array:
-        """Of the multipliers, relative to the spectral radius (ny, nx)."""
+        """Estimated errors (ny, nx) of the multipliers, relative to the spectral radius."""
         return self.results.errors[:, 1].reshape(self.shape)
 
     @property
@@ -176,49 +212,45 @@ class Chart(Result):
         """Reasons by row and column."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """How many points failed, and why the first did; where the model is left."""
+        """Sentences on failed points and on the bounds of the model."""
         warnings = [*self.system.equation_warnings, *self.beyond]
         if not self.failures:
             return warnings
         reason, total = next(iter(self.failures.values())), len(self.results)
-        return [
-            *warnings,
-            f"{len(self.failures)} of {total} points give no result, and boundaries end beside them: "
-            + reason,
-        ]
+        failed = f"{len(self.failures)} of {total} points give no result, and boundaries end beside them"
+        return [*warnings, f"{failed}: {reason}"]
 
     def cut(self, x: float | None = None, y: float | None = None) -> Cut:
-        """Stability along the line at that x or that y, crossings refined. Raises ValueOutOfBoundsError
-        unless one of the two is given."""
+        """Stability along the line of constant x or y, with refined crossings. Raises ValueOutOfBoundsError
+        unless exactly one of the two is given."""
         if (x is None) == (y is None):
             raise ValueOutOfBoundsError("a cut needs either x or y; give one of them")
         return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
 
     def with_cuts(self, held: Sequence[tuple[str, float]]) -> "Chart":
-        """With cuts at values of quantities by their names, for the record and the report. Raises
-        UnknownNameError."""
+        """Chart with cuts at values of quantities, given by name. Raises UnknownNameError."""
         names = self.x_name, self.y_name
         for name, _ in held:
             require_name("quantity of the chart", name, names)
         return replace(self, cuts=[self.solve_cut(names.index(name), value) for name, value in held])
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         cuts = [cut.record() for cut in self.cuts]
-        asked = {} if self.of is None else {"of": self.of.text, "unit": self.of.unit}
+        quantity = {} if self.of is None else {"of": self.of.text, "unit": self.of.unit}
         proved = {} if self.proved is None else self.proved.record()
-        return {**asked, **proved, "boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
+        return {**quantity, **proved, "boundaries": self._boundary_records, "cuts": cuts, "notes": self.notes}
 
     def record(self) -> dict[str, Any]:
-        """Of `solve chart --json`."""
+        """JSON object of `solve chart --json`."""
         names = "spectral_radius", "verdicts", "kinds", "error_estimate"
         failures = [{"row": j, "column": i, "error": reason} for (j, i), reason in self.failures.items()]
         axes = {"x": {"name": self.x_name, "values": self.x}, "y": {"name": self.y_name, "values": self.y}}
         points = {name: getattr(self, name) for name in names}
-        asked = {} if self.of is None else {"values": self.values}
-        return {**super().record(), **plain({**axes, **points, **asked, "failures": failures})}
+        values = {} if self.of is None else {"values": self.values}
+        return {**super().record(), **to_json({**axes, **points, **values, "failures": failures})}
 
     @property
     def contradicted(self) -> int:
@@ -237,46 +269,45 @@ class Chart(Result):
     def _boundary_records(self) -> list[dict[str, Any]]:
         return [{"kind": kind, **dict(zip("xy", points.T, strict=True))} for kind, points in self.boundaries]
 
-    def facts(self) -> Facts:
-        """Over what, and the share of stable points."""
+    def header_rows(self) -> HeaderRows:
+        """Quantities, the requested values, and the fraction of stable points."""
         radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
-        facts = [("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))]
+        rows = [("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))]
         if self.of is not None and self.values is not None:
             low, high = np.nanmin(self.values), np.nanmax(self.values)
-            facts.append((self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1")))
-        facts.append(("stable", f"{share:.4g} % of {known.size} points; largest |ρ| {np.nanmax(radius):.6g}"))
+            rows.append((self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1")))
+        rows.append(("stable", f"{share:.4g} % of {known.size} points; largest |ρ| {np.nanmax(radius):.6g}"))
         if self.proved is not None:
             of = self.proved.record()["proved"]
             parts = (f"{100 * of[name]:.4g} % {name}" for name in ("stable", "unstable", "undecided"))
-            facts.append(("proved", f"{', '.join(parts)}, of the area"))
+            rows.append(("proved", f"{', '.join(parts)}, of the area"))
         if open_:
-            facts.append(("undetermined", f"{open_} points, within their error of the unit circle"))
-        return facts
+            rows.append(("undetermined", f"{open_} points, within their error of the unit circle"))
+        return rows
 
     @property
     def columns(self) -> Columns:
-        """A row a point."""
+        """Row per point."""
         errors = [[self.failures.get((j, i), "") for i in range(len(self.x))] for j in range(len(self.y))]
         plane = self.y_name, self.x_name
         radius = "largest modulus of a Floquet multiplier"
-        asked = {}
+        requested = {}
         if self.of is not None:
-            meaning = "the quantity that was asked for"
-            asked[self.of.text] = Column(self.values, self.of.unit, meaning, axes=plane)
+            requested[self.of.text] = Column(self.values, self.of.unit, "requested quantity", axes=plane)
         varied = {
             self.x_name: Column(self.x, *self._labels(self.x_name), axes=(self.x_name,)),
             self.y_name: Column(self.y, *self._labels(self.y_name), axes=(self.y_name,)),
         }
-        found = {
+        columns = {
             "spectral_radius": Column(self.spectral_radius, "1", radius, axes=plane),
             "verdict": Column(self.verdicts, "", "stability", axes=plane),
             "kind": Column(self.kinds, "", "largest multiplier of unstable points", axes=plane),
             "error_estimate": Column(self.error_estimate, "1", "of the multipliers, relative", axes=plane),
-            "error": Column(np.array(errors), "", "why there is no result", axes=plane),
+            "error": Column(np.array(errors), "", "reason of the failure", axes=plane),
         }
-        require_different_names([*varied.items(), *found.items()])
-        return {**varied, **found, **asked}
+        require_different_names([*varied.items(), *columns.items()])
+        return {**varied, **columns, **requested}
 
     def _range(self, name: str, values: Array) -> str:
         return f"{greek(name)} {self.span(name, values)} ({len(values)})"

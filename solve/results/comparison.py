@@ -1,31 +1,49 @@
-"""Methods side by side on one problem: at equal steps and at equal accuracy."""
+"""Comparison of methods on one problem: at equal steps and at equal accuracy."""
 
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
-from solve.results.contents import Column, Columns, Facts, digits
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows, digits
 from solve.results.orbit import Orbit
 from solve.results.result import Result
-from solve.results.stability import in_short
+from solve.results.serialization import serializable, stored_property
+from solve.results.stability import short_verdict
 from solve.system import PeriodicSystem
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
-"""Whose error is brought to a target; that of the multipliers where there is no load and so no orbit."""
+"""Kinds of errors that targets refer to: of the orbit or, without a load and thus an orbit, of the
+multipliers."""
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Row:
-    """One method on one number of steps a period: those `asked` for, and those of its grid.
+    """Method with one number of steps per period.
 
-    Errors are relative, against the reference; NaN, as is time (s of the processor, the shortest of some
-    runs), where there is no result: `reason` says why. The orbit's is NaN without a load too. at: "equal
-    steps" or "equal accuracy"; target: the error to reach in the latter. followed: whether the steps
-    follow the fastest mode, or the method damps what they do not; otherwise the multipliers may be false.
+    Attributes
+    ----------
+    method, order : str, float
+        Name and order of the method.
+    steps, asked : int or None
+        Number of steps of the grid, and the requested number.
+    at : {"equal steps", "equal accuracy"}
+        Kind of comparison.
+    orbit_error, multiplier_error : float
+        Relative errors against the reference; NaN without a result, the first also without a load.
+    time : float
+        Processor time in s, the shortest of several runs; NaN without a result.
+    verdict : str or None
+        Stability verdict.
+    followed : bool
+        Whether the steps resolve the fastest mode or the method damps it; otherwise multipliers may be false.
+    target : float or None
+        Error to reach, at equal accuracy.
+    reason : str or None
+        Reason why there is no result.
+    warnings : list of str
+        Warnings of the result.
     """
 
     method: str
@@ -43,14 +61,27 @@ class Row:
     warnings: list[str] = field(default_factory=list)
 
     def error(self, of: str) -> float:
-        """Of ORBIT or MULTIPLIERS."""
+        """Relative error of ORBIT or MULTIPLIERS."""
         return self.orbit_error if of == ORBIT else self.multiplier_error
 
 
 @dataclass(frozen=True)
 class Comparison(Result):
-    """reference: the converged orbit. judged_by: ORBIT or MULTIPLIERS, whose errors the targets are. rows:
-    the comparison. measured: further points of each method, rising in steps, for a work–precision picture."""
+    """Comparison of methods, from `solve.compare`.
+
+    Attributes
+    ----------
+    reference : Orbit
+        Converged solution.
+    judged_by : {"orbit", "multipliers"}
+        Kind of error that the targets refer to.
+    targets : sequence of float
+        Errors to reach.
+    rows : list of Row
+        Results at equal steps and at equal accuracy.
+    measured : list of Row
+        Further results of each method, by rising steps, for the work–precision figure.
+    """
 
     reference: Orbit
     judged_by: str
@@ -58,19 +89,16 @@ class Comparison(Result):
     rows: list[Row]
     measured: list[Row]
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """Targets that the reference cannot judge."""
+        """Sentence on targets that the reference is not accurate enough for."""
         error = max(self.reference.error_estimate)
         targets = {row.target for row in self.rows if row.target is not None}
-        blurred = [f"{target:g}" for target in sorted(targets) if target < 10 * error]
-        if not blurred:
+        close = ", ".join(f"{target:g}" for target in sorted(targets) if target < 10 * error)
+        if not close:
             return self._reduction
-        return [
-            *self._reduction,
-            f"the reference is accurate to {error:.0e} only; the target {', '.join(blurred)} is too close to "
-            "it",
-        ]
+        reason = f"the error of the reference is {error:.0e}, too close to the target {close}"
+        return [*self._reduction, reason]
 
     _rows: ClassVar[str] = "rows"
 
@@ -79,7 +107,7 @@ class Comparison(Result):
         return self.reference.system
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         reference = self.reference
         names = "method", "steps", "spectral_radius", "verdict", "error_estimate"
         return {
@@ -93,39 +121,39 @@ class Comparison(Result):
 
     @property
     def columns(self) -> Columns:
-        """A row a method and number of steps."""
+        """Row per method and number of steps."""
         return self.columns_of(self.rows)
 
     def columns_of(self, rows: Sequence[Row]) -> dict[str, Column]:
-        """A row each of some rows."""
-        about: dict[str, tuple[Any, ...]] = {
+        """Columns of some of the rows."""
+        labels: dict[str, tuple[Any, ...]] = {
             "method": ("", "", "method"),
             "order": ("", ""),
             "steps": ("", "a period", "steps"),
             "orbit_error": ("1", "relative", "q error", digits(".1e")),
             "multiplier_error": ("1", "relative", "ρ error", digits(".1e")),
             "time": ("s", "of the processor, shortest of some runs", "time (ms)", digits(".2f", 1e3)),
-            "verdict": ("", "", "stability", in_short),
-            "at": ("", "what the methods are compared at"),
-            "followed": ("", "whether the steps follow the fastest mode"),
+            "verdict": ("", "", "stability", short_verdict),
+            "at": ("", "kind of comparison"),
+            "followed": ("", "whether the steps resolve the fastest mode"),
             "target": ("1", f"error of the {self.judged_by} to reach"),
-            "reason": ("", "why there is no result"),
-            "asked": ("", "steps that were asked for"),
+            "reason": ("", "reason of the failure"),
+            "asked": ("", "requested steps"),
             "warnings": ("", "", "", str, ()),
         }
-        return {name: Column([getattr(row, name) for row in rows], *of) for name, of in about.items()}
+        return {name: Column([getattr(row, name) for row in rows], *of) for name, of in labels.items()}
 
-    def facts(self) -> Facts:
-        """What the methods are held against."""
+    def header_rows(self) -> HeaderRows:
+        """Reference and its errors."""
         reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
         return [
-            ("truth", f"{reference.method}, {reference.steps} steps a period"),
-            ("", f"known to: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)"),
+            ("reference", f"{reference.method}, {reference.steps} steps a period"),
+            ("", f"errors: orbit {orbit:.1e}, multipliers {multipliers:.1e} (relative)"),
         ]
 
 
 def grouped(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
-    """The values of equal keys together."""
+    """Values by key."""
     groups: dict[str, list[Any]] = {}
     for key, value in pairs:
         groups.setdefault(key, []).append(value)

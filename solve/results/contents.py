@@ -1,5 +1,7 @@
-"""What a record and a file of results hold, whatever their format. In records, the keys of `--json`, NaN and
-infinity become None, complex numbers [re, im]."""
+"""Columns and metadata of results, from which records, tables and files are made.
+
+In records, the objects of `--json`, NaN and infinity become None, complex numbers [re, im].
+"""
 
 import cmath
 import functools
@@ -14,24 +16,36 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.results.quantities import fixed, headed, prefixed
+from solve.results.formatting import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
-is_of_the_state = re.compile(r"seal|state\d*").fullmatch
-"""Whether a name in a file is that of what a result is read back from."""
+is_state_name = re.compile(r"seal|state\d*").fullmatch
+"""Match of a name in a file that belongs to the state, from which the result is opened again."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
-
+"""Packages whose versions files contain."""
 
 MOST_SHOWN = 6
-"""Quantities in one picture, and coordinates beside each other in tables and sentences."""
+"""Maximum number of quantities in one picture, and of coordinates in tables and sentences: as many as fit."""
 
 
 class Column(NamedTuple):
-    """A quantity of a result, stated once for its record, its tables and its files.
+    """Quantity of a result, from which its record, tables and files are made.
 
-    values along the axes; unit ("" for texts and counts), meaning; in a table under `heading`, where it has
-    one, each value by `text`, or in the texts given. Without axes it is of the record alone.
+    Parameters
+    ----------
+    values : array_like
+        Values along `axes`; None and NaN are missing.
+    unit : str
+        Unit; empty for texts and counts.
+    meaning : str
+        Description.
+    heading : str
+        Heading in tables; without one the column is not shown.
+    text : callable or sequence of str
+        Function that formats a value for tables, or the texts themselves.
+    axes : tuple of str
+        Names of the axes. A column without axes appears in the record only.
     """
 
     values: Any
@@ -43,48 +57,51 @@ class Column(NamedTuple):
 
     @property
     def array(self) -> Array:
-        """The values; NaN or an empty text where there is none."""
+        """Values with NaN or an empty text where they are missing."""
         if isinstance(self.values, np.ndarray):
             return self.values
-        some = [each for each in self.values if each is not None]
-        missing = "" if some and isinstance(some[0], str) else math.nan
-        return np.array([missing if each is None else each for each in self.values])
+        present = [value for value in self.values if value is not None]
+        missing = "" if present and isinstance(present[0], str) else math.nan
+        return np.array([missing if value is None else value for value in self.values])
 
     @property
     def texts(self) -> Sequence[str]:
-        """What a table shows."""
+        """Texts in tables."""
         if not callable(self.text):
             return self.text
         return [self.text(value) if known(value) else "–" for value in self.values]
 
 
 def known(value: Any) -> bool:
-    """Whether it is neither None nor NaN."""
+    """Whether a value is neither None nor NaN."""
     return value is not None and value == value
 
 
 Columns = Mapping[str, Column]
 
-Facts = Sequence[tuple[str, str]]
-"""Rows of the heading of a result: a word, and what it stands for."""
+HeaderRows = Sequence[tuple[str, str]]
+"""Rows of the heading of a result: a label and its text."""
 
 
 def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
-    """Numbers times a factor as texts of this form.
+    """Function that formats a number, multiplied by a factor.
 
-    >>> digits(".2f", 1e3)(0.5)
-    '500.00'
+    >>> digits(".2f", 1e3)(0.5), digits(".3g")(-0.0)
+    ('500.00', '0')
     """
+    # Without the sign of values that round to zero.
+    form = f"z{form}" if form.startswith(".") else form
     return lambda value: f"{value * factor:{form}}"
 
 
 def sized(
     values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
 ) -> Column:
-    """Numbers in SI units, in a table in the unit that suits the largest, with so many digits of it."""
+    """Column of values in SI units; tables show them with the unit prefix that suits the largest modulus, and
+    with `places` significant digits of it."""
     if largest is None:
-        known = np.array([math.nan if value is None else value for value in values], dtype=float)
-        largest = float(np.nanmax(np.abs(known), initial=0.0))
+        numbers = np.array([math.nan if value is None else value for value in values], dtype=float)
+        largest = float(np.nanmax(np.abs(numbers), initial=0.0))
     factor, shown = prefixed(unit, largest)
 
     def text(value: float) -> str:
@@ -101,8 +118,8 @@ def speeds_of(
     form: str = ".6g",
     axes: tuple[str, ...] = ("row",),
 ) -> Column:
-    """Speeds (rad/s), in a table in the unit in which results of the system show them, which "{}" in the
-    heading stands for."""
+    """Column of speeds in rad/s; tables show them in the system's unit of speed, whose name replaces "{}" in
+    the heading."""
     unit = system.speed_unit
     return Column(
         speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
@@ -110,49 +127,49 @@ def speeds_of(
 
 
 @dataclass(frozen=True)
-class Contents:
-    """columns: the table of .csv. further: what .nc holds besides. arrays: for .npz and .mat, by default the
-    columns. metadata: plain data about the whole."""
+class FileContents:
+    """Content of a result's files. columns: of the table, for .csv and .nc. others: further columns of .nc.
+    metadata: JSON object. arrays: of .npz and .mat, by default the columns."""
 
     columns: Columns
-    further: Columns
+    others: Columns
     metadata: Mapping[str, Any]
     arrays: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise ValueOutOfBoundsError for names of columns that no file can hold."""
-        for name in (*self.columns, *self.further, *self.arrays):
-            if not name or "/" in name or name == "metadata" or is_of_the_state(name):
+        """Raise ValueOutOfBoundsError for names that no file can contain."""
+        for name in (*self.columns, *self.others, *self.arrays):
+            if not name or "/" in name or name == "metadata" or is_state_name(name):
                 raise ValueOutOfBoundsError(
                     f"'{name}' cannot be the name of a column in a file; give the coordinate another"
                 )
 
     @property
     def table(self) -> dict[str, Array]:
-        """The columns with a row for each place on all their axes, in the order of the widest one."""
+        """Columns of equal length: a row for each point of the axes of the column with most axes."""
         widest = max(self.columns.values(), key=lambda column: len(column.axes))
         axes, shape = widest.axes, widest.array.shape
         sizes = dict(zip(axes, shape, strict=True))
-        along = {
+        reshaped = {
             name: column.array.reshape([sizes[axis] if axis in column.axes else 1 for axis in axes])
             for name, column in self.columns.items()
         }
-        return {name: np.broadcast_to(values, shape).ravel() for name, values in along.items()}
+        return {name: np.broadcast_to(values, shape).ravel() for name, values in reshaped.items()}
 
     @property
     def numbers(self) -> Mapping[str, Array]:
-        """What .npz and .mat hold."""
+        """Arrays of .npz and .mat."""
         return self.arrays or {name: column.array for name, column in self.columns.items()}
 
     @property
     def metadata_text(self) -> str:
-        whole = {**self.metadata, "versions": versions()}
-        return json.dumps(whole, ensure_ascii=False, allow_nan=False)
+        """Metadata and versions as JSON."""
+        return json.dumps({**self.metadata, "versions": versions()}, ensure_ascii=False, allow_nan=False)
 
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Of this program and of what it calculates with."""
+    """Versions of this program and of the numerical libraries."""
     from importlib.metadata import version
 
     return {name: version(name) for name in _DISTRIBUTIONS}
@@ -161,37 +178,35 @@ def versions() -> dict[str, str]:
 def curves_of(
     system: PeriodicSystem, time: Array, phase: Array, q: Array, outputs: Mapping[str, Array]
 ) -> list[tuple[str, Column]]:
-    """Time, phase, coordinates (n, k) and outputs (k,) by name, at k phases."""
+    """Columns of time, phase, coordinates (n, k) and outputs (k,) at k phases."""
     curves = [("time", (time, "s", "time")), ("phase", (phase, "rad", "phase of the drive"))]
     for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
         curves.append((name, (values, system.units.get(name, ""), system.meanings.get(name, ""))))
     return [(name, Column(*curve, axes=("phase",))) for name, curve in curves]
 
 
-def require_different_names(variables: Sequence[tuple[str, Column]]) -> None:
-    """Raise ValueOutOfBoundsError where a name stands for two columns, of which one would be lost."""
-    known: dict[str, Column] = {}
-    for name, variable in variables:
-        first = known.setdefault(name, variable)
-        if first is not variable:
+def require_different_names(columns: Sequence[tuple[str, Column]]) -> None:
+    """Raise ValueOutOfBoundsError for two columns of the same name, one of which would be lost."""
+    by_name: dict[str, Column] = {}
+    for name, column in columns:
+        first = by_name.setdefault(name, column)
+        if first is not column:
             raise ValueOutOfBoundsError(
                 f"'{name}' is the name of two quantities ({first.meaning or 'a coordinate'}; "
-                f"{variable.meaning or 'a coordinate'}); give the coordinate, output or parameter another"
+                f"{column.meaning or 'a coordinate'}); give the coordinate, output or parameter another"
             )
 
 
 def rows_of(columns: Columns) -> list[dict[str, Any]]:
-    """The rows of a record."""
-    return [
-        dict(zip(columns, row, strict=True))
-        for row in zip(*(column.values for column in columns.values()), strict=True)
-    ]
+    """Rows of a record."""
+    rows = zip(*(column.values for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def plain(value: Any) -> Any:
-    """Python's own numbers, lists and dictionaries; dataclasses and named tuples as these.
+def to_json(value: Any) -> Any:
+    """Value as JSON data; dataclasses and named tuples become dictionaries.
 
-    >>> plain({"rho": np.array([0.5 + 0.25j]), "error": math.nan})
+    >>> to_json({"rho": np.array([0.5 + 0.25j]), "error": math.nan})
     {'rho': [[0.5, 0.25]], 'error': None}
     """
     if hasattr(value, "_asdict"):
@@ -199,7 +214,7 @@ def plain(value: Any) -> Any:
     elif is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
+        return {key: to_json(item) for key, item in value.items()}
     if isinstance(value, complex | np.complexfloating):
         return [float(value.real), float(value.imag)] if cmath.isfinite(value) else [None, None]
     if isinstance(value, float | np.floating):
@@ -207,12 +222,12 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.integer | np.bool_):
         return value.item()
     if isinstance(value, Iterable) and not isinstance(value, str):
-        return [plain(item) for item in value]
+        return [to_json(item) for item in value]
     return value
 
 
-def model_record(system: PeriodicSystem) -> dict[str, Any]:
-    """Which model, with which numbers; a system of a user's own has neither case nor parameters."""
+def model_info(system: PeriodicSystem) -> dict[str, Any]:
+    """Model, case, hash of the generated code, parameters and options. A user's own system has no case."""
     return {
         "model": system.name,
         "case": system.case,

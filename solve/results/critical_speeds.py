@@ -1,22 +1,108 @@
-"""Critical speeds three ways, side by side."""
+"""Critical speeds by three criteria: maxima of response and multipliers, and resonances."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array, runs
-from solve.results.contents import Column, Columns, Facts, digits, rows_of, sized, speeds_of
-from solve.results.critical_rows import Combination, Critical, Maximum
-from solve.results.quantities import measured, named, prefixed
+from solve.results.contents import Column, Columns, HeaderRows, digits, rows_of, sized, speeds_of
+from solve.results.formatting import measured, named, prefixed
 from solve.results.result import Figure, Result
+from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
+
+@serializable
+@dataclass(frozen=True)
+class Combination:
+    """Combination resonance (ω̄i + sign · ω̄j)/order at a speed in rad/s, modes counted from 1. With i = j it
+    is the parametric resonance of one mode, the principal one at order 1."""
+
+    speed: float
+    modes: tuple[int, int]
+    sign: int
+    order: int
+
+    @property
+    def is_division(self) -> bool:
+        """Whether this is an integer division of one frequency, with half the order."""
+        return self.modes[0] == self.modes[1] and self.order % 2 == 0
+
+    def same(self, other: "Combination | None") -> bool:
+        """Whether both are the same resonance, apart from the speed."""
+        return other is not None and self == replace(other, speed=self.speed)
+
+
+@serializable
+@dataclass(frozen=True)
+class Maximum:
+    """Local maximum at a speed (rad/s), and its height; infinite if it is unbounded."""
+
+    speed: float
+    height: float
+
+
+@serializable
+@dataclass(frozen=True)
+class Critical:
+    """Critical speed by three criteria; None if a criterion does not show it.
+
+    Attributes
+    ----------
+    response, multiplier, radius : Maximum or None
+        Maxima of the response, of the dominant multiplier's real part, and of the spectral radius.
+    division, mode, order : float, int, int or None
+        Speed in rad/s, mode (from 1) and order of the integer division of a mean frequency at this speed.
+    at_rest : float or None
+        Speed of the same division with frequencies at rest.
+    ratios : sequence of float
+        Mean frequencies divided by the row's speed, from the lowest mode on.
+    combination : Combination or None
+        Combination resonance that explains the maximum if no division does.
+    candidates : sequence of Combination
+        Combinations that explain the maximum equally well.
+    """
+
+    response: Maximum | None = None
+    multiplier: Maximum | None = None
+    division: float | None = None
+    mode: int | None = None
+    order: int | None = None
+    at_rest: float | None = None
+    ratios: Sequence[float] = ()
+    combination: Combination | None = None
+    radius: Maximum | None = None
+    candidates: Sequence[Combination] = ()
+
+    @property
+    def explained(self) -> tuple[str, str]:
+        """Modes and order of the resonance that explains the row, for tables."""
+        if self.candidates:
+            orders = {candidate.order for candidate in self.candidates}
+            return "?", str(*orders) if len(orders) == 1 else "?"
+        if self.combination is None:
+            return str(self.mode or "–"), str(self.order or "–")
+        (high, low), sign = self.combination.modes, "+" if self.combination.sign > 0 else "−"
+        return f"{high}{sign}{low}", str(self.combination.order)
+
+    @property
+    def unbounded(self) -> bool:
+        """Whether the response is unbounded here."""
+        return self.response is not None and math.isinf(self.response.height)
+
+    @property
+    def speed(self) -> float:
+        """Speed in rad/s by the first criterion that shows it."""
+        maxima = [way.speed for way in (self.response, self.multiplier, self.radius) if way]
+        return maxima[0] if maxima else float(self.division or np.nan)
+
+
 MOST_DECADES = 1e3
-"""Ratio of a response over speed from which its axis is logarithmic."""
+"""Ratio of the largest to the smallest response from which on its axis is logarithmic: on a linear axis the
+smallest is invisible."""
 
 
 _OF_RECORDS = "ratios", "combination", "candidates"
@@ -25,11 +111,31 @@ _NOWHERE = Maximum(math.nan, math.nan)
 
 @dataclass(frozen=True)
 class CriticalSpeeds(Result):
-    """Critical speeds. rows: critical speeds, in descending order; combinations: (ω̄i ± ω̄j)/k. Over speeds
-    (P,) in ascending order: response, real part and modulus of the dominant multiplier (P,), unstable (P,),
-    mean frequencies (P, n), and imaginary (P,): whether a frequency is imaginary or complex at some position.
-    constant_matrices: whether M, C and K are constant over the period, so that no combination resonance is
-    excited."""
+    """Critical speeds in a range of speeds, from `solve.critical_speeds`.
+
+    Attributes
+    ----------
+    quantity, figure : str
+        Coordinate or output, and its statistic that is the response.
+    rows : sequence of Critical
+        Critical speeds, descending.
+    combinations : sequence of Combination
+        Combination resonances (ω̄i ± ω̄j)/k.
+    speeds : (P,) array
+        Solved speeds in rad/s, ascending.
+    response, real_part, radius : (P,) array
+        Response; real part and modulus of the dominant multiplier.
+    unstable, imaginary : (P,) array of bool
+        Whether the motion is unstable; whether a frequency is imaginary or complex at some position.
+    frequencies : (P, n) array
+        Mean natural frequencies in rad/s.
+    orders : int
+        Highest order of divisions and combinations.
+    notes : sequence of str
+        Notes on the search.
+    constant_matrices : bool
+        Whether M, C and K are constant over the period, so that no combination resonance is excited.
+    """
 
     system: PeriodicSystem
     quantity: str
@@ -47,46 +153,45 @@ class CriticalSpeeds(Result):
     notes: Sequence[str] = ()
     constant_matrices: bool = False
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """About the equations themselves at the highest speed, unstable ranges, and frozen frequencies that
-        mean nothing."""
-        found, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
+        """Sentences on the equations, unstable ranges, unbounded responses and meaningless frequencies."""
+        sentences, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
             ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
-            found.append(
-                f"the motion is unstable {ranges}: the response there is never reached; "
+            sentences.append(
+                f"the motion is unstable {ranges}: the response there is not sustained; "
                 "`bands` finds the edges"
             )
         if not np.nan_to_num(self.response).any():
-            found.append(
+            sentences.append(
                 f"{named(self.figure, self.quantity)} is zero at every speed, as no load acts on it: "
-                "multipliers and frequencies alone tell critical speeds"
+                "critical speeds follow from multipliers and frequencies only"
             )
         if self.unbounded:
             speeds = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
-            found.append(
-                f"the response grows beyond all bounds {speeds}: a multiplier is +1 there, as where nothing "
-                "damps a resonance and where an unstable range begins; it has no height (∞, null in JSON)"
+            sentences.append(
+                f"the response is unbounded {speeds}: a multiplier is +1 there, as at an undamped resonance "
+                "or at the edge of an unstable range; its height is ∞ (null in JSON)"
             )
         if self.imaginary.any():
             speeds = self.speeds[self.imaginary]
-            found.append(
-                "with matrices frozen somewhere in the turn a frequency is imaginary or complex at "
+            sentences.append(
+                "with matrices frozen at some position a frequency is imaginary or complex at "
                 f"{len(speeds)} of {len(self.speeds)} speeds, "
-                f"{unit.spans([(speeds[0], speeds[-1])])}: means and divisions mean nothing there"
+                f"{unit.spans([(speeds[0], speeds[-1])])}: means and divisions are meaningless there"
             )
-        return found
+        return sentences
 
     @property
     def decimals(self) -> str:
-        """Of speeds: three, and seven digits at most, as speeds are no better known."""
+        """Number format of speeds: three decimals, but at most seven digits, the accuracy of the speeds."""
         before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
     @property
     def unstable_ranges(self) -> list[tuple[float, float, float]]:
-        """Runs of unstable ones among the speeds: the first and the last (rad/s), the largest |ρ|."""
+        """Ranges of unstable speeds: first and last speed (rad/s), largest |ρ|."""
         return [
             (*self.speeds[[first, last]].tolist(), float(self.radius[first : last + 1].max()))
             for first, last in runs(self.unstable)
@@ -94,44 +199,44 @@ class CriticalSpeeds(Result):
 
     @property
     def summary(self) -> str:
-        """Where the response is largest among its maxima."""
+        """Sentence on the highest maximum of the response."""
         unit = self.system.speed_unit
         between = f"between {unit.span(self.speeds[0], self.speeds[-1], word='and')}"
-        found = self.maxima("response")
-        of = named(self.figure, self.quantity)
-        if not found:
-            return f"{of} has no maximum {between}."
-        maxima = "1 maximum" if len(found) == 1 else f"{len(found)} maxima"
+        maxima = self.maxima("response")
+        response = named(self.figure, self.quantity)
+        if not maxima:
+            return f"{response} has no maximum {between}."
+        count = "1 maximum" if len(maxima) == 1 else f"{len(maxima)} maxima"
         if self.unbounded:
             where = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
-            return f"{of} has {maxima} {between}, beyond all bounds {where}."
-        speed, height = max(found, key=lambda each: each[1])
+            return f"{response} has {count} {between}, unbounded {where}."
+        speed, height = max(maxima, key=lambda maximum: maximum[1])
         size = measured(height, self.system.units.get(self.quantity, ""))
-        return f"{of} has {maxima} {between}, the highest, {size}, at {unit.text(speed)}."
+        return f"{response} has {count} {between}, the highest, {size}, at {unit.text(speed)}."
 
     @property
     def unbounded(self) -> list[float]:
-        """Speeds (rad/s) at which the response grows beyond all bounds."""
+        """Speeds (rad/s) of unbounded response."""
         return sorted(row.response.speed for row in self.rows if row.response and row.unbounded)
 
     def maxima(self, way: str) -> list[tuple[float, float]]:
-        """Speeds and heights of the maxima of the "response", of the "multiplier" or of the "radius"."""
-        found = (getattr(row, way) for row in self.rows)
-        return [(maximum.speed, maximum.height) for maximum in found if maximum is not None]
+        """Speeds and heights of the maxima of the "response", "multiplier" or "radius"."""
+        maxima = (getattr(row, way) for row in self.rows)
+        return [(maximum.speed, maximum.height) for maximum in maxima if maximum is not None]
 
     @property
     def divided(self) -> list[tuple[float, int, int]]:
-        """Speed, mode and order of the integer divisions."""
+        """Speeds, modes and orders of the integer divisions."""
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
     def plot(self, *, campbell: bool = False) -> Figure:
-        """Response, dominant multiplier and Campbell diagram over speed, or this below the response alone."""
+        """Figure of response, dominant multiplier (not with `campbell`) and Campbell diagram."""
         return super().plot(campbell=campbell)
 
     _rows: ClassVar[str] = "rows"
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {
             "range": [self.speeds[0], self.speeds[-1]],
             "quantity": self.quantity,
@@ -144,7 +249,7 @@ class CriticalSpeeds(Result):
 
     @property
     def unstable_columns(self) -> Columns:
-        """A row an unstable range."""
+        """Row per unstable range."""
         low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
         return {
             "from": speeds_of(self.system, low, "", "from", self.decimals),
@@ -154,27 +259,25 @@ class CriticalSpeeds(Result):
 
     @property
     def columns(self) -> Columns:
-        """A row a critical speed."""
+        """Row per critical speed."""
         speed = self._speeds([row.speed for row in self.rows], "of this row")
         return {"speed": speed, **self._of_maxima, **self._of_divisions}
 
     @property
     def _of_maxima(self) -> Columns:
         def of(way: str, name: str) -> list[float | None]:
-            found = (getattr(row, way) for row in self.rows)
-            return [maximum and getattr(maximum, name) for maximum in found]
+            maxima = (getattr(row, way) for row in self.rows)
+            return [maximum and getattr(maximum, name) for maximum in maxima]
 
         rows, unit = self.rows, self.system.units.get(self.quantity, "")
         raised = any(row.radius for row in rows)
-        # In tables a maximum of |ρ| alone stands where others have that of Re ρ.
+        # Tables show a maximum of |ρ| in place of a missing one of Re ρ.
         either = [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]
         real_part, height = "maximum of the dominant multiplier's real part", "its height"
         return {
             "response": self._speeds(of("response", "speed"), "maximum of the response", "response"),
             "response_height": _height(of("response", "height"), unit, f"{self.figure} of {self.quantity}"),
-            "unbounded": Column(
-                [row.unbounded for row in rows], "", "whether the response grows beyond all bounds"
-            ),
+            "unbounded": Column([row.unbounded for row in rows], "", "whether the response is unbounded"),
             "multiplier": self._speeds(of("multiplier", "speed"), real_part, "multiplier", either),
             "multiplier_real_part": Column(of("multiplier", "height"), "1", height, "Re ρ", digits(".2e")),
             "radius": self._speeds(of("radius", "speed"), "maximum of the spectral radius"),
@@ -183,12 +286,12 @@ class CriticalSpeeds(Result):
 
     @property
     def _of_divisions(self) -> Columns:
-        """Divisions, and what else explains a row."""
+        """Columns of divisions and other resonances."""
         rows, mean = self.rows, "integer division of the mean natural frequency at this speed"
-        # In tables a combination stands where others have a division.
+        # Tables show a combination in place of a missing division.
         either = [row.division or (row.combination or _NOWHERE).speed for row in rows]
-        modes, orders = ([row.explained[at] for row in rows] for at in (0, 1))
-        words = ["" if row.explained[0] == "–" else ", k = ".join(row.explained) for row in rows]
+        modes, orders = ([row.explained[part] for row in rows] for part in (0, 1))
+        resonances = ["" if row.explained[0] == "–" else ", k = ".join(row.explained) for row in rows]
         return {
             "division": self._speeds([row.division for row in rows], mean, "ω̄/k", either),
             "division_at_rest": self._speeds(
@@ -196,7 +299,7 @@ class CriticalSpeeds(Result):
             ),
             "mode": Column([row.mode for row in rows], "", "of the division", "mode", modes),
             "order": Column([row.order for row in rows], "", "of the division", "k", orders),
-            "explained_by": Column(words, "", "modes and order of the resonance; ? where unsure"),
+            "explained_by": Column(resonances, "", "modes and order of the resonance; ? where unsure"),
             **{name: Column([getattr(row, name) for row in rows], axes=()) for name in _OF_RECORDS},
         }
 
@@ -207,17 +310,17 @@ class CriticalSpeeds(Result):
         heading: str = "",
         shown: Sequence[float | None] | None = None,
     ) -> Column:
-        """shown: what stands in tables instead of the values."""
+        """Column of speeds. shown: values in tables, if they differ."""
         column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and")
         return [("between", span), *[("M, C, K", "constant over the period")] * self.constant_matrices]
 
 
 def _height(values: list[float | None], unit: str, meaning: str) -> Column:
-    """Heights of maxima; where one is many times another, each has its own digits."""
+    """Column of heights of maxima; in exponential format if their ratio is large."""
     heights = [abs(value) for value in values if value and math.isfinite(value)]
     column = sized(values, unit, meaning, "height", 5, max(heights, default=0.0))
     if heights and max(heights) > MOST_DECADES * min(heights):

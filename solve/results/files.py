@@ -1,4 +1,4 @@
-"""Files that are found fit before the calculation, and written whole or not at all."""
+"""Output files: checked before the calculation, then written completely or not at all."""
 
 import os
 import platform
@@ -17,8 +17,11 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
-    """The path of a file that can be written. Raises FileError for an unknown ending, a missing or
-    read-only folder, a folder or device of that name, a read-only file."""
+    """Path of a file that can be written.
+
+    Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
+    device of that name.
+    """
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:
         given = f"ends in '{file.suffix}'" if file.suffix else "has no ending"
@@ -31,9 +34,9 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
             raise FileError(f"{kind} file '{path}' is a device or a pipe; give the name of a file")
         if not target.parent.is_dir():
             raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; make it first")
-        # Only trying tells for certain: rights and read-only file systems alike.
-        with _beside(target):
-            # Where links lead has no end if it is a link.
+        # Only an attempt is certain: both permissions and read-only file systems can forbid writing.
+        with _temporary(target):
+            # A path that is still a link after resolving is a circle of links.
             writable = not target.is_symlink() and (not target.exists() or os.access(target, os.W_OK))
     except (OSError, ValueError, RuntimeError):
         writable = False
@@ -42,58 +45,62 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
     return file
 
 
-class Whole:
-    """Files that appear together at the end of the block, or not at all where it raises.
+class AtomicFiles:
+    """Context manager of files that all appear at the end of the block; none appears if the block raises.
 
-    They are made in memory first: a library of C may end the process where a disk is full, Python says so.
+    Contents are collected in memory first: on a full disk a C library may end the process, whereas Python
+    raises an exception.
     """
 
     def __init__(self) -> None:
         self._contents: dict[Path, bytes] = {}
 
     def write(self, file: Path, write: Callable[[BinaryIO], None]) -> None:
-        """Keep what `write` fills a stream with for a checked file."""
+        """Collect the content of a checked file, which `write` writes to a stream."""
         stream = BytesIO()
         write(stream)
         self._contents[file] = stream.getvalue()
 
-    def __enter__(self) -> "Whole":
+    def __enter__(self) -> "AtomicFiles":
         return self
 
     def __exit__(self, kind: object, *_: object) -> None:
-        """Raises FileError."""
+        """Move the files into place. Raises FileError."""
         if kind is not None:
             return
-        with ExitStack() as parts:
-            ready = [parts.enter_context(_filled(*entry)) for entry in self._contents.items()]
-            with ExitStack() as undo:
-                for file, part, target, before in ready:
-                    with _refusing(file):
-                        undo.callback(_put_back, target, before)
-                        part.replace(target)
-                undo.pop_all()
+        with ExitStack() as temporaries, ExitStack() as undo:
+            ready = [temporaries.enter_context(_prepared(*entry)) for entry in self._contents.items()]
+            for file, temporary, target, before in ready:
+                with _file_errors(file):
+                    undo.callback(_restore, target, before)
+                    temporary.replace(target)
+            undo.pop_all()
+
+
+def write_atomic(file: Path, write: Callable[[BinaryIO], None]) -> None:
+    """Write one file completely or not at all. Raises FileError."""
+    with AtomicFiles() as files:
+        files.write(file, write)
 
 
 @contextmanager
-def _filled(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
-    """The file, a temporary file with the content and the rights of what it will replace, the target of its
-    links, and what that holds."""
-    with _refusing(file), ExitStack() as cleaning:
-        target = file.resolve()
-        part, stream = cleaning.enter_context(_beside(target))
-        with stream:
-            stream.write(content)
-        before = None
-        if target.exists():
-            before = target.read_bytes()
-            part.chmod(stat.S_IMODE(target.stat().st_mode))
-        later = cleaning.pop_all()
-    with later:
-        yield file, part, target, before
+def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
+    """The file, a temporary file with the content and the permissions of the file that it will replace, the
+    target of the file's links, and the target's present content."""
+    with ExitStack() as cleaning:
+        with _file_errors(file):
+            target = file.resolve()
+            temporary, stream = cleaning.enter_context(_temporary(target))
+            with stream:
+                stream.write(content)
+            before = target.read_bytes() if target.exists() else None
+            if before is not None:
+                temporary.chmod(stat.S_IMODE(target.stat().st_mode))
+        yield file, temporary, target, before
 
 
-def _put_back(target: Path, before: bytes | None) -> None:
-    """Undo that a file was replaced: what came before it, if anything."""
+def _restore(target: Path, before: bytes | None) -> None:
+    """Restore a replaced file; without previous content remove it."""
     with suppress(OSError):
         if before is None:
             target.unlink(missing_ok=True)
@@ -102,49 +109,44 @@ def _put_back(target: Path, before: bytes | None) -> None:
 
 
 @contextmanager
-def _refusing(file: Path) -> Iterator[None]:
+def _file_errors(file: Path) -> Iterator[None]:
+    """Convert an OSError into a FileError."""
     try:
         yield
     except OSError as error:
         raise FileError(f"'{file}' cannot be written ({error.strerror or error}); nothing was") from None
 
 
-def write_whole(file: Path, write: Callable[[BinaryIO], None]) -> None:
-    """One file, whole or not at all. Raises FileError, leaving no trace."""
-    with Whole() as files:
-        files.write(file, write)
-
-
 @contextmanager
-def _beside(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
-    """A new temporary file in the folder of another, with its stream, removed at the end; what processes
-    that died left there is removed too."""
+def _temporary(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
+    """New temporary file in the folder of another file, and its stream; removed at the end. Temporary files
+    that dead processes left there are removed as well."""
     _remove_leftovers(file.parent)
-    part = file.parent / f"{_part_of(os.getpid())}{secrets.token_hex(8)}"
-    stream = part.open("xb")
+    temporary = file.parent / f"{_prefix(os.getpid())}{secrets.token_hex(8)}"
+    stream = temporary.open("xb")
     try:
         with stream:
-            yield part, stream
+            yield temporary, stream
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def _part_of(process: int | str) -> str:
-    """How the temporary files of a process of this machine begin."""
+def _prefix(process: int | str) -> str:
+    """Beginning of the names of temporary files of a process of this machine."""
     return f".{platform.node()}-{process}-parametric-"
 
 
 def _remove_leftovers(folder: Path) -> None:
-    before, after = _part_of("*").split("*")
-    for part in folder.iterdir() if os.access(folder, os.R_OK) else ():
-        number = part.name.removeprefix(before).partition(after)[0]
-        if part.name.startswith(before) and number.isdigit() and not _alive(int(number)):
+    before, after = _prefix("*").split("*")
+    for path in folder.iterdir() if os.access(folder, os.R_OK) else ():
+        number = path.name.removeprefix(before).partition(after)[0]
+        if path.name.startswith(before) and number.isdigit() and not _is_alive(int(number)):
             with suppress(OSError):
-                part.unlink()
+                path.unlink()
 
 
-def _alive(process: int) -> bool:
-    """Whether a process of this number runs; in doubt, yes."""
+def _is_alive(process: int) -> bool:
+    """Whether a process of this number runs; True in doubt."""
     if os.name != "posix":
         return True
     try:

@@ -1,23 +1,69 @@
-"""A model fitted to measurement: its parameters with intervals."""
+"""Fit of a model to measurements: parameters with intervals, and differences by channel."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from solve.arrays import Array
-from solve.results.channels import Channel
-from solve.results.contents import Column, Columns, Facts
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, HeaderRows
 from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
+from solve.units import ShownUnit
 
 
-@lasting
+@serializable
+class Channel(NamedTuple):
+    """Measured and computed values (k,) of a coordinate or output at phases or harmonics `at`, at a speed
+    (rad/s).
+
+    Values of harmonics with phase angles are complex. position: phase of natural frequencies at rest; `at`
+    are then the numbers of the modes.
+    """
+
+    speed: float
+    orders: bool
+    name: str
+    at: Array
+    measured: Array
+    computed: Array
+    position: float | None = None
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Values for records."""
+        return {"speed": self.speed, "name": self.name, "difference": self.relative}
+
+    def where(self, unit: ShownUnit) -> str:
+        """Text of the speed, or of the position."""
+        return unit.text(self.speed) if self.position is None else f"at {np.degrees(self.position):.6g}°"
+
+    @property
+    def axis(self) -> str:
+        """Label of the horizontal axis."""
+        return "phase (°)" if self.by_phase else "order" if self.orders else "mode"
+
+    @property
+    def by_phase(self) -> bool:
+        """Whether the values are a curve over the phase."""
+        return self.position is None and not self.orders
+
+    @property
+    def relative(self) -> float:
+        """Root mean square of the difference, relative to that of the measured values."""
+        size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
+        difference = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
+        return difference / size if size else math.nan
+
+
+@serializable
 class Interval(NamedTuple):
-    """A fitted value, and the ends of the interval that holds the true one in 95 of 100 cases, in the model's
-    unit; infinite where the data do not tell."""
+    """Fitted value and the ends of its 95 % confidence interval, in the model's unit; infinite if the data do
+    not determine the value."""
 
     value: float
     low: float
@@ -26,9 +72,27 @@ class Interval(NamedTuple):
 
 @dataclass(frozen=True)
 class Fitted(Result):
-    """system: the model with the fitted values. parameters: by name. correlations (r, r) between them.
-    residual: root mean square of all differences, each channel by its own size. unidentifiable: in words,
-    what the data cannot tell; doubts: why the data and the model may not belong together."""
+    """Fit of a model's parameters to measured data, from `solve.fit`.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        Model with the fitted values.
+    data : str
+        Name of the data.
+    parameters : mapping of str to Interval
+        Fitted values and intervals by name.
+    correlations : (r, r) array
+        Correlations of the parameters.
+    residual : float
+        Root mean square of all differences, relative to the size of each channel.
+    unidentifiable : sequence of str
+        Sentences on parameters that the data do not determine.
+    channels : sequence of Channel
+        Measured and computed values.
+    doubts : sequence of str
+        Sentences on disagreement of data and model.
+    """
 
     system: PeriodicSystem
     data: str
@@ -39,13 +103,13 @@ class Fitted(Result):
     channels: Sequence[Channel]
     doubts: Sequence[str] = ()
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """Why the model may not belong to the data, and what these cannot tell, a sentence each."""
+        """Sentences on disagreement of data and model, and on undetermined parameters."""
         return [*self._reduction, *self.doubts, *self.unidentifiable]
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {
             "fitted": dict(self.system.parameters),
             "data": self.data,
@@ -53,39 +117,39 @@ class Fitted(Result):
             "correlations": self.correlations,
             "residual": self.residual,
             "unidentifiable": self.unidentifiable,
-            "channels": [each.record for each in self.channels],
+            "channels": [channel.record for channel in self.channels],
         }
 
     @property
     def columns(self) -> Columns:
-        """A row a parameter."""
-        every = list(self.parameters.values())
+        """Row per parameter."""
+        intervals = list(self.parameters.values())
         return {
-            "parameter": Column(list(self.parameters), "", "what was fitted"),
-            "value": Column([each.value for each in every], "", "in the model's units"),
-            "low": Column([each.low for each in every], "", "lower end of the 95 % interval"),
-            "high": Column([each.high for each in every], "", "upper end of the 95 % interval"),
+            "parameter": Column(list(self.parameters), "", "name"),
+            "value": Column([interval.value for interval in intervals], "", "in the model's units"),
+            "low": Column([interval.low for interval in intervals], "", "lower end of the 95 % interval"),
+            "high": Column([interval.high for interval in intervals], "", "upper end of the 95 % interval"),
         }
 
     def record(self) -> dict[str, Any]:
-        """Of `solve fit --json`, whose `parameters` are those that were fitted."""
-        found = super().record()
-        return {**found, "parameters": found.pop("intervals")}
+        """JSON object of `solve fit --json`, with the fitted values as `parameters`."""
+        record = super().record()
+        return {**record, "parameters": record.pop("intervals")}
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         return [("data", self.data)]
 
     @property
     def toml(self) -> str:
-        """The fitted model as a case file: every number with its unit and source."""
-        before = f"as in case {self.system.case}" if self.system.case else "as given"
+        """Case file of the fitted model, every number with its unit and source."""
+        unchanged = f"as in case {self.system.case}" if self.system.case else "as given"
         lines = [
             "[case.fitted]",
             f"title = {json.dumps(f'fitted to {self.data}')}",
             "[case.fitted.parameters]",
         ]
         for name, value in self.system.parameters.items():
-            source = before
+            source = unchanged
             if name in self.parameters:
                 _, low, high = self.parameters[name]
                 source = f"fitted to {self.data}; 95 % interval {low:.6g} to {high:.6g}"

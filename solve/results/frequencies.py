@@ -1,25 +1,27 @@
-"""Natural frequencies at positions of the drive and over a parameter: records, tables and files."""
+"""Natural frequencies at positions of the drive and over a parameter."""
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import ModeShape
+from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
-from solve.results.contents import Column, Columns, Contents, Facts, known, model_record, plain
-from solve.results.quantities import fixed, headed
+from solve.results.contents import Column, Columns, FileContents, HeaderRows, known, model_info, to_json
+from solve.results.formatting import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
-from solve.system import PeriodicSystem
+from solve.results.serialization import stored_property
+from solve.system import PeriodicSystem, structure_of
 
 MOST_MODES, _MOST_LINKS = 6, 3
-"""Columns of a table."""
+"""Maximum numbers of columns of a table."""
 
 
 class Roots(Result):
@@ -85,11 +87,18 @@ def _vibrating(figures: Mapping[str, Array]) -> dict[str, Array]:
 
 @dataclass(frozen=True)
 class Frequencies(Roots):
-    """Natural frequencies. values (m, k): frequencies of the first k modes in rad/s at positions (m,) in rad;
-    modes are in ascending order of λ in K v = λ M v.
+    """Natural frequencies with the drive held still, from `solve.frequencies`.
 
-    Where λ < 0 the position is unstable: the frequency is NaN, and growth_rates (m, k) in 1/s, NaN elsewhere,
-    is √−λ. A mode with complex λ has both. rigid_body_modes: those of the first position, with frequency 0.
+    Attributes
+    ----------
+    positions : (m,) array
+        Positions of the drive in rad.
+    values : (m, k) array
+        Frequencies in rad/s of the first k modes, by ascending λ in K v = λ M v; NaN if λ < 0.
+    growth_rates : (m, k) array
+        √−λ in 1/s if λ < 0, otherwise NaN. A mode with complex λ has a frequency and a growth rate.
+    rigid_body_modes : sequence of RigidBodyMode
+        Rigid-body modes at the first position, with frequency 0.
     """
 
     system: PeriodicSystem
@@ -104,44 +113,42 @@ class Frequencies(Roots):
 
     @property
     def mean(self) -> Array:
-        """Mean over the positions (k,), for a whole revolution the mean over the cycle; NaN where the mode
-        grows."""
+        """Means (k,) over the positions; NaN if the mode grows at a position."""
         return self.values.mean(axis=0)
 
     @property
     def freedoms(self) -> int:
-        """How many; of a structure those that no inextensible link takes away."""
+        """Number of degrees of freedom; constraints of inextensible links are subtracted."""
         return self.system.freedoms
 
     def shapes(self, number: int = 0) -> list[ModeShape]:
-        """How the links move in each mode at the position of that number. Raises ValueOutOfBoundsError
-        for a system that is no structure of beams."""
-        return self.system.mode_shapes(float(self.positions[number]), self.values[number])
+        """Mode shapes at the position of that index. Raises ValueOutOfBoundsError for systems other than beam
+        structures."""
+        return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
         """Texts of the roots at a position: 21.5; 1.73i for λ < 0; 21.5±1.73i for complex λ."""
-        made = []
+        texts = []
         for omega, rate in zip(*(factor * part[number] for part in self._roots), strict=True):
             parts = [
                 text
                 for value, text in ((omega, f"{omega:{form}}"), (rate, f"{rate:{form}}i"))
                 if known(value)
             ]
-            made.append("±".join(parts) or "–")
-        return made
+            texts.append("±".join(parts) or "–")
+        return texts
 
     @property
-    def whole(self) -> dict[str, Any]:
-        """Positions (rad), frequencies (rad/s) or growth rates (1/s), and statistics of the frequencies over
-        the positions."""
+    def summary_values(self) -> dict[str, Any]:
+        """Positions (rad), frequencies (rad/s), growth rates (1/s), and statistics over the positions."""
         frequencies, growth_rates = self._roots
-        found = {"positions": self.positions, "frequencies": frequencies, "growth_rates": growth_rates}
-        return {**found, **_vibrating(self.statistics(0))}
+        roots = {"positions": self.positions, "frequencies": frequencies, "growth_rates": growth_rates}
+        return {**roots, **_vibrating(self.statistics(0))}
 
     @property
     def columns(self) -> Columns:
-        """A row a position."""
-        degrees = [f"{each:.5g}°" for each in np.degrees(self.positions)]
+        """Row per position."""
+        degrees = [f"{angle:.5g}°" for angle in np.degrees(self.positions)]
         columns = {"position": Column(self.positions, "rad", "of the drive", "position", degrees)}
         frequencies, growth_rates = self._roots
         for k, (omegas, rates) in enumerate(zip(frequencies.T, growth_rates.T, strict=True), start=1):
@@ -157,12 +164,20 @@ class Frequencies(Roots):
 
 @dataclass(frozen=True)
 class Variation(Roots):
-    """Frequencies (v, m, k) in rad/s over a parameter with values (v,) in its own unit, at positions (m,) in
-    rad.
+    """Natural frequencies over a parameter, from `solve.frequencies_over`.
 
-    Frequencies are NaN where errors (v,) gives a reason, and where a mode grows; growth_rates (v, m, k) in
-    1/s, NaN elsewhere, is then its rate, see `Frequencies`. pinned: lowest frequency (v,) of each link alone,
-    pinned at both ends, by name.
+    Attributes
+    ----------
+    parameter, values : str, (v,) array
+        Name of the parameter, and its values in its own unit.
+    positions : (m,) array
+        Positions of the drive in rad.
+    frequencies, growth_rates : (v, m, k) array
+        Frequencies in rad/s and growth rates in 1/s; see `Frequencies`.
+    pinned : dict of str to (v,) array
+        Lowest frequency in rad/s of each link alone, pinned at both ends.
+    errors : tuple of str or None
+        Reasons why values of the parameter have no frequencies.
     """
 
     system: PeriodicSystem
@@ -180,12 +195,12 @@ class Variation(Roots):
 
     @property
     def figures(self) -> dict[str, Array]:
-        """mean, min and max of the frequencies over the positions (v, k), by name; NaN where modes grow."""
+        """mean, min and max (v, k) of the frequencies over the positions, by name; NaN where modes grow."""
         return _vibrating(self.statistics(1))
 
     @property
     def mean(self) -> Array:
-        """Over the positions (v, k)."""
+        """Means (v, k) over the positions."""
         return self.figures["mean"]
 
     @property
@@ -204,15 +219,15 @@ class Variation(Roots):
         return sorted({0, int(signed.argmax())})
 
     @property
-    def whole(self) -> dict[str, Any]:
-        """In rad/s and rad, the parameter in its own unit."""
+    def summary_values(self) -> dict[str, Any]:
+        """Parameter, positions (rad) and statistics (rad/s)."""
         over = {"parameter": self.parameter, "values": self.values, "positions": self.positions}
         growing = {"growth_rates": self.largest_growth_rates}
         return {**over, **self.figures, **growing, "pinned": self.pinned, "errors": self.errors}
 
     @property
     def columns(self) -> Columns:
-        """A row a value of the parameter."""
+        """Row per value of the parameter."""
         unit, _ = self.system.parameter_labels[self.parameter]
         title = headed(self.parameter, self.system.unit_of(self.parameter).name)
         varied = partial(fixed, magnitude=float(np.abs(self.values).max()), digits=5)
@@ -229,28 +244,30 @@ class Variation(Roots):
             if np.isfinite(rates).any():
                 columns[f"growth_rate{k}"] = Column(rates, "1/s", "largest over the positions")
         for number, (link, alone) in enumerate(self.pinned.items()):
-            about = "rad/s", "the link alone, pinned at both ends", f"{link} alone" * (number < _MOST_LINKS)
-            columns[f"{link}_pinned"] = Column(alone, *about, self.text_of)
+            labels = "rad/s", "the link alone, pinned at both ends", f"{link} alone" * (number < _MOST_LINKS)
+            columns[f"{link}_pinned"] = Column(alone, *labels, self.text_of)
         return columns
 
     @property
     def several(self) -> bool:
-        """Whether at several positions."""
+        """Whether there are several positions."""
         return len(self.positions) > 1
 
 
 @dataclass(frozen=True)
 class Findings(Result):
-    """Frequencies at a position; where asked for, over the turn and over a parameter, and mode shapes."""
+    """Natural frequencies at a position and, if requested, over the revolution and a parameter, with mode
+    shapes. first: parameters with the first possible value of their range, except in `variation`."""
 
     here: Frequencies
     turn: Frequencies | None = None
     variation: Variation | None = None
     shapes: Sequence[ModeShape] = ()
+    first: Sequence[str] = ()
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """Positions without stiffness, and values of the parameter that the model refuses."""
+        """Sentences on growing modes, and on values of the parameter without a result."""
         texts = [*self._reduction]
         texts += _growing(self.turn or self.here, "positions")
         if self.variation is not None:
@@ -261,18 +278,18 @@ class Findings(Result):
         return texts
 
     def record(self) -> dict[str, Any]:
-        """Of `solve frequencies --json`; rad/s and rad, parameters in the model's own units."""
-        first = self.here.whole
+        """JSON object of `solve frequencies --json`, in rad/s and rad; parameters in the model's units."""
+        first = self.here.summary_values
         here = {"position": self.here.positions[0], "frequencies": first["frequencies"][0]}
         here |= {"growth_rates": first["growth_rates"][0], "rigid_body_modes": self.here.rigid_body_modes}
         further = {
-            "turn": self.turn and self.turn.whole,
-            "over": self.variation and self.variation.whole,
+            "turn": self.turn and self.turn.summary_values,
+            "over": self.variation and self.variation.summary_values,
             "modes": [self._shape_record(shape) for shape in self.shapes],
         }
-        head = {**model_record(self.here.system), "freedoms": self.here.freedoms, **here}
+        head = {**model_info(self.here.system), "freedoms": self.here.freedoms, **here}
         asked = {name: part for name, part in further.items() if part}
-        return plain({**head, **asked, "warnings": self.warnings})
+        return to_json({**head, **asked, "warnings": self.warnings})
 
     def _shape_record(self, shape: ModeShape) -> dict[str, Any]:
         links = {}
@@ -284,14 +301,26 @@ class Findings(Result):
 
     @property
     def summary(self) -> str:
-        """The lowest frequencies at the position."""
+        """Sentence on the lowest frequencies at the position."""
         where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
-        hertz = ", ".join(self.here.texts(0, ".4g", 1 / (2 * math.pi)))
-        return f"The lowest natural frequencies{where}, standing still: {hertz} Hz."
+        omegas, growth_rates = (part[0] for part in self.here._roots)
+        growing = np.isnan(omegas) & np.isfinite(growth_rates)
+        texts = np.array(self.here.texts(0, ".4g", 1 / (2 * math.pi)), dtype=object)[~growing]
+        hertz = f"{', '.join(texts)} Hz" if len(texts) else "none"
+        rates = ", ".join(f"{rate:.4g}" for rate in growth_rates[growing])
+        growth = f" Growth rates: {rates} 1/s." if rates else ""
+        return f"The lowest natural frequencies{where}, standing still: {hertz}.{growth}"
 
-    def facts(self) -> Facts:
+    def header_rows(self) -> HeaderRows:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
-        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves]
+        system = self.system
+        values = {
+            name: measured(system.parameters[name], system.parameter_labels[name][0]) for name in self.first
+        }
+        at = [
+            ("at", f"{name}={value}, the first possible value of the range") for name, value in values.items()
+        ]
+        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves, *at]
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
@@ -299,8 +328,8 @@ class Findings(Result):
 
     @property
     def widest(self) -> "Frequencies | Variation":
-        """Over the parameter, else over the turn, else at the position: what a file holds, and a picture."""
+        """Frequencies in files and figures: over the parameter, the revolution, or at the position."""
         return self.variation or self.turn or self.here
 
-    def contents(self) -> Contents:
-        return self.widest.contents()
+    def file_contents(self) -> FileContents:
+        return self.widest.file_contents()

@@ -1,31 +1,32 @@
-"""Results of many points, in arrays: a point costs some hundred bytes."""
+"""Results of many points in arrays."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.errors import NoResultError
 from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
-from solve.results.lasting import lasting
-from solve.sizes import NUMBERS_A_POINT, require_size
+from solve.results.serialization import serializable
 
 KINDS = ("+1", "-1", "complex")
-"""Which multiplier leaves the unit circle: period T, period 2T, or a pair."""
+"""Multiplier that leaves the unit circle: period T, period 2T, or a pair."""
 
 _REAL = 1e-6
-"""Imaginary part, relative to the modulus, up to which a multiplier counts as real."""
+"""Imaginary part, relative to the modulus, up to which a multiplier counts as real. It is a choice above
+round-off."""
 
 LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
-"""Statement about rigid-body modes."""
+"""Text on rigid-body modes."""
 
 FAILED = -1
-"""Instead of the position of a verdict, where there is none."""
+"""Index in place of a verdict, if the point failed."""
 
 _NUMBERS_AN_AMPLITUDE = 64
-"""At the peak, while many points are analysed together."""
+"""Numbers per amplitude in memory while many points are analysed together."""
 
 _ARRAYS = (
     *("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods"),
@@ -33,14 +34,15 @@ _ARRAYS = (
 )
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class Kept:
-    """What is kept of a point beside its stability.
+    """Selection of the values that are stored of each point besides its stability.
 
-    names: quantities of which figures are kept. spectra: those of which the amplitudes of so many harmonics
-    are kept too. warnings: whether the texts are. meetings: whether multipliers that meet on the unit circle
-    are looked at; the verdict on these may be "unstable" though none is outside.
+    Attributes ---------- names : tuple of str Quantities whose statistics are stored. spectra, harmonics
+    : tuple of str, int Quantities whose amplitudes are stored, and the number of harmonics. warnings :
+    bool Whether texts of warnings are stored. meetings : bool Whether multipliers that meet on the unit
+    circle are examined; the verdict may then be "unstable" though no multiplier is outside.
     """
 
     names: tuple[str, ...] = ()
@@ -50,16 +52,31 @@ class Kept:
     meetings: bool = True
 
 
-@lasting
+@serializable
 @dataclass(frozen=True)
 class PointResults:
-    """Arrays over P points.
+    """Results of P points.
 
-    figures (P, q, 7): the fields of `Statistics`; amplitudes (P, spectra, harmonics + 1); multipliers (P, N):
-    zero where unresolved; the last rigid (P,) of them are zero placeholders for rigid-body modes; errors (P,
-    2) of orbit and multipliers; reductions (P, 2): errors of the reduction of the system, NaN if it is not
-    reduced or they are not stored; verdicts (P,): positions in VERDICTS, or FAILED; steps (P,); methods (P,):
-    names. warnings and failures: texts by point.
+    Attributes
+    ----------
+    figures : (P, q, 7) array
+        Statistics, the fields of `Statistics`.
+    amplitudes : (P, spectra, harmonics + 1) array
+        Amplitudes of the spectra.
+    multipliers : (P, N) array
+        Multipliers, 0 if unresolved; the last `rigid` ones are zero placeholders for rigid-body modes.
+    errors : (P, 2) array
+        Relative errors of orbit and multipliers.
+    verdicts : (P,) array
+        Indices in VERDICTS, or FAILED.
+    steps, methods : (P,) array
+        Number of steps and name of the method.
+    reductions : (P, 2) array
+        Errors of the reduction of the system; NaN if it is not reduced.
+    warnings, failures : dict
+        Texts by index of the point.
+    rigid : (P,) array
+        Number of multipliers of rigid-body modes.
     """
 
     kept: Kept
@@ -77,10 +94,11 @@ class PointResults:
 
     @classmethod
     def blank(cls, count: int, n: int, kept: Kept) -> "PointResults":
-        """Of points that are still to be solved. Raises ValueOutOfBoundsError for more than can be held."""
-        each = len(FIGURES) * len(kept.names) + 4 * n
+        """Results of points that are not solved yet. Raises ValueOutOfBoundsError if they exceed the memory
+        limit."""
+        numbers = len(FIGURES) * len(kept.names) + 4 * n
         spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
-        require_size("points", count, max(each + spectra, NUMBERS_A_POINT))
+        require_size("points", count, max(numbers + spectra, NUMBERS_A_POINT))
         return cls(
             kept,
             np.full((count, len(kept.names), len(FIGURES)), np.nan),
@@ -100,11 +118,12 @@ class PointResults:
     @property
     def all_multipliers(self) -> Array:
         """Multipliers (P, N) including the +1 of rigid-body modes, in descending order of modulus."""
-        found = self.multipliers.copy()
-        for at in np.flatnonzero(self.rigid).tolist():
-            count, others = int(self.rigid[at]), self.multipliers[at, : -int(self.rigid[at])]
-            found[at] = np.insert(others, np.full(count, before_rigid(others)), 1.0)
-        return found
+        multipliers = self.multipliers.copy()
+        for point in np.flatnonzero(self.rigid).tolist():
+            count = int(self.rigid[point])
+            others = self.multipliers[point, :-count]
+            multipliers[point] = np.insert(others, np.full(count, before_rigid(others)), 1.0)
+        return multipliers
 
     @property
     def notes(self) -> list[str]:
@@ -123,7 +142,7 @@ class PointResults:
 
     @property
     def leading(self) -> Array:
-        """Which of the multipliers are the largest but for their errors (P, N); none where failed."""
+        """Whether each multiplier (P, N) is the largest within the errors; False for failed points."""
         modulus, radius = np.abs(self.multipliers), self.spectral_radius[:, None]
         with np.errstate(invalid="ignore"):
             least = radius * (1 - 2 * self.errors[:, 1:] - UNIT_CIRCLE)
@@ -131,56 +150,56 @@ class PointResults:
 
     @property
     def failed(self) -> Array:
-        """Where there is no result (P,)."""
+        """Whether each point (P,) has no result."""
         return self.verdicts == FAILED
 
     def require_any(self) -> None:
-        """Raise NoResultError where every point failed."""
+        """Raise NoResultError if every point failed."""
         if self.failed.all():
             reason = next(iter(self.failures.values()), "")
             raise NoResultError(f"none of the {len(self)} points gives a result: {reason}")
 
     @property
     def outside(self) -> Array:
-        """Where a multiplier lies outside the unit circle by more than its error (P,)."""
+        """Whether a multiplier lies outside the unit circle by more than its error (P,)."""
         radius = self.spectral_radius
-        # Where nothing is known of multipliers that underflow: an infinite part of 0.
+        # For multipliers that underflow the error may be infinite, and the product with 0 is NaN.
         with np.errstate(invalid="ignore"):
             return ~self.failed & (radius - self.errors[:, 1] * radius > 1 + UNIT_CIRCLE)
 
     @property
     def undetermined(self) -> Array:
-        """Where the errors leave the verdict open (P,)."""
+        """Whether the verdict (P,) is undetermined."""
         return self.verdicts == UNDETERMINED
 
     @property
     def kinds(self) -> Array:
-        """The multiplier that is outside: texts (P,), one of KINDS or none."""
+        """Kind (P,) of the multiplier outside the unit circle, one of KINDS, or an empty text."""
         return np.where(self.outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
     def of_some(self, points: Array, kept: Kept) -> "PointResults":
-        """Those of points at positions (k,), of which fewer quantities are kept, and no spectra."""
-        made = PointResults.blank(len(points), self.multipliers.shape[1] // 2, kept)
+        """Results of points at indices (k,), with fewer quantities and without spectra."""
+        selection = PointResults.blank(len(points), self.multipliers.shape[1] // 2, kept)
         quantities = [self.kept.names.index(name) for name in kept.names]
         for name in _ARRAYS:
             if name not in ("figures", "amplitudes"):
-                getattr(made, name)[:] = getattr(self, name)[points]
-        made.figures[:] = self.figures[points][:, quantities]
-        for at, point in enumerate(points.tolist()):
+                getattr(selection, name)[:] = getattr(self, name)[points]
+        selection.figures[:] = self.figures[points][:, quantities]
+        for number, point in enumerate(points.tolist()):
             if point in self.failures:
-                made.failures[at] = self.failures[point]
-        return made
+                selection.failures[number] = self.failures[point]
+        return selection
 
     def insert(self, index: Array, part: "PointResults") -> None:
-        """Take over the results of some of the points."""
+        """Insert the results of the points at the indices."""
         for name in _ARRAYS:
             getattr(self, name)[index] = getattr(part, name)
-        self.warnings.update({int(index[at]): texts for at, texts in part.warnings.items()})
-        self.failures.update({int(index[at]): text for at, text in part.failures.items()})
+        self.warnings.update({int(index[point]): texts for point, texts in part.warnings.items()})
+        self.failures.update({int(index[point]): text for point, text in part.failures.items()})
 
 
 def kinds_of(multipliers: Array) -> Array:
-    """Positions in KINDS (k,) of the first of the multipliers (k, N); 0 if there are none."""
+    """Indices (k,) in KINDS of the first of the multipliers (k, N); 0 if there are none."""
     if not multipliers.shape[1]:
         return np.zeros(len(multipliers), dtype=int)
     leader = multipliers[:, 0]

@@ -1,14 +1,13 @@
-"""What every result can: files, a table of pandas, a dataset of xarray, and a few lines of itself."""
+"""Base class of results: tables, files, DataFrame, Dataset, representation."""
 
-from functools import cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from solve.results.contents import Columns, Contents, Facts, model_record, plain, rows_of
-from solve.results.files import write_whole
-from solve.results.lasting import Lasting
+from solve.results.contents import Columns, FileContents, HeaderRows, model_info, rows_of, to_json
+from solve.results.files import write_atomic
 from solve.results.save import checked_data, dataset, writer
+from solve.results.serialization import Serializable, stored_property
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
@@ -21,21 +20,21 @@ else:
 
 
 def views() -> ModuleType:
-    """The package that shows results: tables, figures, HTML. It is above all that computes, and a result that
-    is shown is the only thing below that needs it; hence this import, at that moment."""
+    """Package of tables, figures and HTML. It is imported at the first display, because it is above all that
+    computes."""
     import solve.views
 
     return solve.views
 
 
-class Result(Lasting):
-    """A result states its columns and what it tells of the whole; record, files and tables follow."""
+class Result(Serializable):
+    """Base of all results. A subclass is a dataclass with the system that it belongs to; it defines `columns`
+    and, if needed, `summary_values` and `header_rows`."""
 
-    _calculated: ClassVar[tuple[str, ...]] = ("warnings",)
     _rows: ClassVar[str] = ""
-    """Key of the rows in the record."""
+    """Key of the rows in the record; without one the record has no rows."""
     _title: ClassVar[str] = ""
-    """Title of the table of its columns."""
+    """Title of the table of the columns."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -45,9 +44,9 @@ class Result(Lasting):
 
     system: PeriodicSystem
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """What is doubtful about this result, a sentence each."""
+        """Sentences on what is doubtful about the result."""
         return self._reduction
 
     @property
@@ -58,68 +57,78 @@ class Result(Lasting):
 
     @property
     def summary(self) -> str:
-        """What was found, in a plain sentence or two; none of most results."""
+        """Main finding in one or two sentences; empty for many results."""
         return ""
 
     @property
     def columns(self) -> Columns:
-        """Its table, by name."""
+        """Columns of the result's table, by name."""
         raise NotImplementedError
 
     @property
-    def whole(self) -> dict[str, Any]:
-        """What it tells beside the table."""
+    def summary_values(self) -> dict[str, Any]:
+        """Values that belong to the result as a whole, by name."""
         return {}
 
-    def facts(self) -> Facts:
-        """Rows of its heading, below the model and the speed: a word, and what it stands for."""
+    def header_rows(self) -> HeaderRows:
+        """Rows of the heading below model and speed: a label and its text."""
         return []
 
     def plot(self, *args: Any, **options: Any) -> Figure:
-        """Figure of matplotlib."""
+        """Figure (matplotlib) of the result."""
         return views().figure(self, *args, **options)
 
     def __repr__(self) -> str:
         return views().as_text(self)
 
     def _repr_html_(self) -> str:
-        """All of it as tables of HTML, in a notebook and in the page of `report`."""
+        """All tables and texts as HTML, for a notebook and for reports."""
         return views().as_html(self)
 
     @property
-    def about(self) -> dict[str, Any]:
-        """Which model, with which numbers."""
-        return model_record(self.system)
+    def model_info(self) -> dict[str, Any]:
+        """Model, case, parameters and options."""
+        return model_info(self.system)
 
     def record(self) -> dict[str, Any]:
-        """The object that its command prints with `--json`."""
+        """JSON object that the result's command prints with `--json`."""
         rows = {self._rows: rows_of(self.columns)} if self._rows else {}
-        return plain({**self.about, **self.whole, **rows, "warnings": self.warnings})
+        return to_json({**self.model_info, **self.summary_values, **rows, "warnings": self.warnings})
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """What its files say of the whole."""
-        return plain({**self.about, **self.whole, "warnings": self.warnings})
+        """JSON object in the attributes of files: everything but the columns."""
+        return to_json({**self.model_info, **self.summary_values, "warnings": self.warnings})
 
-    def contents(self) -> Contents:
-        """What its files hold."""
+    def file_contents(self) -> FileContents:
+        """Columns, arrays and metadata of files."""
         columns = {name: column for name, column in self.columns.items() if column.axes}
-        return Contents(columns, {}, self.metadata)
+        return FileContents(columns, {}, self.metadata)
 
     def save(self, path: str | Path) -> None:
-        """Write the result as the file's ending says: .npz, .csv, .mat or .nc; whole or not at all.
+        """Write the result to a file; an existing file is replaced completely or not at all.
 
-        Raises FileError.
+        Parameters
+        ----------
+        path : str or Path
+            File whose ending selects the format: .npz (NumPy), .csv, .mat (MATLAB) or .nc (netCDF).
+            `solve.open` reads .npz and .nc.
+
+        Raises
+        ------
+        FileError
+            If the ending is unknown or the file cannot be written.
         """
         file = checked_data(path)
-        write_whole(file, writer(self, file))
+        write_atomic(file, writer(self, file))
 
     def to_xarray(self) -> "xarray.Dataset":
-        """A variable a column, with `units` and `long_name`; attributes say of which model it is."""
-        return dataset(self.contents())
+        """Dataset with a variable per column, whose attributes are `units` and `long_name`; the attributes of
+        the dataset name model, case and parameters."""
+        return dataset(self.file_contents())
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """The table that .csv holds, without the units."""
+        """DataFrame with the table of a .csv file, without units."""
         import pandas
 
-        return pandas.DataFrame(self.contents().table)
+        return pandas.DataFrame(self.file_contents().table)

@@ -7,13 +7,13 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.rigid_body import RigidBodyModes
-from solve.results.lasting import lasting
+from solve.results.serialization import serializable
 
 _MOST_MOVING = 6
 """Number of coordinates of a rigid-body mode that a sentence names."""
 
 
-@lasting
+@serializable
 class RigidBodyMode(NamedTuple):
     """Rigid-body mode e. vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the
     period, relative to Σ|K_ij e_j|; drift: steady velocity w (per unit of time) of a damped mode, q = w e t +

@@ -1,9 +1,8 @@
-"""Floquet multipliers, exponents and the verdict of stability (chapter Section 2)."""
+"""Floquet multipliers, exponents and the stability verdict (chapter Section 2)."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -11,128 +10,179 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, ReductionError
-from solve.certify.checks import liouville_defect
+from solve.certify.correction import liouville_defect
 from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
-from solve.results.contents import Column, Columns, Contents, Facts, plain
-from solve.results.lasting import lasting
+from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
+from solve.results.serialization import NOT_STORED, serializable, stored_property
 from solve.system import PeriodicSystem
 
-_STILL = 1e-12
-"""Displacement by a steady velocity over a period, relative to the vibration, that is round-off of the load's
-mean: some thousand terms, each to 1e-16, times a condition number up to 10."""
+_NO_DRIFT = 1e-12
+"""Displacement per period by a steady velocity, relative to the vibration, that counts as zero. It bounds the
+round-off of the mean load: some thousand terms, each with 1e-16, times a condition number of up to 10."""
 
 _RECORDED = (
     *("speed", "period", "method", "steps", "multipliers", "multiplier_errors", "unresolved", "exponents"),
     *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
     *("condition", "rigid_body_modes", "notes"),
 )
-_MEANS = (
+"""Attributes in the record, in its order."""
+
+_CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",
     "disturbances neither decay nor grow",
     "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
     "the accuracy is insufficient to decide whether disturbances decay or grow",
 )
+"""Consequences of the verdicts, in the order of VERDICTS."""
 
 
-def in_short(verdict: str) -> str:
-    """A verdict in few characters."""
+def short_verdict(verdict: str) -> str:
+    """Verdict for narrow columns.
+
+    >>> short_verdict("asymptotically stable")
+    'asymptotic'
+    """
     return verdict.removesuffix("ally stable")
 
 
-def described(method: Method) -> str:
-    """A method's name and settings.
+def method_text(method: Method) -> str:
+    """Name and settings of a method.
 
     >>> from solve.methods.newmark import Newmark
-    >>> described(Newmark())
+    >>> method_text(Newmark())
     'newmark (gamma 0.5, beta 0.25)'
     """
     numbers = [f"{name} {value}" for name, value in method.settings.items() if isinstance(value, int | float)]
     return f"{method.name} ({', '.join(numbers)})" if numbers else method.name
 
 
-@lasting
+@serializable
 class ErrorEstimate(NamedTuple):
-    """orbit: per coordinate max|error|/max|q|, the largest (NaN without an orbit); multipliers:
-    |error| divided by the spectral radius."""
+    """Estimated relative errors.
+
+    Parameters
+    ----------
+    orbit : float
+        Largest max|error| / max|q| of all coordinates; NaN without an orbit.
+    multipliers : float
+        Largest |error| of the multipliers, divided by the spectral radius.
+    """
 
     orbit: float
     multipliers: float
 
 
-lasting(ReductionError)
+serializable(ReductionError)
 
 
 @dataclass(frozen=True)
-class Stability(Result):
-    """Stability of the periodic motion and its certainty. Multipliers and exponents contain all 2n values;
-    spectral radius and verdict exclude rigid-body modes."""
+class Solution(Result):
+    """Solution of a system at one speed: method, grid and checks."""
 
     system: PeriodicSystem
     speed: float
-    certified: Certified
-    spectrum: Spectrum
+    certified: Certified = field(metadata=NOT_STORED)
+    spectrum: Spectrum = field(metadata=NOT_STORED)
     engine_notes: Sequence[str] = ()
-
-    _subject: ClassVar[str] = "motion"
-    """What the verdict is about: without an orbit, any motion of the linear equations."""
-    _of_solver: ClassVar[tuple[str, ...]] = ("certified", "spectrum")
-    _calculated: ClassVar[tuple[str, ...]] = (
-        *("method", "described", "steps", "multipliers", "exponents", "multiplier_errors", "modes"),
-        *("spectral_radius", "distance_from_one", "condition", "liouville", "error_estimate", "verdict"),
-        *("rigid_body_modes", "notes", "warnings", "reduction_error"),
-    )
 
     @property
     def period(self) -> float:
-        """T in seconds."""
+        """Period T in s."""
         return self.system.period / self.speed
 
-    @cached_property
+    @stored_property
     def method(self) -> str:
+        """Name of the method."""
         return self.certified.method.name
 
-    @cached_property
+    @stored_property
     def described(self) -> str:
-        """The method's name and settings."""
-        return described(self.certified.method)
+        """Name and settings of the method."""
+        return method_text(self.certified.method)
 
-    @cached_property
+    @stored_property
     def steps(self) -> int:
-        """Steps per period."""
+        """Number of steps per period."""
         return self.certified.steps
 
-    @cached_property
+    @stored_property
+    def condition(self) -> float:
+        """Condition number of the linear system that closes the orbit; NaN without an orbit."""
+        return float(self.certified.solutions.condition[0])
+
+    @stored_property
+    def liouville(self) -> float:
+        """Difference of log|det Φ| between the method and Liouville's formula: 0 except for modes that the
+        steps do not resolve. NaN for a method without steps."""
+        return liouville_defect(self.system, self.speed, self.certified.solutions)
+
+    @stored_property
+    def reduction_error(self) -> ReductionError | None:
+        """Estimated error of the reduction of the system; None for a full system."""
+        if not self.system.solvable or not self.certified.reduction:
+            return None
+        return self.certified.reduction[0]
+
+
+@dataclass(frozen=True)
+class Stability(Solution):
+    """Stability of the periodic motion of a system at one speed, from `solve.floquet`.
+
+    Multipliers and exponents contain all 2n values; spectral radius and verdict exclude rigid-body modes.
+
+    Attributes
+    ----------
+    multipliers : (2n,) complex array
+        Floquet multipliers ρ by falling modulus.
+    exponents : (2n,) complex array
+        Floquet exponents λ = ln(ρ)/T in 1/s.
+    spectral_radius : float
+        Largest |ρ|.
+    verdict : str
+        "asymptotically stable", "stable", "unstable" or "undetermined".
+    stable : bool or None
+        The verdict as a truth value; None if it is undetermined.
+    error_estimate : ErrorEstimate
+        Estimated relative errors.
+    warnings : list of str
+        Sentences on what is doubtful.
+    """
+
+    _subject: ClassVar[str] = "motion"
+    """Subject of the verdict: without an orbit, any motion of the linear equations."""
+
+    @stored_property
     def multipliers(self) -> Array:
-        """All 2n multipliers ρ (complex) in descending order of modulus, + imaginary part first; 0 if ρ
-        underflows, NaN if it is unknown."""
+        """Multipliers ρ (2n,), complex, by falling modulus, + imaginary part first; 0 if ρ underflows, NaN if
+        it is unknown."""
         return self.spectrum.values
 
-    @cached_property
+    @stored_property
     def exponents(self) -> Array:
-        """λ = ln(ρ)/T in 1/s, principal branch (chapter Eq. (11)), also where ρ underflows; -inf for an exact
-        zero, NaN where nothing is known."""
+        """Exponents λ = ln(ρ)/T (2n,) in 1/s, principal branch (chapter Eq. (11)), also if ρ underflows; -inf
+        for ρ = 0, NaN if ρ is unknown."""
         return self.spectrum.logarithms / self.period
 
-    @cached_property
+    @stored_property
     def multiplier_errors(self) -> Array:
-        """Estimated error of each multiplier, relative to itself; NaN where the steps give it no digit."""
+        """Estimated relative error of each multiplier (2n,); NaN if the steps resolve no digit of it."""
         return self.spectrum.errors
 
     @property
     def unresolved(self) -> int:
-        """Number of multipliers without a digit, those whose error is NaN."""
+        """Number of multipliers without a resolved digit, whose error is NaN."""
         return int(np.isnan(self.multiplier_errors).sum())
 
-    @cached_property
+    @stored_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Of each multiplier: its frequency modulo 2π/T (folded) and that of its mode, in rad/s."""
+        """Mode of each multiplier: its frequency in rad/s, also modulo 2π/T (folded)."""
         return self.spectrum.modes
 
-    @cached_property
+    @stored_property
     def spectral_radius(self) -> float:
         """Largest |ρ| without rigid-body modes; 0 if it is unresolved or there is no other multiplier."""
         if (
@@ -148,7 +198,7 @@ class Stability(Result):
         """Positions of the multipliers that do not belong to rigid-body modes."""
         return np.flatnonzero(~self.spectrum.rigid)
 
-    @cached_property
+    @stored_property
     def rigid_body_modes(self) -> Sequence[RigidBodyMode]:
         """Rigid-body modes, undamped ones first."""
         solutions = self.certified.solutions
@@ -156,61 +206,42 @@ class Stability(Result):
             return []
         return rigid_body_modes_of(solutions.free.modes, solutions.secular, self.speed)
 
-    @cached_property
+    @stored_property
     def distance_from_one(self) -> float:
         """Smallest |ρ - 1|: 0 at resonance and on a stability boundary of kind +1."""
         return float(self._rho.distance_from_one[0])
-
-    @cached_property
-    def condition(self) -> float:
-        """Condition number of the linear system that closed the orbit; NaN without an orbit."""
-        return float(self.certified.solutions.condition[0])
 
     @property
     def _rho(self) -> Multipliers:
         return self.certified.solutions.multipliers
 
-    @cached_property
-    def liouville(self) -> float:
-        """log|det Φ| of the method minus that by Liouville's formula: 0 except for modes that the steps do
-        not resolve. NaN for a method without steps."""
-        return liouville_defect(self.system, self.speed, self.certified.solutions)
-
-    @cached_property
+    @stored_property
     def error_estimate(self) -> ErrorEstimate:
-        """Of the orbit, and of the multipliers relative to the spectral radius; infinite where it has no
-        digit."""
+        """Errors of orbit and multipliers; infinite if the spectral radius has no resolved digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
         if not self._rho.resolved[0]:
-            own = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0
-            multipliers = math.inf if math.isnan(own) else max(multipliers, own)
+            largest = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0
+            multipliers = math.inf if math.isnan(largest) else max(multipliers, largest)
         return ErrorEstimate(math.nan if self.certified.solutions.curve is None else orbit, multipliers)
 
-    @cached_property
-    def reduction_error(self) -> ReductionError | None:
-        """Estimated error of the reduction of the system; None for a full system."""
-        if not self.system.solvable or not self.certified.reduction:
-            return None
-        return self.certified.reduction[0]
-
-    @cached_property
+    @stored_property
     def verdict(self) -> str:
         """ "asymptotically stable", "stable", "unstable" or "undetermined"."""
         return VERDICTS[self.certified.verdicts[0]]
 
     @property
     def stable(self) -> bool | None:
-        """None where the verdict is undetermined."""
+        """Whether the motion is stable; None if the verdict is undetermined."""
         return None if self.verdict == "undetermined" else self.verdict != "unstable"
 
-    @cached_property
+    @stored_property
     def notes(self) -> list[str]:
-        """How this result was made: what the method and the engine have to say."""
-        of_modes = (self._turning(mode) for mode in self.rigid_body_modes)
-        of_method = filter(None, self.certified.solutions.notes)
-        return [*self.engine_notes, *of_method, *of_modes, *self.spectrum.notes]
+        """Notes of engine and method, and on rigid-body modes."""
+        modes = (self._rigid_body_note(mode) for mode in self.rigid_body_modes)
+        method = filter(None, self.certified.solutions.notes)
+        return [*self.engine_notes, *method, *modes, *self.spectrum.notes]
 
-    def _turning(self, mode: RigidBodyMode) -> str:
+    def _rigid_body_note(self, mode: RigidBodyMode) -> str:
         """Note on a rigid-body mode."""
         names, units = self.system.coordinates, self.system.units
         count = "its multiplier +1" if mode.damped else "its two multipliers +1"
@@ -220,40 +251,40 @@ class Stability(Result):
         if not mode.damped:
             return f"{text}; the vibration has zero mean along it, weighted by the inertia"
         drift, size = mode.drift or 0.0, np.abs(self.certified.solutions.curve[0].sampled(1)).max()
-        if abs(drift) * self.period <= max(self.error_estimate.orbit, _STILL) * size:
+        if abs(drift) * self.period <= max(self.error_estimate.orbit, _NO_DRIFT) * size:
             return f"{text}; it has no steady velocity along it"
-        at = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
-        unit = units.get(names[at], "")
-        shown = f"{drift * mode.vector[at]:.6g} {unit}/s".replace(" /s", " per second")
+        largest = max(range(len(names)), key=lambda k: abs(mode.vector[k]))
+        unit = units.get(names[largest], "")
+        velocity = f"{drift * mode.vector[largest]:.6g} {unit}/s".replace(" /s", " per second")
         return (
-            f"{text}; load and drag balance at a steady velocity along it ({names[at]}: {shown}); velocities "
-            "include it, coordinates do not"
+            f"{text}; load and drag balance at a steady velocity along it ({names[largest]}: {velocity}); "
+            "velocities include it, coordinates do not"
         )
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """What is doubtful about this result, a sentence each."""
-        reduced = [] if self.reduction_error is None else self.reduction_error.warnings
-        own = [*reduced, *self.certified.warnings(0), *self.spectrum.warnings]
-        return [*own, *self.system.warnings(self.speed)]
+        """Sentences on what is doubtful about the result."""
+        reduction = [] if self.reduction_error is None else self.reduction_error.warnings
+        numerical = [*reduction, *self.certified.warnings(0), *self.spectrum.warnings]
+        return [*numerical, *self.system.warnings(self.speed)]
 
     @property
     def summary(self) -> str:
-        """The verdict in plain words."""
-        means = _MEANS[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
-        at = self.system.speed_unit.text(self.speed)
+        """Sentence on the verdict and its consequence."""
+        consequence = _CONSEQUENCES[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
+        speed = self.system.speed_unit.text(self.speed)
         subject = self._subject
         if self.rigid_body_modes and self.certified.solutions.curve is None:
             subject += " relative to rigid-body modes"
-        return f"At {at} the {subject} is {self.verdict}: {means}."
+        return f"At {speed} the {subject} is {self.verdict}: {consequence}."
 
     @property
-    def whole(self) -> dict[str, Any]:
-        reduced = {} if self.reduction_error is None else {"reduction_error": self.reduction_error}
-        return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}, **reduced}
+    def summary_values(self) -> dict[str, Any]:
+        reduction = {} if self.reduction_error is None else {"reduction_error": self.reduction_error}
+        return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}, **reduction}
 
-    def facts(self) -> Facts:
-        """How it was solved, and how certain it is."""
+    def header_rows(self) -> HeaderRows:
+        """Method, errors, checks and notes."""
         errors, checks = self._accuracy()
         return [
             ("method", f"{self.described}, {self.steps} steps a period"),
@@ -264,25 +295,25 @@ class Stability(Result):
         ]
 
     def _reduced(self) -> list[str]:
-        """Text on the error of the reduction."""
+        """Text on the error of the reduction, if any."""
         error = self.reduction_error
         if error is None:
             return []
         return [f"{error.coordinates} of {error.full} coordinates: {', '.join(error.parts)} (relative)"]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
-        """Errors, and what the result was checked by, in words."""
+        """Texts of the errors and of the checks."""
         checks = [f"Liouville {self.liouville:.1e}", f"nearest ρ to +1 at {self.distance_from_one:.2g}"]
         return [f"multipliers {self.error_estimate.multipliers:.1e}"], checks
 
     @property
     def metadata(self) -> dict[str, Any]:
         labels = {"units": self.system.units, "meanings": self.system.meanings}
-        return {**super().metadata, **plain(labels)}
+        return {**super().metadata, **to_json(labels)}
 
     @property
     def columns(self) -> Columns:
-        """A row a multiplier."""
+        """Row per multiplier."""
         rho, exponents = self.multipliers, self.exponents
         columns = {
             "multiplier_re": (np.real(rho), "1", "Floquet multiplier, real part"),
@@ -293,17 +324,21 @@ class Stability(Result):
             "mode_frequency": (
                 self._of_modes("unfolded"),
                 "rad/s",
-                "frequency of the mode's strongest order",
+                "frequency of the mode's strongest harmonic",
             ),
-            "mode_order": (self._of_modes("order"), "1", "that order, in turns of a period"),
-            "participation": (self._of_modes("participation"), "1", "part of the mode with that order"),
+            "mode_order": (self._of_modes("order"), "1", "order of that harmonic, per period"),
+            "participation": (
+                self._of_modes("participation"),
+                "1",
+                "fraction of the mode in that harmonic",
+            ),
         }
         return {name: Column(*column, axes=("multiplier",)) for name, column in columns.items()}
 
-    def contents(self) -> Contents:
-        """In .npz and .mat complex multipliers and exponents."""
+    def file_contents(self) -> FileContents:
+        """Row per multiplier; in .npz and .mat complex multipliers and exponents."""
         arrays = {"multipliers": self.multipliers, "exponents": self.exponents}
-        return Contents(self.columns, {}, self.metadata, arrays)
+        return FileContents(self.columns, {}, self.metadata, arrays)
 
     def _of_modes(self, name: str) -> Array:
         return np.array([getattr(mode, name) for mode in self.modes], dtype=float)

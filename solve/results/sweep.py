@@ -1,4 +1,4 @@
-"""The periodic solution over many speeds, a row of figures a speed; of one system, or of several."""
+"""Periodic solutions over speeds and parameters."""
 
 import itertools
 import re
@@ -14,10 +14,11 @@ from solve.errors import require_name
 from solve.labels import SPEED
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
-from solve.results.contents import Column, Columns, plain, require_different_names, speeds_of
+from solve.results.contents import Column, Columns, require_different_names, speeds_of, to_json
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.result import Figure, Result, views
-from solve.results.stability import ErrorEstimate, in_short
+from solve.results.serialization import stored_property
+from solve.results.stability import ErrorEstimate, short_verdict
 from solve.system import PeriodicSystem
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
@@ -29,12 +30,30 @@ _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """One point of a sweep: the stored values of its orbit, or the reason why there is none.
+    """Point of a sweep.
 
-    parameters: those that vary besides the speed. statistics: of coordinates and outputs by name.
-    multipliers: all 2n in descending order of modulus, 0 if below the round-off of the monodromy matrix.
-    error: reason of a failure; statistics are then NaN. reduction_error: error of the reduction of the
-    system, None for a full system.
+    Attributes
+    ----------
+    speed : float
+        Speed in rad/s.
+    statistics : mapping of str to Statistics
+        Statistics of coordinates and outputs by name.
+    spectral_radius, verdict : float, str
+        Largest |ρ|, and the stability verdict.
+    method, steps : str, int
+        Method and number of steps per period.
+    error_estimate : ErrorEstimate
+        Estimated relative errors.
+    warnings : sequence of str
+        Sentences on what is doubtful.
+    error : str or None
+        Reason of a failure; the other values are then NaN or empty.
+    multipliers : sequence of complex
+        Multipliers (2n,) by falling modulus; 0 below the round-off of the monodromy matrix.
+    parameters : mapping of str to float
+        Values of the parameters that vary besides the speed.
+    reduction_error : ErrorEstimate or None
+        Error of the reduction of the system; None for a full system.
     """
 
     speed: float
@@ -52,24 +71,24 @@ class SweepPoint:
 
     @property
     def stable(self) -> bool | None:
-        """None where the point failed or its verdict is undetermined."""
+        """Whether the motion is stable; None if the point failed or the verdict is undetermined."""
         return None if self.verdict in {"", "undetermined"} else self.verdict != "unstable"
 
     @property
     def stability(self) -> str:
-        """The verdict in few characters."""
-        return "failed" if self.error else in_short(self.verdict)
+        """Verdict for narrow columns."""
+        return "failed" if self.error else short_verdict(self.verdict)
 
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
-        """As plain data; the system is that of the sweep."""
-        where = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
+        """Values for records. system: of the sweep."""
+        point = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
-            return {**where, "error": self.error}
+            return {**point, "error": self.error}
         names = ["spectral_radius", "verdict", "stable", "method", "steps", "error_estimate", "warnings"]
         if self.reduction_error is not None:
             names.append("reduction_error")
         return {
-            **where,
+            **point,
             "coordinates": self._figures(system, system.coordinates),
             "outputs": self._figures(system, system.outputs),
             **{name: getattr(self, name) for name in names},
@@ -77,15 +96,28 @@ class SweepPoint:
         }
 
     def _figures(self, system: PeriodicSystem, names: Sequence[str]) -> dict[str, Any]:
-        kept = {name: self.statistics[name] for name in names if name in self.statistics}
-        return {name: {"unit": system.units.get(name, ""), **kept[name]._asdict()} for name in kept}
+        return {
+            name: {"unit": system.units.get(name, ""), **self.statistics[name]._asdict()}
+            for name in names
+            if name in self.statistics
+        }
 
 
 @dataclass(frozen=True)
 class Sweep(Result):
-    """The results of many speeds (rad/s), in the order given. engine: what solved them; notes: how it
-    was chosen, where that is not as asked; parameters: values (P,) of those that vary too, a point each, as
-    the speeds then are."""
+    """Periodic solutions at P speeds, from `solve.sweep`.
+
+    Attributes
+    ----------
+    speeds : (P,) array
+        Speeds in rad/s, in the order given.
+    results : PointResults
+        Results of the points.
+    engine, notes : str, sequence of str
+        Engine that solved the points, and notes on its selection.
+    parameters : mapping of str to (P,) array
+        Values of the parameters that vary besides the speed, per point.
+    """
 
     system: PeriodicSystem
     speeds: Array
@@ -96,28 +128,28 @@ class Sweep(Result):
 
     @cached_property
     def points(self) -> Sequence[SweepPoint]:
-        """One a speed."""
-        return [self._point(at) for at in range(len(self.speeds))]
+        """Points in the order of the speeds."""
+        return [self._point(index) for index in range(len(self.speeds))]
 
-    def _point(self, at: int) -> SweepPoint:
-        results, speed = self.results, float(self.speeds[at])
-        parameters = {name: float(values[at]) for name, values in self.parameters.items()}
-        if results.verdicts[at] == FAILED:
-            return SweepPoint(speed, error=results.failures[at], parameters=parameters)
-        figures = (Statistics(*row.tolist()) for row in results.figures[at])
-        every = self.multipliers
+    def _point(self, index: int) -> SweepPoint:
+        results, speed = self.results, float(self.speeds[index])
+        parameters = {name: float(values[index]) for name, values in self.parameters.items()}
+        if results.verdicts[index] == FAILED:
+            return SweepPoint(speed, error=results.failures[index], parameters=parameters)
+        figures = (Statistics(*row.tolist()) for row in results.figures[index])
+        reduced = "reduce" in self.system.options
         return SweepPoint(
             speed,
             dict(zip(results.kept.names, figures, strict=True)),
-            float(results.spectral_radius[at]),
-            VERDICTS[results.verdicts[at]] if self.system.vibrates else "",
-            results.methods[at],
-            int(results.steps[at]),
-            ErrorEstimate(*results.errors[at].tolist()),
-            results.warnings.get(at, ()),
-            multipliers=every[at].tolist(),
+            float(results.spectral_radius[index]),
+            VERDICTS[results.verdicts[index]] if self.system.vibrates else "",
+            results.methods[index],
+            int(results.steps[index]),
+            ErrorEstimate(*results.errors[index].tolist()),
+            results.warnings.get(index, ()),
+            multipliers=self.multipliers[index].tolist(),
             parameters=parameters,
-            reduction_error=ErrorEstimate(*self.reductions[at]) if "reduce" in self.system.options else None,
+            reduction_error=ErrorEstimate(*self.reductions[index]) if reduced else None,
         )
 
     @property
@@ -129,22 +161,32 @@ class Sweep(Result):
 
     @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| a speed; NaN where the point failed."""
+        """Spectral radii (P,); NaN where the point failed."""
         return self.results.spectral_radius
 
-    @property
-    def multipliers(self) -> Array:
-        """(P, 2n), falling in modulus; zero where unresolved, NaN where the point failed."""
-        return self._every_multiplier
-
     @cached_property
-    def _every_multiplier(self) -> Array:
+    def multipliers(self) -> Array:
+        """Multipliers (P, 2n) by falling modulus; 0 if unresolved, NaN where the point failed."""
         return self.results.all_multipliers
 
     def figures(self, name: str, figure: str = "max_abs") -> Array:
-        """max, min, max_abs, mean or rms of a coordinate or output a speed; NaN where the point failed.
+        """Statistic of a coordinate or output at each point.
 
-        Raises UnknownNameError.
+        Parameters
+        ----------
+        name : str
+            Name of a coordinate or output.
+        figure : {"max_abs", "max", "min", "mean", "rms"}
+            Statistic.
+
+        Returns
+        -------
+        (P,) array
+            Values in SI units; NaN where the point failed.
+
+        Raises
+        ------
+        UnknownNameError
         """
         kept = self.results.kept.names
         require_name("coordinate or output", name, kept)
@@ -152,19 +194,19 @@ class Sweep(Result):
         return self.results.figures[:, kept.index(name), FIGURES.index(figure)]
 
     def spectrum(self, name: str) -> Array:
-        """Amplitudes (P, harmonics + 1) of a quantity whose spectrum the sweep was asked for.
-
-        Raises UnknownNameError.
-        """
+        """Amplitudes (P, harmonics + 1) of a quantity whose spectrum was requested. Raises
+        UnknownNameError."""
         known = self.results.kept.spectra
         require_name("spectrum", name, known)
         return self.results.amplitudes[:, known.index(name)]
 
     @property
     def unstable(self) -> list[tuple[float, float, str]]:
-        """Runs of neighbouring unstable speeds: from, to (rad/s, half way to stable neighbours, not beyond
-        the last known speed beside failed ones) and the kind of the largest multiplier; `bands` refines
-        their edges. None where parameters vary too."""
+        """Ranges of neighbouring unstable speeds: edges in rad/s, and the kind of the largest multiplier.
+
+        Edges lie half way to stable neighbours, and at the last solved speed beside failed ones;
+        `solve.bands` refines them. Empty if parameters vary too.
+        """
         if self.parameters:
             return []
         order = np.argsort(self.speeds)
@@ -179,19 +221,18 @@ class Sweep(Result):
             if kinds[first]
         ]
 
-    @cached_property
+    @stored_property
     def warnings(self) -> list[str]:
-        """What is doubtful about the equations; then one line a kind of warning or failure, with the speeds
-        where it first and last stands. Texts of one kind differ in their numbers alone; the whole text of the
-        first is shown."""
+        """Sentences on the equations, and one sentence per kind of warning or failure with its speeds. Texts
+        of one kind differ in their numbers only; the first text is shown."""
         of_equations = list(self.system.equation_warnings)
-        reasons = {at: [f"no result: {text}"] for at, text in self.results.failures.items()}
+        reasons = {index: [f"no result: {text}"] for index, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}
         groups: dict[str, tuple[str, list[float]]] = {}
-        for at in sorted(texts):
-            for text in (text for text in texts[at] if text not in of_equations):
-                groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[at]))
-        of_points = [f"{text} ({self._where(at)})" for text, at in groups.values()]
+        for index in sorted(texts):
+            for text in (text for text in texts[index] if text not in of_equations):
+                groups.setdefault(_NUMBER.sub("#", text), (text, []))[1].append(float(self.speeds[index]))
+        of_points = [f"{text} ({self._where(speeds)})" for text, speeds in groups.values()]
         return [*of_equations, *self._reduced, *of_points]
 
     @property
@@ -204,7 +245,7 @@ class Sweep(Result):
         return [f"reduce={self.system.options['reduce']}: relative errors of {errors}"]
 
     def _where(self, speeds: Sequence[float]) -> str:
-        """Of points with these speeds, in words."""
+        """Text on the points with these speeds."""
         if self.parameters:
             return f"at {len(speeds)} of {len(self.speeds)} points"
         unit = self.system.speed_unit
@@ -214,24 +255,46 @@ class Sweep(Result):
         return f"{first}; of this kind at {len(speeds)} of {len(self.speeds)} speeds, from {span}"
 
     @property
-    def whole(self) -> dict[str, Any]:
+    def summary_values(self) -> dict[str, Any]:
         return {"notes": self.notes}
 
     def record(self) -> dict[str, Any]:
-        """Of `solve sweep --json`."""
+        """JSON object of `solve sweep --json`."""
         points = [point.record(self.system) for point in self.points]
-        return {**super().record(), **plain({"speeds": self.speeds, "points": points})}
+        return {**super().record(), **to_json({"speeds": self.speeds, "points": points})}
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-        """Response over speed with its maxima, the spectral radius below, unstable speeds shaded; where
-        parameters vary, over what runs fastest, a line for each value of the rest (matplotlib Figure). Raises
-        UnknownNameError, and ValueOutOfBoundsError for more lines than can be distinguished."""
+        """Figure of the response over speed with its maxima, and of the spectral radius; unstable speeds
+        shaded.
+
+        If parameters vary, the horizontal axis is the quantity that varies fastest, with a line per value of
+        the others.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Coordinates and outputs; by default the coordinates.
+        figure : str
+            Statistic; see `figures`.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UnknownNameError
+        ValueOutOfBoundsError
+            For more lines than can be distinguished.
+        """
         return super().plot(names, figure)
 
     def waterfall(self, name: str) -> Figure:
-        """The spectrum of a quantity over the speed, or over the parameter that varies instead (matplotlib
-        Figure). Raises UnknownNameError for one whose spectrum the sweep was not asked for,
-        ValueOutOfBoundsError where several quantities vary."""
+        """Figure of the spectrum of a quantity over the speed, or over the parameter that varies instead.
+
+        Raises UnknownNameError if the spectrum was not requested, ValueOutOfBoundsError if several quantities
+        vary.
+        """
         return views().waterfall_figure(self, name)
 
     @property
@@ -241,13 +304,13 @@ class Sweep(Result):
 
     @property
     def shown(self) -> Sequence[str]:
-        """The coordinates that are kept, or else the outputs."""
+        """Stored coordinates, or the outputs if there are none."""
         kept = self.results.kept.names
         return [name for name in kept if name in self.system.coordinates] or kept
 
     @property
     def columns(self) -> Columns:
-        """A row a point."""
+        """Row per point."""
         system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)
         columns = [("speed", speeds_of(system, self.speeds, axes=axes))]
         for name, values in self.parameters.items():
@@ -264,7 +327,7 @@ class Sweep(Result):
             "verdict": ([point.verdict for point in points], "stability"),
             "method": ([point.method for point in points], ""),
             "steps": ([point.steps for point in points], "a period"),
-            "error": ([point.error or "" for point in points], "why there is no result"),
+            "error": ([point.error or "" for point in points], "reason of the failure"),
         }
         columns.append(("spectral_radius", Column(self.spectral_radius, "1", radius, axes=axes)))
         for name, (values, meaning) in texts.items():

@@ -1,9 +1,9 @@
 """Bands of speed in which the motion is unstable, with refined edges.
 
-Where fast modes are neither damped out nor can be followed at many speeds, bands of the slow modes alone are
-looked for: the axial vibration of an undamped steel link turns by thousands of radians while the crank turns
-once, and so do its multipliers over speed. Radau damps out what its steps do not follow and leaves the slow
-modes: a multiplier belongs to these where two grids agree on it.
+Fast modes that are not damped out cannot be resolved at many speeds: the axial vibration of an undamped steel
+link rotates by thousands of radians per revolution of the crank, and so do its multipliers over speed. Only
+bands of the slow modes are then searched. Radau's method damps out unresolved modes and preserves the slow
+ones: a multiplier belongs to a slow mode if two grids agree on it.
 """
 
 from collections.abc import Sequence
@@ -20,53 +20,68 @@ from solve.errors import NoResultError
 from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.free import free
 from solve.methods.radau import Radau
-from solve.period.frozen import frozen, surviving
+from solve.period.frozen import frozen, residual_amplitude
 from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.points import OnePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, LEFT_OUT, Kept
-from solve.studies.boundaries import Search
-from solve.studies.constant import constant, still
-from solve.studies.judged import Judge, Judged, judge
-from solve.studies.known_speeds import ends_with_matrices, without_result
-from solve.studies.tongues import LIGHTLY_DAMPED, Turning, fastest_turning, hidden, parted, rising
+from solve.studies.boundaries import BoundarySearch, Brackets
+from solve.studies.constant_coefficients import constant_coefficients
+from solve.studies.speed_grids import (
+    LIGHTLY_DAMPED,
+    Rotation,
+    by_speed,
+    ends_with_matrices,
+    multiplier_rotation,
+    no_rotation,
+    separate_crossings,
+    without_result,
+)
+from solve.studies.stability_samples import Evaluate, StabilitySamples, evaluator
+from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
-"""Growth a turn that makes a band: less is within what two multipliers that meet lose to rounding."""
+"""Least growth per period that makes a band: coalescing multipliers lose half their digits to round-off."""
 
-_FEWEST, _MOST = 40, 2000
-"""Parts of the range of speeds before the search for narrow bands."""
+_MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
+"""Number of intervals of the range of speeds before the search for narrow bands. Choices."""
 
 _FINER = 5
-"""Subdivision of each interval if the matrices are constant: an eigenvalue costs less than a solution."""
+"""Subdivision of each interval if the matrices are constant: an eigenvalue costs less than a solution. A
+choice."""
 
 _PREDICTED = 0.9
 """Fraction of a gap to which a parabola must predict its minimum; gaps that do not depend on the speed have
 minima of round-off."""
 
-_TURN = 0.25
-"""Angle in rad by which the fastest multiplier may turn between two speeds."""
+_MAX_ANGLE = 0.25
+"""Angle in rad by which the fastest multiplier may rotate between two speeds. A choice."""
 
 _HALVINGS = 3
-"""Of the distance of two speeds between which multipliers may meet."""
+"""Number of halvings of an interval in which multipliers may coalesce. A choice."""
 
 _POINTS_INSIDE = 15
-"""Further points of every band, to find its largest multiplier and stable speeds inside it."""
+"""Further points of every band, to find its largest multiplier and stable speeds inside it. A choice."""
 
-_SPLITS = 8
+_MAX_SPLITS = 8
+"""Number of times that bands are split at stable speeds inside. A choice."""
+
 _UNKNOWN = -2
 """State of speeds without a result."""
 
-_FOLLOWED = 128.0
-"""Angle in rad by which a mode that is followed turns at most in one period, at the lowest speed."""
+_MAX_PHASE_ADVANCE = 128.0
+"""Largest angle in rad by which a slow mode rotates per period, at the lowest speed. Half a radian per step
+of the finer grid."""
 
-_STEPS = 192, 256
-_AGREEMENT = 1e-4
-_SURVIVES = 1e-2
-"""Part of a fast mode that is left after a period, above which it counts as not damped out."""
+_STEPS, _AGREEMENT = (192, 256), 1e-4
+"""Steps of the two grids on which slow modes are solved, and largest difference of a multiplier that belongs
+to a slow mode. Choices."""
+
+_RESIDUAL = 1e-2
+"""Amplitude of a fast mode after a period, relative to its start, above which it is not damped out."""
 
 
 @of_system
@@ -78,18 +93,49 @@ def bands(
     tolerance: float = 1e-7,
     engine: str = "auto",
 ) -> Bands:
-    """Unstable bands between the lowest and the highest of the speeds (rad/s, texts with unit, or one text
-    such as "100:900:81 rpm").
+    """Find the bands of speed in which the motion is unstable.
 
+    Parameters
+    ----------
+    speeds : str or sequence of float or str
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Bands are searched between the
+        lowest and the highest of them.
+    method : str or Method
+        Method, as in `periodic`.
+    rtol : float
+        Relative tolerance of the multipliers.
+    tolerance : float
+        Relative tolerance of the edges of the bands.
+    engine : str
+        "auto", "compiled" or "numpy".
+
+    Returns
+    -------
+    Bands
+
+    Raises
+    ------
+    ValueOutOfBoundsError
+        For fewer than two speeds.
+    SolveError
+        A subclass for errors that affect all speeds.
+
+    Notes
+    -----
     Speeds are added until there are at least 40 intervals and no multiplier above 0.01 rotates by more than
-    0.25 rad from one speed to the next, with a limit of about 2000. Bands narrower than the result's
-    `spacing` are searched where multipliers come closest to each other, to +1 and to -1. They may still be
-    missed, as may a stable range narrower than a sixteenth of the unstable range around it. Growth below 1e-6
-    per period does not make a band. If M, C and K are constant over the period, eigenvalues decide on a grid
-    of at least five times 40 intervals. If lightly damped modes rotate too far within a period to be tracked
-    at many speeds, `auto` searches only the bands of the slower ones, with a note. Edges are found to the
-    relative `tolerance`. engine: as in `sweep`. Raises ValueOutOfBoundsError for fewer than two speeds, and
-    SolveError subclasses for errors that affect all speeds.
+    0.25 rad from one speed to the next, with a limit of about 2000. Narrower bands are searched where
+    multipliers come closest to each other, to +1 and to -1. They may still be missed, as may a stable range
+    narrower than a sixteenth of the unstable range around it. Growth below 1e-6 per period does not make a
+    band. If M, C and K are constant over the period, eigenvalues decide on a grid of at least 200 intervals.
+    If lightly damped modes rotate too far within a period to be resolved at many speeds, `auto` searches only
+    the bands of the slower ones, with a note.
+
+    Examples
+    --------
+    >>> import solve
+    >>> found = bands(solve.load("mathieu", delta=1.0, epsilon=0.3), "0.8:1.2:5 rad/s")
+    >>> [band.kind for band in found]
+    ['-1']
     """
     given = speeds_between(speeds, "bands")
     system, omegas = system.shown_in(given[0]), np.array(given)
@@ -97,47 +143,47 @@ def bands(
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
     if free(OnePoint(system, ends[0])) is not None:
         notes = [*notes, f"rigid-body modes: {LEFT_OUT}"]
-    coarse = _divided(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _FEWEST)
-    steady = constant(task.batch(coarse[:, None]))
-    fast = 0 if steady else _unfollowed(system, ends[0], task.method)
+    coarse = _subdivide(omegas, np.diff(omegas) / (omegas[-1] - omegas[0]) * _MIN_INTERVALS)
+    constant = constant_coefficients(task.batch(coarse[:, None]))
+    fast = 0 if constant else _count_fast_modes(system, ends[0], task.method)
     if fast:
         left_out = (
-            f"{fast} of {system.n} modes turn by more than {_FOLLOWED:g} rad a turn and are not damped out: "
-            "their bands, of high order, are not looked for; a single solution follows all modes"
+            f"{fast} of {system.n} modes turn by more than {_MAX_PHASE_ADVANCE:g} rad a turn and are not "
+            "damped out: their bands, of high order, are not looked for; a single solution follows all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
-    if steady:
-        turning, points = still, _divided(coarse, np.full(len(coarse) - 1, _FINER))[:, None]
+    if constant:
+        rotation, points = no_rotation, _subdivide(coarse, np.full(len(coarse) - 1, _FINER))[:, None]
     else:
-        turning = fastest_turning(system, ends, _FOLLOWED if fast else np.inf)
-        turned = -np.diff(1 / coarse) * turning(coarse[1:])
-        points = _divided(coarse, turned / max(_TURN, turned.sum() / _MOST))[:, None]
+        rotation = multiplier_rotation(system, ends, _MAX_PHASE_ADVANCE if fast else np.inf)
+        turned = -np.diff(1 / coarse) * rotation(coarse[1:])
+        points = _subdivide(coarse, turned / max(_MAX_ANGLE, turned.sum() / _MAX_INTERVALS))[:, None]
     batch = task.batch(points)
-    asked = steady.judge if steady else (_judge_of_followed if fast else judge)(batch)
+    evaluate = constant.evaluate if constant else (_evaluator_of_slow_modes if fast else evaluator)(batch)
     with progress.steps(4) as step:
         step("all speeds")
-        known = asked(points)
+        known = evaluate(points)
         step("speeds where multipliers are near each other")
-        known = parted(asked, _closer(asked, known, turning), turning)
+        known = separate_crossings(evaluate, _refine_near_coalescence(evaluate, known, rotation), rotation)
         middle = np.arange(1, len(known.points) - 1)
         spacing = float(np.diff(known.points[:, 0]).max())
         step("narrow bands")
-        known += hidden(asked, known, middle, predicted=_PREDICTED if steady else 1.0)
+        known += find_narrow_tongues(evaluate, known, middle, predicted=_PREDICTED if constant else 1.0)
         if known.failed.any():
-            notes = [*notes, _left_out(batch, rising(known), system.speed_unit)]
+            notes = [*notes, _left_out(batch, by_speed(known), system.speed_unit)]
         step("edges of bands")
-        runs = _Runs(asked, checked_tolerance(tolerance), omegas[-1:])
-        found = runs.bands(rising(known))
-    known = rising(sum(runs.looked, known))
+        runs = _UnstableRuns(evaluate, checked_tolerance(tolerance), omegas[-1:])
+        found = runs.bands(by_speed(known))
+    known = by_speed(sum(runs.inside, known))
     radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     range_ = float(omegas[0]), float(omegas[-1])
     speeds = known.points[:, 0]
-    return Bands(found, system, range_, spacing, notes, speeds, radius, steady is not None)
+    return Bands(found, system, range_, spacing, notes, speeds, radius, constant is not None)
 
 
-def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:
-    """Which of rising speeds have no result, and why the first has none. Raises NoResultError where none has
-    one."""
+def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
+    """Message on the ascending speeds without a result, with the reason of the first. Raises NoResultError if
+    no speed has one."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; ask for a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
@@ -146,28 +192,30 @@ def _left_out(batch: Batch, known: Judged, unit: ShownUnit) -> str:
     return f"{failed}; bands end open beside them"
 
 
-def _divided(speeds: Array, parts: Array) -> Array:
-    """Rising speeds with each of their intervals divided into this many parts, or one more."""
+def _subdivide(speeds: Array, parts: Array) -> Array:
+    """Ascending speeds with each of their intervals divided into at least this number of parts."""
     counts = np.maximum(np.ceil(parts * (1 - 1e-9)), 1).astype(int)
     at = np.concatenate([[0], np.cumsum(counts)])
     return np.interp(np.arange(at[-1] + 1), at, speeds)
 
 
-def _closer(asked: Judge, known: Judged, turning: Turning) -> Judged:
-    """Speeds added where two multipliers are nearer to each other than they turn from one to the next:
-    several that meet one soon after another then have a minimum of distance each."""
+def _refine_near_coalescence(
+    evaluate: Evaluate, known: StabilitySamples, rotation: Rotation
+) -> StabilitySamples:
+    """Samples refined where two multipliers are closer to each other than they rotate between two speeds.
+    Several coalescences in a row then have a minimum of distance each."""
     for _ in range(_HALVINGS):
-        speeds, distance = known.points[:, 0], _distance(known.multipliers)
-        turned = -np.diff(1 / speeds) * turning(speeds[1:])
+        speeds, distance = known.points[:, 0], _least_angle(known.multipliers)
+        turned = -np.diff(1 / speeds) * rotation(speeds[1:])
         near = np.minimum(distance[:-1], distance[1:]) < 2 * turned
         if not near.any():
             break
-        known = rising(known + asked(((speeds[:-1] + speeds[1:]) / 2)[near, None]))
+        known = by_speed(known + evaluate(((speeds[:-1] + speeds[1:]) / 2)[near, None]))
     return known
 
 
-def _distance(multipliers: Array) -> Array:
-    """Least difference of angle (k,) among multipliers (k, N) above the real axis."""
+def _least_angle(multipliers: Array) -> Array:
+    """Least difference of the angles (k,) of lightly damped multipliers (k, N) above the real axis."""
     rotating = (np.imag(multipliers) > 0) & (np.abs(multipliers) > LIGHTLY_DAMPED)
     apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
     angles = np.sort(np.where(rotating, np.angle(multipliers), apart), axis=1)
@@ -175,33 +223,33 @@ def _distance(multipliers: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Runs:
-    """Runs of unstable speeds of one kind among known ones, rising. highest (1,): of the speeds; what is
-    found between two speeds is kept for when other runs are split; looked: the points inside."""
+class _UnstableRuns:
+    """Runs of unstable speeds of one kind among ascending samples. highest (1,): highest speed. Results
+    between two speeds are cached, since runs are split repeatedly; inside: samples within runs."""
 
-    judge: Judge
+    evaluate: Evaluate
     tolerance: float
     highest: Array
     _between: "dict[tuple[float, float], tuple[float, bool]]" = field(default_factory=dict)
     _within: "dict[tuple[float, float], float]" = field(default_factory=dict)
-    looked: "list[Judged]" = field(default_factory=list)
+    inside: "list[StabilitySamples]" = field(default_factory=list)
 
-    def bands(self, known: Judged) -> list[Band]:
-        """The runs with their edges, split where points inside are stable or of another kind."""
+    def bands(self, known: StabilitySamples) -> list[Band]:
+        """Runs with their edges, split where points inside are stable or of another kind."""
         found: list[Band] = []
-        for _ in range(_SPLITS):
-            found, inside = self._looked_into(known)
+        for _ in range(_MAX_SPLITS):
+            found, inside = self._search_inside(known)
             if len(inside.points) == 0:
                 break
-            known = rising(known + inside)
+            known = by_speed(known + inside)
         return found
 
-    def _looked_into(self, known: Judged) -> tuple[list[Band], Judged]:
-        """The bands, and all further points of those that are not of one kind throughout."""
+    def _search_inside(self, known: StabilitySamples) -> tuple[list[Band], StabilitySamples]:
+        """Bands, and the points inside those that are not of one kind throughout."""
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
-        between, unknown = self._kept_borders(known, changes, state)
+        between, unknown = self._cached_borders(known, changes, state)
         borders = np.concatenate((speeds[:1], between, speeds[-1:]))
         unknown = np.concatenate(([True], unknown, [True]))
         starts, ends = np.append(0, changes + 1), np.append(changes, len(state) - 1)
@@ -221,17 +269,17 @@ class _Runs:
                 found.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))
         return found, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
-    def _inside(self, low: Array, high: Array, states: Array) -> tuple[Judged, Array]:
-        """Further points of runs of these states between their ends (k,), and which of the runs are mixed."""
+    def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
+        """Points inside runs of these states between their ends (k,), and whether the runs are mixed (k,)."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
-        looked = self.judge((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
-        self.looked.append(looked)
+        looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
+        self.inside.append(looked)
         radii = np.abs(looked.multipliers[:, 0]).reshape(-1, _POINTS_INSIDE).max(axis=1, initial=0.0)
         self._within.update(zip(zip(low.tolist(), high.tolist(), strict=True), radii.tolist(), strict=True))
         return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)
 
-    def _kept_borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
-        """`_borders`, solving those that were not met before."""
+    def _cached_borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
+        """`_borders`, solving only new ones."""
         speeds = known.points[:, 0].tolist()
         ends = [(speeds[at], speeds[at + 1]) for at in changes.tolist()]
         new = changes[np.array([pair not in self._between for pair in ends], dtype=bool)]
@@ -240,12 +288,12 @@ class _Runs:
         kept = np.array([self._between[pair] for pair in ends]).reshape(-1, 2)
         return kept[:, 0], kept[:, 1].astype(bool)
 
-    def _borders(self, known: Judged, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Speeds between known ones at which the state changes (k,), and whether there a speed without a
-        result stands in the way (k,): the border is then the last that is known to be unstable."""
+    def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
+        """Speeds at which the state changes (k,), and whether a neighbour has no result (k,); the border is
+        then the last unstable speed."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
-        search = Search(self.judge, self.highest, self.tolerance)
+        search = BoundarySearch(self.evaluate, self.highest, self.tolerance)
         loses, wins = state[changes] < 0, state[changes + 1] < 0
         kind_only = ~(loses | wins)
         stable, unstable = (known[changes + (loses != side)] for side in (True, False))
@@ -258,47 +306,49 @@ class _Runs:
         if kind_only.any():
             kinds = state[changes][kind_only]
 
-            def differs(found: Judged, lines: Array) -> Array:
+            def differs(found: StabilitySamples, lines: Array) -> Array:
                 return ~found.unstable | (found.kinds != kinds[lines])
 
-            ends = search.sectioned(differs, low[kind_only], high[kind_only])[:2]
-            borders[kind_only] = (ends[0].points + ends[1].points)[:, 0] / 2
+            ends = search.narrow(Brackets(low[kind_only], high[kind_only], low[kind_only]), differs)
+            borders[kind_only] = (ends.low.points + ends.high.points)[:, 0] / 2
         return borders, unknown
 
 
-def _state(known: Judged) -> Array:
-    """Positions in KINDS (k,), -1 where stable, _UNKNOWN where nothing is known."""
+def _state(known: StabilitySamples) -> Array:
+    """Positions in KINDS (k,), -1 where stable, _UNKNOWN without a result."""
     return np.where(known.unstable, known.kinds, np.where(known.failed, _UNKNOWN, -1))
 
 
-def _unfollowed(system: PeriodicSystem, speed: float, method: Rule) -> int:
-    """How many modes are too fast to be followed from this speed on: 0 where all can be followed, where the
-    fast ones are damped out within a turn, where a method is named, and where no mode would be left."""
+def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int:
+    """Number of modes that are too fast to be resolved from this speed on. 0 if all can be resolved, if the
+    fast ones are damped out within a period, if a method is given, or if no mode would be left."""
     values = frozen(OnePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
-    fast = int((np.sort(reach)[::2] > _FOLLOWED).sum())
-    survives = float(surviving(values, system.period, RESOLVABLE)) > _SURVIVES
+    fast = int((np.sort(reach)[::2] > _MAX_PHASE_ADVANCE).sum())
+    survives = float(residual_amplitude(values, system.period, RESOLVABLE)) > _RESIDUAL
     needed = method is auto and reach.max() > RESOLVABLE and survives
     return fast if needed and fast < system.n else 0
 
 
-def _judge_of_followed(batch: Batch) -> Judge:
-    """The judge of the modes that are followed, by the batch's method, Radau. Unstable: a multiplier on which
+def _evaluator_of_slow_modes(batch: Batch) -> Evaluate:
+    """Evaluation of the slow modes by the batch's method, Radau. A point is unstable if a multiplier on which
     both grids agree is outside the unit circle by more than their difference."""
 
     def on_grid(points: Array, steps: int) -> Array:
         with progress.subtask(POINTS, len(points) / len(_STEPS)):
             return batch.multipliers(points, steps)
 
-    def judged(points: Array) -> Judged:
+    def evaluate(points: Array) -> StabilitySamples:
         with progress.subtask(POINTS, len(points)), progress.task(POINTS, len(points)):
             coarse, fine = (on_grid(points, steps) for steps in _STEPS)
         error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
         agreed = (error < _AGREEMENT) & (fine != 0)
         beyond = (agreed & (np.abs(fine) - 1 > np.maximum(error, UNIT_CIRCLE))).any(axis=1)
         known = agreed.any(axis=1)
-        kept = np.where(agreed, fine, 0.0)
-        order = np.argsort(-np.abs(kept), axis=1, kind="stable")
-        return Judged(points, known & ~beyond, known & beyond, np.take_along_axis(kept, order, axis=1))
+        slow = np.where(agreed, fine, 0.0)
+        order = np.argsort(-np.abs(slow), axis=1, kind="stable")
+        return StabilitySamples.from_multipliers(
+            points, known & ~beyond, known & beyond, np.take_along_axis(slow, order, axis=1)
+        )
 
-    return judged
+    return evaluate

@@ -1,9 +1,15 @@
-"""Where stability is lost along lines through the quantities of a family, many lines at once."""
+"""Stability boundaries along lines through the quantities of a family, for many lines at once.
+
+SciPy's `find_root` takes one trial per bracket and iteration, and abandons a bracket at the first NaN. Here a
+few brackets share a batch of trials, and the verdict at a trial, not the sign of a smooth function alone,
+decides which end of the bracket it replaces: failed points and a second edge within the bracket are allowed.
+"""
 
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,290 +17,329 @@ from solve.arrays import Array
 from solve.batch.batch import POINTS
 from solve.results.points import KINDS
 from solve.studies.contours import Crossings
-from solve.studies.judged import NOISE, Judge, Judged
+from solve.studies.stability_samples import NOISE, Evaluate, StabilitySamples
 from solve.terminal import progress
 
-_TOGETHER = 64
-"""Points that one call of the judge should have at least."""
+_BATCH = 64
+"""Number of points that a call of the evaluation should have at least. A choice: a batch of this size costs
+little more than a point."""
 
-_NEAR = 1e-5
-"""Part of the scale to which an edge is bracketed before its kind is determined."""
+_MAX_TRIALS = 15
+"""Maximum number of evenly spaced trials per bracket, which is then reduced sixteenfold. A choice."""
 
-_REACH, _CLOSEST, _LEAST = 0.05, 1e-8, 1e-3
-"""Parts of a bracket: how far from where a change is expected the first trials are at most; the square of how
-far those after a miss are at least; how far from the ends trials are unless they are nearer to each other."""
+_KIND_TOLERANCE = 1e-5
+"""Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. A choice."""
 
-_DOUBT = 0.2
-"""Of the distance between the zeros of a chord and a parabola, how far from the latter a change may lie."""
+_MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
+"""Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the least
+distance after a trial that missed it; least distance of trials from the ends, unless the trials are closer to
+each other. Choices."""
 
-_POWERS = np.array([2.0, 1.0, 0.5])
-"""Of the distance at which a change is looked for, as many as there may be pairs of trials."""
+_PREDICTION_ERROR = 0.2
+"""Assumed error of a parabola's zero, as a fraction of its distance from the zero of the chord. A choice."""
 
-_ENOUGH = 0.4
-"""Of the tolerance: nearer to where a change is expected no trial is needed."""
+_EXPONENTS = np.array([2.0, 1.0, 0.5])
+"""Exponents of the predicted distance of the edge, one for each pair of trials around it: the first pair is
+closer than predicted, the last farther."""
+
+_SUFFICIENT = 0.4
+"""Distance of trials from the predicted edge, as a fraction of the tolerance, below which none is needed."""
 
 _COMPLEX = KINDS.index("complex")
 
 
-Aim = Callable[[Judged, Judged, Judged, Array], tuple[Array, Array]]
-"""From the ends of brackets on lines (k,), and points beyond one of the ends, or one of these again, to the
-part of each bracket (k,) at which a change is expected, and by how much it may lie elsewhere (k,)."""
+Prediction = Callable[["Brackets", Array], tuple[Array, Array]]
+"""Predicts edges in brackets on the lines with the indices (k,): fraction of each bracket (k,) at which an
+edge is predicted, and error of this fraction (k,)."""
+
+Differs = Callable[[StabilitySamples, Array], Array]
+"""Whether samples (k,) on the lines with the indices (k,) belong to the high end of their bracket (k,)."""
+
+
+class Brackets(NamedTuple):
+    """Brackets of edges on lines (E,): the two ends, and points of the same lines outside the bracket, or an
+    end again where none is known."""
+
+    low: StabilitySamples
+    high: StabilitySamples
+    beyond: StabilitySamples
+
+    def select(self, lines: Array) -> "Brackets":
+        """Brackets on some of the lines (k,)."""
+        return Brackets(*(end[lines] for end in self))
+
+    def replaced(self, lines: Array, others: "Brackets") -> "Brackets":
+        """Copy with other brackets on some of the lines (k,)."""
+        return Brackets(*(end.replaced(lines, new) for end, new in zip(self, others, strict=True)))
+
+    @property
+    def midpoints(self) -> Array:
+        """Places between the ends (E, v); NaN where one of the ends failed."""
+        failed = self.low.failed | self.high.failed
+        return np.where(failed[:, None], np.nan, (self.low.points + self.high.points) / 2)
+
+    @property
+    def kinds(self) -> Array:
+        """Positions in KINDS (E,) of the multiplier that passes +1 or -1 between the ends; else _COMPLEX."""
+        passes = (self.low.distances[:, :2] > 0) & (self.high.distances[:, :2] < 0)
+        return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Known points on lines (k,) along one of the quantities."""
+    """Samples on lines (k,) along the quantity at position `along`."""
 
-    known: Judged
+    samples: StabilitySamples
     line: Array
     along: int
 
     @cached_property
     def neighbours(self) -> tuple[Array, Array]:
-        """Positions (c,) of points and of the next ones on their lines."""
-        order = np.lexsort((self.known.points[:, self.along], self.line))
+        """Positions (c,) of samples and of their successors on the same line."""
+        order = np.lexsort((self.samples.points[:, self.along], self.line))
         first, last = order[:-1], order[1:]
         same = self.line[first] == self.line[last]
         return first[same], last[same]
 
-    def changes(self) -> tuple[Array, Judged, Judged, Judged]:
-        """Lines (c,) on which stability changes between neighbours, the stable and the unstable ones, and
-        the next points beyond one of these, or the same again."""
-        known, (first, last) = self.known, self.neighbours
-        changes = (known.unstable[first] != known.unstable[last]) & ~(
-            known.failed[first] | known.failed[last]
+    def changes(self) -> tuple[Array, Brackets]:
+        """Lines (c,) on which stability changes between neighbours, and these brackets, stable end first."""
+        samples, (first, last) = self.samples, self.neighbours
+        failed = samples.failed[first] | samples.failed[last]
+        changes = (samples.unstable[first] != samples.unstable[last]) & ~failed
+        low, high = first[changes], last[changes]
+        stable, unstable = (
+            samples[np.where(samples.stable[low] == side, low, high)] for side in (True, False)
         )
-        one, other = first[changes], last[changes]
-        stable, unstable = (known[np.where(known.stable[one] == side, one, other)] for side in (True, False))
-        follows = np.append(first[1:] == last[:-1], False)
-        beyond = np.where(follows, np.roll(last, -1), first)
-        beyond = np.where(~follows & np.roll(follows, 1), np.roll(first, 1), beyond)
-        return self.line[one], stable, unstable, known[beyond[changes]]
+        has_next = np.append(first[1:] == last[:-1], False)
+        beyond = np.where(has_next, np.roll(last, -1), first)
+        beyond = np.where(~has_next & np.roll(has_next, 1), np.roll(first, 1), beyond)
+        return self.line[low], Brackets(stable, unstable, samples[beyond[changes]])
 
 
 @dataclass(frozen=True)
-class Search:
-    """Looks for changes along lines. scale (v,): of the quantities; tolerance: of a place, as part of the
-    scale."""
+class BoundarySearch:
+    """Search for edges on lines. scale (v,): of the quantities; tolerance: of a place, relative to it."""
 
-    judge: Judge
+    evaluate: Evaluate
     scale: Array
     tolerance: float
 
-    def sectioned(
+    def narrow(
         self,
-        differs: Callable[[Judged, Array], Array],
-        low: Judged,
-        high: Judged,
+        brackets: Brackets,
+        differs: Differs,
         tolerance: float | None = None,
-        aim: Aim | None = None,
-        beyond: Judged | None = None,
-    ) -> tuple[Judged, Judged, Judged]:
-        """Bracket changes between points low and high (E,), to this tolerance or the search's own; returns
-        the ends, and points beyond one of these.
+        predict: Prediction | None = None,
+    ) -> Brackets:
+        """Narrow brackets (E,) to a tolerance, by default that of the search.
 
-        differs(known (k,), line (k,)): which points belong to the high end of their line. Without `aim`
-        trials lie evenly between the ends; with it on either side of where it expects the change, nearer
-        when they hold it and farther when they miss it.
-        beyond: points of the same lines outside the brackets, (E,).
+        Without a prediction trials are evenly spaced between the ends. With one they lie on either side of
+        the predicted edge, closer after they enclose it and farther after they miss it.
         """
-        close = (self.tolerance if tolerance is None else tolerance) * self.scale
-        close = np.maximum(close, np.finfo(float).tiny)
-        lines, near = np.arange(len(low.points)), np.full(len(low.points), np.nan)
-        beyond = low if beyond is None else beyond
+        width = (self.tolerance if tolerance is None else tolerance) * self.scale
+        width = np.maximum(width, np.finfo(float).tiny)
+        lines, distance = np.arange(len(brackets.low)), np.full(len(brackets.low), np.nan)
         while True:
-            width = (np.abs(high.points[lines] - low.points[lines]) / close).max(axis=1, initial=0.0)
-            lines, width = lines[width > 1], width[width > 1]
+            low, high, _ = brackets
+            ratio = (np.abs(high.points[lines] - low.points[lines]) / width).max(axis=1, initial=0.0)
+            lines, ratio = lines[ratio > 1], ratio[ratio > 1]
             if len(lines) == 0:
-                return low, high, beyond
-            one, other, radii = low[lines], high[lines], np.empty(0)
-            if aim is None:
-                inside = _inside(len(lines))
-                fractions = np.tile((np.arange(inside) + 1) / (inside + 1), (len(lines), 1))
+                return brackets
+            active, radii = brackets.select(lines), np.empty(0)
+            if predict is None:
+                count = _trial_count(len(lines))
+                fractions = np.tile((np.arange(count) + 1) / (count + 1), (len(lines), 1))
             else:
-                aims, doubts = (part[:, None] for part in aim(one, other, beyond[lines], lines))
-                radii = _radii(np.where(np.isnan(near[lines]), doubts[:, 0], near[lines]))
-                around = np.maximum(radii, _ENOUGH / width[:, None])
-                least = np.minimum(_LEAST, around[:, :1])
-                fractions = np.column_stack((aims - around[:, ::-1], aims + around))
-                fractions = np.clip(fractions, least, 1 - least)
-            trials = one.points[:, None] + fractions[..., None] * (other.points - one.points)[:, None]
-            found = self.judge(trials.reshape(-1, one.points.shape[1]))
-            changed = differs(found, np.repeat(lines, fractions.shape[1])).reshape(fractions.shape)
+                centre, error = predict(active, lines)
+                radii = _trial_distances(np.where(np.isnan(distance[lines]), error, distance[lines]))
+                fractions = _fractions_around(centre[:, None], radii, _SUFFICIENT / ratio[:, None])
+            span = active.high.points - active.low.points
+            trials = active.low.points[:, None] + fractions[..., None] * span[:, None]
+            samples = self.evaluate(trials.reshape(-1, trials.shape[2]))
+            changed = differs(samples, np.repeat(lines, fractions.shape[1])).reshape(fractions.shape)
             first = np.where(changed.any(axis=1), changed.argmax(axis=1), fractions.shape[1])
-            if aim is not None:
-                near[lines] = _next_reach(radii, first)
-            before, after, next_to = _around(one, found, other, first)
-            moved = (before.points != one.points).any(axis=1) | (after.points != other.points).any(axis=1)
-            low, high = low.replaced(lines, before), high.replaced(lines, after)
-            beyond = beyond.replaced(lines, next_to)
-            lines = lines[moved]
+            if predict is not None:
+                distance[lines] = _next_distances(radii, first)
+            narrowed = _narrowed(active, samples, first)
+            moved = [
+                (new.points != end.points).any(axis=1) for new, end in zip(narrowed, active, strict=True)
+            ]
+            brackets = brackets.replaced(lines, narrowed)
+            lines = lines[moved[0] | moved[1]]
 
-    def edges(self, stable: Judged, unstable: Judged, beyond: Judged | None = None) -> tuple[Array, Array]:
-        """Where stability is lost between stable and unstable points (E,): places (E, v) and kinds (E,); NaN
-        where a point that failed stands in the way. beyond: of `sectioned`.
+    def edges(
+        self, stable: StabilitySamples, unstable: StabilitySamples, beyond: StabilitySamples | None = None
+    ) -> tuple[Array, Array]:
+        """Places (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN where a
+        point that failed lies between. beyond: see `Brackets`.
 
         Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
         pass through zero smoothly.
         """
-        if len(stable.points) == 0:
+        if len(stable) == 0:
             return stable.points, np.zeros(0, dtype=int)
-        with progress.task(POINTS, self._points(np.abs(unstable.points - stable.points))):
-            return self._edges(stable, unstable, beyond)
+        brackets = Brackets(stable, unstable, stable if beyond is None else beyond)
+        with progress.task(POINTS, self._max_points(np.abs(unstable.points - stable.points))):
+            brackets = self._narrow_by_parabolas(
+                brackets, lambda samples, _: samples.unstable, _KIND_TOLERANCE
+            )
+            kinds = brackets.kinds
 
-    def _edges(self, stable: Judged, unstable: Judged, beyond: Judged | None) -> tuple[Array, Array]:
-        ends = self._bracketed(stable, unstable, lambda known, _: known.unstable, _NEAR, beyond)
-        kinds = _passing(*ends[:2])
+            def has_left(samples: StabilitySamples, lines: Array) -> Array:
+                kind = kinds[lines]
+                sign = samples.distances[np.arange(len(lines)), np.minimum(kind, 1)] < 0
+                return np.where(kind == _COMPLEX, samples.unstable, sign & ~samples.failed)
 
-        def lost(known: Judged, lines: Array) -> Array:
-            kind = kinds[lines]
-            sign = known.gaps[np.arange(len(lines)), np.minimum(kind, 1)] < 0
-            return np.where(kind == _COMPLEX, known.unstable, sign & ~known.failed)
+            return self._narrow_by_parabolas(brackets, has_left).midpoints, kinds
 
-        return _middles(*self._bracketed(*ends[:2], lost, beyond=ends[2])[:2]), kinds
+    def _narrow_by_parabolas(
+        self, brackets: Brackets, differs: Differs, tolerance: float | None = None
+    ) -> Brackets:
+        """Brackets narrowed around the zeros of parabolas through the function that changes its sign."""
+        kinds = brackets.kinds
+        on_circle = (kinds == _COMPLEX) & (brackets.low.crossing_values[:, _COMPLEX] < NOISE)
+        predict = _parabolic_prediction(np.where(on_circle, _COMPLEX + 1, kinds))
+        return self.narrow(brackets, differs, tolerance, predict)
 
-    def _bracketed(
-        self,
-        low: Judged,
-        high: Judged,
-        differs: Callable[[Judged, Array], Array],
-        tolerance: float | None = None,
-        beyond: Judged | None = None,
-    ) -> tuple[Judged, Judged, Judged]:
-        """`sectioned`, by parabolas of what passes zero."""
-        kinds = _passing(low, high)
-        on_circle = (kinds == _COMPLEX) & (low.margins[:, _COMPLEX] < NOISE)
-        aim = _parabola(np.where(on_circle, _COMPLEX + 1, kinds))
-        return self.sectioned(differs, low, high, tolerance, aim, beyond)
+    def _max_points(self, widths: Array) -> float:
+        """Largest number of points for edges between ends at these distances (E, v)."""
+        fraction = (widths / np.where(self.scale > 0, self.scale, 1.0)).max()
+        count = _trial_count(len(widths))
+        iterations = np.log(max(fraction, _KIND_TOLERANCE) / self.tolerance) / np.log(count + 1)
+        return len(widths) * count * max(1.0, np.ceil(iterations))
 
-    def _points(self, across: Array) -> float:
-        """How many edges between ends so far apart (E, v) take at most."""
-        parts = (across / np.where(self.scale > 0, self.scale, 1.0)).max()
-        inside = _inside(len(across))
-        halvings = np.log(max(parts, _NEAR) / self.tolerance) / np.log(inside + 1)
-        return len(across) * inside * max(1.0, np.ceil(halvings))
+    def crossings(self, *sets_of_lines: Lines) -> list[Crossings]:
+        """Changes of stability between neighbours on lines; none beside points that failed.
 
-    def crossings(self, *looked: Lines) -> list[Crossings]:
-        """Where stability changes between known neighbours on lines; none beside points that failed. Stable
-        stretches between two unstable neighbours are found where one of these has a multiplier beyond +1 and
-        the other beyond -1."""
-        pairs = [lines.changes() for lines in looked]
-        ends = (functools.reduce(Judged.__add__, each) for each in list(zip(*pairs, strict=True))[1:])
-        places, kinds = self.edges(*ends)
-        ends, found = np.cumsum([len(line) for line, *_ in pairs])[:-1], []
-        parts = zip(looked, pairs, np.split(places, ends), np.split(kinds, ends), strict=True)
-        for lines, (line, *_), place, kind in parts:
-            apart, further, others = self._narrow_stable(lines.known, *lines.neighbours)
-            sure = ~np.isnan(place).any(axis=1)
-            found.append(
+        Stable stretches between two unstable neighbours are found where one of these has a multiplier beyond
+        +1 and the other beyond -1.
+        """
+        changes = [lines.changes() for lines in sets_of_lines]
+        ends = zip(*(brackets for _, brackets in changes), strict=True)
+        places, kinds = self.edges(*(functools.reduce(StabilitySamples.__add__, end) for end in ends))
+        splits = np.cumsum([len(line) for line, _ in changes])[:-1]
+        crossings = []
+        for lines, (line, _), place, kind in zip(
+            sets_of_lines, changes, np.split(places, splits), np.split(kinds, splits), strict=True
+        ):
+            neighbour, other_place, other_kind = self._stable_stretches(lines.samples, *lines.neighbours)
+            known = ~np.isnan(place).any(axis=1)
+            crossings.append(
                 Crossings(
-                    np.concatenate((line[sure], lines.line[apart])),
-                    np.concatenate((place[sure], further))[:, lines.along],
-                    np.concatenate((kind[sure], others)),
+                    np.concatenate((line[known], lines.line[neighbour])),
+                    np.concatenate((place[known], other_place))[:, lines.along],
+                    np.concatenate((kind[known], other_kind)),
                 )
             )
-        return found
+        return crossings
 
-    def passages(self, low: Judged, high: Judged, way: int) -> tuple[Judged, Judged]:
-        """Brackets, to the tolerance, between points low and high (E,): where the gap for +1, way 0, or for
-        -1, way 1, changes its sign."""
+    def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
+        """Brackets, to the tolerance, between points low and high (E,) in which the crossing function of +1
+        (kind 0) or -1 (kind 1) changes its sign."""
 
-        def passed(known: Judged, lines: Array) -> Array:
-            return known.gaps[:, way] * high.gaps[lines, way] > 0
+        def passed(samples: StabilitySamples, lines: Array) -> Array:
+            return samples.distances[:, kind] * high.distances[lines, kind] > 0
 
-        return self.sectioned(passed, low, high, aim=_parabola(np.full(len(low.points), way)))[:2]
+        predict = _parabolic_prediction(np.full(len(low), kind))
+        return self.narrow(Brackets(low, high, low), passed, predict=predict)
 
-    def _narrow_stable(self, known: Judged, first: Array, last: Array) -> tuple[Array, Array, Array]:
+    def _stable_stretches(
+        self, samples: StabilitySamples, first: Array, last: Array
+    ) -> tuple[Array, Array, Array]:
         """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
         a neighbour (c,), place (c, v) and kind (c,) of each edge."""
-        plus, minus = known.gaps[:, 0] < 0, known.gaps[:, 1] < 0
-        rising, falling = plus & ~minus, minus & ~plus
-        facing = (rising[first] & falling[last]) | (falling[first] & rising[last])
-        first, last = first[facing], last[facing]
-        start, end = (known[np.where(rising[first] == way, first, last)] for way in (True, False))
-        leaves, enters = (_middles(*self.passages(start, end, way)) for way in (0, 1))
-        apart = np.linalg.norm(leaves - start.points, axis=1) < np.linalg.norm(enters - start.points, axis=1)
-        # Beyond one coordinate other multipliers may be outside between the two, or beside an edge only.
-        middles = self.judge((leaves + enters) / 2)
-        apart &= middles.stable
-        middles, kinds = middles[apart], np.repeat([0, 1], apart.sum())
-        middles, ends = middles + middles, start[apart] + end[apart]
-        places, aside = np.concatenate((leaves[apart], enters[apart])), 2 * self.tolerance * self.scale
-        others = self.judge(places + np.clip(middles.points - places, -aside, aside)).unstable
-        places[others], kinds[others] = self.edges(middles[others], ends[others])
-        sure = ~np.isnan(places).any(axis=1)
-        return np.tile(first[apart], 2)[sure], places[sure], kinds[sure]
+        plus, minus = samples.distances[:, 0] < 0, samples.distances[:, 1] < 0
+        beyond_plus, beyond_minus = plus & ~minus, minus & ~plus
+        opposite = (beyond_plus[first] & beyond_minus[last]) | (beyond_minus[first] & beyond_plus[last])
+        first, last = first[opposite], last[opposite]
+        start, end = (samples[np.where(beyond_plus[first] == side, first, last)] for side in (True, False))
+        leave, enter = (self.sign_changes(start, end, kind).midpoints for kind in (0, 1))
+        is_stretch = np.linalg.norm(leave - start.points, axis=1) < np.linalg.norm(
+            enter - start.points, axis=1
+        )
+        # With several coordinates another multiplier may be outside between the two edges, or at an edge.
+        middles = self.evaluate((leave + enter) / 2)
+        is_stretch &= middles.stable
+        middles, kinds = middles[is_stretch], np.repeat([0, 1], is_stretch.sum())
+        middles, ends = middles + middles, start[is_stretch] + end[is_stretch]
+        places = np.concatenate((leave[is_stretch], enter[is_stretch]))
+        inward = 2 * self.tolerance * self.scale
+        beside = self.evaluate(places + np.clip(middles.points - places, -inward, inward))
+        other = beside.unstable
+        places[other], kinds[other] = self.edges(middles[other], ends[other])
+        known = ~np.isnan(places).any(axis=1)
+        return np.tile(first[is_stretch], 2)[known], places[known], kinds[known]
 
 
-def _radii(near: Array) -> Array:
-    """Distances (E, k) of trials from where changes are expected, rising, one of them `near` (E,); more than
-    one where there are few lines."""
-    pairs = min(len(_POWERS), max(1, _TOGETHER // (2 * len(near))))
-    return near[:, None] ** (_POWERS[:pairs] if pairs > 1 else 1.0)
+def _trial_distances(predicted: Array) -> Array:
+    """Distances (E, k) of trials from the predicted edges, ascending, one of them as predicted (E,); several
+    if there are few lines."""
+    pairs = min(len(_EXPONENTS), max(1, _BATCH // (2 * len(predicted))))
+    return predicted[:, None] ** (_EXPONENTS[:pairs] if pairs > 1 else 1.0)
 
 
-def _next_reach(radii: Array, first: Array) -> Array:
-    """Distances (E,) at which to look next, where of trials at the radii (E, k) on either side the ones at
-    the positions `first` (E,) were the first beyond the change."""
+def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
+    """Fractions (E, 2k) of the brackets at distances (E, k), or a minimum (E, 1), on both sides of (E, 1)."""
+    radii = np.maximum(radii, minimum)
+    margin = np.minimum(_END_MARGIN, radii[:, :1])
+    fractions = np.column_stack((centre - radii[:, ::-1], centre + radii))
+    return np.clip(fractions, margin, 1 - margin)
+
+
+def _next_distances(radii: Array, first: Array) -> Array:
+    """Predicted distances (E,) for the next trials, from trials at the radii (E, k) on either side of which
+    the one at position `first` (E,) is the first beyond the edge."""
     lines, pairs = np.arange(len(radii)), radii.shape[1]
     ring = np.abs(first - pairs)
-    missed = np.sqrt(np.maximum(radii[:, -1], _CLOSEST))
-    held = np.where(ring == 0, radii[:, 0] ** 2, radii[lines, np.minimum(ring, pairs - 1)])
-    return np.where(ring == pairs, missed, held)
+    missed = np.sqrt(np.maximum(radii[:, -1], _MIN_DISTANCE))
+    enclosed = np.where(ring == 0, radii[:, 0] ** 2, radii[lines, np.minimum(ring, pairs - 1)])
+    return np.where(ring == pairs, missed, enclosed)
 
 
-def _around(low: Judged, trials: Judged, high: Judged, first: Array) -> tuple[Judged, Judged, Judged]:
-    """Of the ends of brackets (E,) and as many trials between those of each, line by line, the first that is
-    changed, at the position `first` (E,) or the high end, the one before it, and one beside these two."""
-    lines, every = len(low.points), low + trials + high
-    inside, line = len(trials.points) // lines, np.arange(lines)
+def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
+    """Brackets (E,) from the same number of trials within each, line by line: the new high end is the trial
+    at position `first` (E,), or the old one; the trial before it is the new low end, and one beside these two
+    lies beyond."""
+    count = len(brackets.low)
+    samples = brackets.low + trials + brackets.high
+    inside, line = len(trials) // count, np.arange(count)
 
-    def at(place: Array) -> Judged:
-        inner = lines + line * inside + place - 1
-        outer = np.where(place == 0, line, lines * (inside + 1) + line)
-        return every[np.where((place > 0) & (place <= inside), inner, outer)]
+    def at(place: Array) -> StabilitySamples:
+        inner = count + line * inside + place - 1
+        outer = np.where(place == 0, line, count * (inside + 1) + line)
+        return samples[np.where((place > 0) & (place <= inside), inner, outer)]
 
-    return at(first), at(first + 1), at(np.where(2 * first > inside, first - 1, first + 2))
-
-
-def _passing(low: Judged, high: Judged) -> Array:
-    """Positions in KINDS (k,) of the multiplier that passes +1 or -1 between two points; else _COMPLEX."""
-    passes = (low.gaps[:, :2] > 0) & (high.gaps[:, :2] < 0)
-    return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
+    return Brackets(at(first), at(first + 1), at(np.where(2 * first > inside, first - 1, first + 2)))
 
 
-def _parabola(ways: Array) -> Aim:
-    """Where margins, each of a line (E,) at the positions `ways` (E,), are zero on parabolas through three
-    points, on chords where a third is not known; in doubt by a part of the distance between these. The middle
-    where they are not, as beyond another edge that came to lie between."""
+def _parabolic_prediction(columns: Array) -> Prediction:
+    """Prediction from the crossing values in one column for each line (E,): zero of the parabola through
+    three points, or of the chord without a third. Its error is a fraction of the distance between the two.
+    Without a change of sign, as with another edge in between, the middle is predicted."""
 
-    def aim(low: Judged, high: Judged, beyond: Judged, lines: Array) -> tuple[Array, Array]:
-        every, way = np.arange(len(lines)), ways[lines]
-        start, end, third = (each.margins[every, way] for each in (low, high, beyond))
-        along = high.points - low.points
-        place = ((beyond.points - low.points) * along).sum(axis=1) / np.square(along).sum(axis=1)
-        passes, rise, apart = start * end < 0, end - start, place * (place - 1)
-        known = passes & (apart > 0) & ~beyond.failed
-        bend = np.where(known, third - start - rise * place, 0.0) / np.where(known, apart, 1.0)
+    def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
+        low, high, beyond = brackets
+        start, end, third = (
+            points.crossing_values[np.arange(len(lines)), columns[lines]] for points in brackets
+        )
+        span = high.points - low.points
+        place = ((beyond.points - low.points) * span).sum(axis=1) / np.square(span).sum(axis=1)
+        has_root, rise, separation = start * end < 0, end - start, place * (place - 1)
+        curved = has_root & (separation > 0) & ~beyond.failed
+        bend = np.where(curved, third - start - rise * place, 0.0) / np.where(curved, separation, 1.0)
         # start + (rise - bend) t + bend t² has one root between 0 and 1.
         slope = rise - bend
         larger = -(slope + np.copysign(np.sqrt(np.maximum(slope**2 - 4 * bend * start, 0.0)), slope)) / 2
         root = start / np.where(larger != 0, larger, 1.0)
         other = larger / np.where(bend != 0, bend, 1.0)
         root = np.where((root >= 0) & (root <= 1), root, other)
-        chord = -start / np.where(passes, rise, 1.0)
-        doubt = np.where(known, np.clip(_DOUBT * np.abs(root - chord), _CLOSEST, _REACH), _REACH)
-        return np.where(passes, np.clip(root, 0.0, 1.0), 0.5), doubt
+        chord = -start / np.where(has_root, rise, 1.0)
+        error = np.clip(_PREDICTION_ERROR * np.abs(root - chord), _MIN_DISTANCE, _MAX_DISTANCE)
+        return np.where(has_root, np.clip(root, 0.0, 1.0), 0.5), np.where(curved, error, _MAX_DISTANCE)
 
-    return aim
-
-
-def _middles(low: Judged, high: Judged) -> Array:
-    """Places between (E, v); NaN where one of the ends failed."""
-    failed = low.failed | high.failed
-    return np.where(failed[:, None], np.nan, (low.points + high.points) / 2)
+    return predict
 
 
-def _inside(lines: int) -> int:
-    """Points between the ends of each of so many lines."""
-    return max(1, min(15, _TOGETHER // max(lines, 1)))
+def _trial_count(lines: int) -> int:
+    """Number of trials in each of a number of brackets."""
+    return max(1, min(_MAX_TRIALS, _BATCH // max(lines, 1)))

@@ -2,18 +2,19 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
+from solve.contracts import Statistics
 from solve.errors import LinearModelError, MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.methods.choice import Rule
@@ -25,22 +26,22 @@ from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept, PointResults
 from solve.results.stability import Stability
 from solve.single import floquet
-from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.statistics import Statistics
-from solve.studies.boundaries import Lines, Search
-from solve.studies.constant import constant
+from solve.studies.boundaries import BoundarySearch, Lines
+from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.contours import contours
-from solve.studies.judged import Judged, judge
-from solve.studies.tongues import hidden
+from solve.studies.stability_samples import StabilitySamples, evaluator
+from solve.studies.sweep import parameter_values
+from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem
 from solve.terminal import progress
-from solve.units import GivenSpeed, ShownUnit, checked_tolerance, evenly, speed_in_si, speeds_given
+from solve.units import GivenSpeed, ShownUnit, checked_tolerance, speed_in_si, speeds_given
 
 _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
-"""Arrays of results that tell of it."""
+"""Arrays of results that describe stability."""
 
 _PREDICTED = 0.3
-"""Of a gap between grid points, the part to which a parabola must bring it down to be followed."""
+"""Fraction of the distance at a grid point below which a parabola must predict its minimum to be followed. A
+choice: fewer false minima than at 1, on a grid that is coarse."""
 
 
 def chart(
@@ -59,19 +60,52 @@ def chart(
     of: str | None = None,
     prove: bool = False,
 ) -> Chart:
-    """Stability over two quantities: parameters in the model's unit or as texts with unit, or "speed". Each
-    is {name: values}, or a text as on the command line: "delta=0:10:60", "k1=10:90:50 kN m/rad",
-    "speed=100:400:40 rpm".
+    """Stability over two quantities, with the boundaries between stable and unstable regions.
 
-    model: a name or path; a system (a generated one varies in its parameters, any other in its speed); or a
-    function that builds a system from the two values by name. speed: if it is not among the two, by default
-    that of the case. Boundaries, including thin unstable tongues between stable points, are located to
-    `tolerance` times the range of the values. engine: as in `sweep`. An executor computes parts of the grid.
-    store: a folder that keeps completed parts; the same call resumes from it. of: a quantity, such as
-    "q3.max_abs" or "rho1.re", shown in the chart. prove: whether verdicts are proved on boxes that cover the
-    chart, for models with generated matrices; this needs python-flint. Raises SolveError subclasses for bad
-    input. A point that fails, such as a linkage that cannot rotate fully, is NaN with its reason, and
-    boundaries end there.
+    Parameters
+    ----------
+    model : str, PeriodicSystem or callable
+        Name or path of a model; a system (a generated one varies in its parameters, any other in its speed);
+        or a function that builds a system from the two values by name.
+    x, y : str or dict
+        Parameters in the model's unit or as texts with unit, or "speed": {name: values}, or a text such as
+        "delta=0:10:60", "k1=10:90:50 kN m/rad", "speed=100:400:40 rpm".
+    speed : float or str, optional
+        Speed if it is not x or y; by default that of the case.
+    case : str, optional
+        Case of a model given by name.
+    method, rtol, engine : optional
+        As in `periodic`.
+    tolerance : float
+        Tolerance of boundaries, relative to the range of the values.
+    boundaries : bool
+        Whether to locate boundaries, including thin unstable tongues between stable points.
+    executor : concurrent.futures.Executor, optional
+        Computes chunks of the grid.
+    store : str or Path, optional
+        Folder that keeps completed chunks; the same call resumes from it.
+    of : str, optional
+        Quantity shown in the chart, such as "q3.max_abs" or "rho1.re".
+    prove : bool
+        Whether to prove verdicts on boxes that cover the chart, for models with generated matrices. This
+        requires python-flint.
+
+    Returns
+    -------
+    Chart
+        A point that fails, such as a linkage that cannot rotate fully, is NaN with its reason, and boundaries
+        end there.
+
+    Raises
+    ------
+    SolveError
+        A subclass for bad input.
+
+    Examples
+    --------
+    >>> found = chart("mathieu", "delta=0.5:1.5:5", "epsilon=0:1:3", boundaries=False)
+    >>> found.shape
+    (3, 5)
     """
     if isinstance(model, str):
         model, case = load(model, case), None
@@ -86,12 +120,12 @@ def chart(
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
     points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
-    asked = None if of is None else _Asked(Named.of(family.example, of))
-    of_orbit = asked is not None and asked.of_orbit
+    quantity = None if of is None else _Quantity(Named.of(family.example, of))
+    of_orbit = quantity is not None and quantity.of_orbit
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
-    if asked is not None and of_orbit:
-        task, _ = task_of(family, method, rtol, engine, asked.kept(family.example.judged_quantities))
+    if quantity is not None and of_orbit:
+        task, _ = task_of(family, method, rtol, engine, quantity.kept(family.example.judged_quantities))
     batch = stability.batch(points)
     with progress.steps(3) as step:
         step("the grid")
@@ -99,24 +133,24 @@ def chart(
         results = _stability(found, batch, points) if of_orbit else found
         results.require_any()
         found.require_any()
-        steady = constant(batch)
-        judging = steady.judge if steady else judge(batch)
-        search = Search(judging, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
+        constant = constant_coefficients(batch)
+        evaluate = constant.evaluate if constant else evaluator(batch)
+        search = BoundarySearch(evaluate, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
         system = family.example.shown_in(across[0]).shown_in(upwards[0])
         at = partial(_at, batch, system.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
-        if asked is not None:
-            values = asked.over(found, family.speeds(points), system.period)
+        if quantity is not None:
+            values = quantity.over(found, family.speeds(points), system.period)
             beyond = _beyond(system, found, results) if of_orbit else []
-            solved = replace(solved, of=asked.named, values=values.reshape(solved.shape), beyond=beyond)
+            solved = replace(solved, of=quantity.named, values=values.reshape(solved.shape), beyond=beyond)
         if provable is not None and isinstance(family, SystemFamily):
             ranges = (float(xs[0]), float(xs[-1])), (float(ys[0]), float(ys[-1]))
             boxes = prove_boxes(provable, (x_name, y_name), ranges, family.speed, executor)
             solved = replace(solved, proved=boxes)
         if not boundaries:
             return solved
-        known = steady.judge(points) if steady else Judged.of(points, results)
+        known = constant.evaluate(points) if constant else StabilitySamples.from_results(points, results)
         return replace(solved, boundaries=_boundaries(search, solved, known, step))
 
 
@@ -128,7 +162,7 @@ def _provable(model: object) -> Model:
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
-    """That of orbits at points (P, 2); where there is no orbit, as at resonance, by itself."""
+    """Stability from orbits at points (P, 2); solved separately where there is no orbit, as at resonance."""
     results = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
     for name in _OF_STABILITY:
         getattr(results, name)[:] = getattr(orbits, name)
@@ -139,8 +173,8 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
 
 
 def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
-    """How many points have a stability but no orbit, and why; bounds of the model that some of the orbits
-    leave, by the one that is farthest beyond."""
+    """Warnings: number of points that have a stability but no orbit, with the reason; bounds of the model
+    that orbits exceed, with the largest excess."""
     names, known = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
     without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
@@ -152,8 +186,8 @@ def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResult
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """A quantity over points. Raises ValueOutOfBoundsError for what is no number of a point's results."""
+class _Quantity:
+    """Quantity over points. Raises ValueOutOfBoundsError for a phase or a complex number."""
 
     named: Named
 
@@ -166,10 +200,11 @@ class _Asked:
 
     @property
     def of_orbit(self) -> bool:
+        """Whether orbits are needed."""
         return self.named.of_orbit
 
     def kept(self, judged: Sequence[str]) -> Kept:
-        """What is kept of orbits, beside the figures by which they are judged."""
+        """Figures of orbits to keep, including those with limits."""
         subject, order = (self.named.subject,), self.named.number if self.named.figure == HARMONIC else None
         names = tuple(dict.fromkeys((*subject, *judged)))
         return Kept(names, () if order is None else subject, order or 0, warnings=False)
@@ -193,7 +228,9 @@ def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
     return floquet(system, GivenSpeed(speed, unit), batch.method, rtol=batch.request.rtol)
 
 
-def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float) -> Cut:
+def _cut(
+    search: BoundarySearch, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float
+) -> Cut:
     """Cut along one axis at a fixed value of the quantity at position `held`. Raises ValueOutOfBoundsError,
     and NoResultError if no point has a result."""
     if not np.isfinite(value):
@@ -201,19 +238,19 @@ def _cut(search: Search, names: tuple[str, str], axes: tuple[Array, Array], held
     along, values = 1 - held, axes[1 - held]
     points = np.empty((len(values), 2))
     points[:, held], points[:, along] = value, values
-    known, inner = search.judge(points), np.arange(1, len(points) - 1)
+    known, inner = search.evaluate(points), np.arange(1, len(points) - 1)
     if known.failed.all():
         raise NoResultError(
             f"no point of the cut at {names[held]} = {value:g} has a result; give another value"
         )
-    every = known + hidden(search.judge, known, inner)
+    every = known + find_narrow_tongues(search.evaluate, known, inner)
     (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
     radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
     return Cut(names[along], names[held], value, values, radius, _truth(known), found)
 
 
-def _truth(known: Judged) -> Array:
+def _truth(known: StabilitySamples) -> Array:
     """Stability (k,) as 1 or 0, NaN where a point failed."""
     return np.where(known.failed, np.nan, known.stable)
 
@@ -233,15 +270,9 @@ def _axis(
             f"{which} is {given!r}; give one quantity, such as {{'speed': speeds}} or 'delta=0:10:60'"
         )
     ((name, values),) = given.items()
-    numbers: Sequence[float] = []
-    if name == SPEED:
-        numbers = speeds_given(values)
-    else:
-        each = evenly(values, name) if isinstance(values, str) else values
-        with suppress(TypeError, ValueError):
-            numbers = [float(value) if system is None else system.in_own_unit(name, value) for value in each]
-    found = np.array(numbers)
-    if found.ndim != 1 or len(found) < 2 or not np.isfinite(found).all() or (np.diff(found) <= 0).any():
+    numbers = speeds_given(values) if name == SPEED else parameter_values(name, values, system)
+    array = np.array(numbers)
+    if array.ndim != 1 or len(array) < 2 or not np.isfinite(array).all() or (np.diff(array) <= 0).any():
         raise ValueOutOfBoundsError(
             f"values of {name} must be at least two finite numbers, in increasing order; a unit requires "
             "a model that declares one"
@@ -256,7 +287,7 @@ def _family(
     speed: float | str | None,
     case: str | None,
 ) -> Family:
-    """The systems at the points (P, 2): of a name, one that varies, or those built by a function."""
+    """Family of systems at the points (P, 2): variations of one, or those built by a function."""
     if case is not None:
         raise ValueOutOfBoundsError(
             f"case '{case}' is for the name of a model; a system has its numbers already"
@@ -278,41 +309,41 @@ def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
     return None if speed is None else speed_in_si(speed)
 
 
-def _beside(found: Array, axes: tuple[Array, Array], along: int, looked: Array) -> Array:
-    """Positions of the middles where a tongue that was found at points (k, 2) may go on in the lines beside,
-    among all with two neighbours on their line; looked (lines, middles): where it was looked for or found,
-    kept up to date."""
+def _continuations(found: Array, axes: tuple[Array, Array], along: int, searched: Array) -> Array:
+    """Positions of the middle points at which a tongue found at points (k, 2) may continue on the
+    neighbouring lines, among all with two neighbours on their line. searched (lines, middles): where tongues
+    were searched for or found, updated in place."""
     line = np.searchsorted(axes[1 - along], found[:, 1 - along])
     right = np.searchsorted(axes[along], found[:, along]) - 1
-    at, near = np.zeros_like(looked), np.zeros_like(looked)
+    at, near = np.zeros_like(searched), np.zeros_like(searched)
     for across in range(-2, 2):
-        at[line, np.clip(right + across, 0, looked.shape[1] - 1)] = True
+        at[line, np.clip(right + across, 0, searched.shape[1] - 1)] = True
     near[1:] |= at[:-1]
     near[:-1] |= at[1:]
-    near &= ~(looked | at)
-    looked |= at | near
+    near &= ~(searched | at)
+    searched |= at | near
     return np.flatnonzero(near)
 
 
 def _boundaries(
-    search: Search, chart: Chart, known: Judged, step: Callable[[str], None]
+    search: BoundarySearch, chart: Chart, known: StabilitySamples, step: Callable[[str], None]
 ) -> list[BoundaryCurve]:
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
     def lines(index: Array, along: int) -> Lines:
-        """Those whose points the rows of the index name, and unstable points found between these."""
+        """Lines through the points in the rows of the index, with unstable points found between them."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
-        found = hidden(search.judge, known, middle.ravel(), stride, _PREDICTED)
-        every, looked = known + found, np.zeros(middle.shape, dtype=bool)
+        found = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
+        samples, searched = known + found, np.zeros(middle.shape, dtype=bool)
         while len(found.points):
-            near = _beside(found.points, axes, along, looked)
-            found = hidden(search.judge, known, middle.ravel()[near], stride)
-            every = every + found
-        return Lines(every, np.searchsorted(axes[1 - along], every.points[:, 1 - along]), along)
+            near = _continuations(found.points, axes, along, searched)
+            found = find_narrow_tongues(search.evaluate, known, middle.ravel()[near], stride)
+            samples = samples + found
+        return Lines(samples, np.searchsorted(axes[1 - along], samples.points[:, 1 - along]), along)
 
     step("narrow tongues")
     across, upwards = lines(index, 0), lines(index.T, 1)
     step("boundaries")
     rows, columns = search.crossings(across, upwards)
     stable = _truth(known).reshape(chart.shape)
-    return contours(axes, stable, rows, columns, lambda points: ~search.judge(points).unstable)
+    return contours(axes, stable, rows, columns, lambda points: ~search.evaluate(points).unstable)

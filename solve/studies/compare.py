@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.argument import require_whole
+from solve.arguments import require_integer
 from solve.arrays import Array
-from solve.certify.certified import unresolved_modes, verdicts_of
+from solve.certify.certified import unresolved_modes_warning, verdicts_of
 from solve.certify.estimates import differences
-from solve.certify.solving import Solving
+from solve.certify.point_solver import PointSolver
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
 from solve.methods.choice import METHODS, Rule, chosen, chosen_for
@@ -27,22 +27,23 @@ from solve.terminal import progress
 from solve.units import checked_rtol, speed_in_si
 
 TARGETS = (1e-3, 1e-6)
-"""Relative errors at which methods are compared unless the caller names others."""
+"""Relative errors at which methods are compared by default."""
 
 _REFERENCE_RTOL = 1e-12
 _FIRST_STEPS = 2
-_CLOSE = 1.02
-"""Ratio of steps at which the bisection for the least number stops."""
 
-_LONGEST = 2.0
-"""Seconds that one solution may take in the search for the least steps."""
+_BISECTION_RATIO = 1.02
+"""Ratio of steps at which the bisection for the least number stops. A choice."""
+
+_MAX_SECONDS = 2.0
+"""Longest time of one solution in the search for the least number of steps. A choice."""
 
 _REPEATS = 5
-_ENOUGH = 0.1
-"""Seconds after which a measurement of time is not repeated any more."""
+_MAX_REPEAT_SECONDS = 0.1
+"""Maximum number of timed runs, and total time after which they end. Choices."""
 
 _BEYOND = 1e-3
-"""Part of the finest target to which errors are followed, so that a picture shows the trend."""
+"""Least error of the trace relative to the finest target, so that a figure shows the trend. A choice."""
 
 
 @of_system
@@ -53,18 +54,36 @@ def compare(
     steps: Sequence[int] | None = None,
     targets: Sequence[float] = TARGETS,
 ) -> Comparison:
-    """Every method (by default all that there are) against a converged reference.
+    """Compare methods with a converged reference, at equal steps and at equal accuracy.
 
-    At equal steps: each number in `steps`, by default four about the number that resolves the fastest
-    mode. At equal accuracy: the least steps whose orbit is right to the target, or whose multipliers are
-    where there is no load. All methods run in NumPy. Raises SolveError subclasses for bad input and where no
-    periodic solution exists; a method that fails says so in its row.
+    Parameters
+    ----------
+    speed : float or str
+        Speed in rad/s, or a text with unit.
+    methods : str or sequence of str or Method, optional
+        Methods, by default all.
+    steps : sequence of int, optional
+        Numbers of steps for the comparison at equal steps; by default four around the number that resolves
+        the fastest mode.
+    targets : sequence of float
+        Relative errors for the comparison at equal accuracy: the least number of steps whose orbit reaches
+        the target, or whose multipliers do if there is no load.
+
+    Returns
+    -------
+    Comparison
+        All methods run in NumPy. A method that fails has the reason in its row.
+
+    Raises
+    ------
+    SolveError
+        A subclass for bad input, and if no periodic solution exists.
     """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
     given = [] if steps is None else list(steps)
     for count in given:
-        require_whole("steps", count)
+        require_integer("steps", count)
     if len(targets) == 0:
         raise ValueOutOfBoundsError("targets are empty; give one error at least, such as 1e-3")
     goals = sorted((checked_rtol(target) for target in targets), reverse=True)
@@ -88,22 +107,22 @@ def compare(
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
-    """Four numbers of the series 1, 2, 5, 10 … about ω_max T, the steps with ω_max h = 1."""
-    reach = max(float(frozen(OnePoint(system, speed)).reach[0]), 100.0)
+    """Four numbers of the series 1, 2, 5, 10 … around ω_max T, the number of steps with ω_max h = 1."""
+    phase_advance = max(float(frozen(OnePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
-    first = next(index for index, count in enumerate(series) if count >= 0.4 * reach)
+    first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
     return series[first : first + 4]
 
 
 def label(method: Method) -> str:
-    """A method's name, with the settings that are not its own defaults."""
-    usual = type(method)().settings
-    changed = [f" {name} {value}" for name, value in method.settings.items() if value != usual[name]]
+    """Name of a method with the settings that differ from its defaults."""
+    defaults = type(method)().settings
+    changed = [f" {name} {value}" for name, value in method.settings.items() if value != defaults[name]]
     return method.name + "".join(changed)
 
 
 class _AgainstReference:
-    """One method against the reference."""
+    """Comparison of one method with the reference."""
 
     def __init__(self, reference: Orbit, rule: Rule, judged_by: str):
         self.point = OnePoint(reference.system, reference.speed)
@@ -112,25 +131,25 @@ class _AgainstReference:
         self._modes = reference.certified.modes
         ((self.method, _),) = chosen_for(rule, self.point)
         self.name = label(self.method)
-        asked = request(None, _REFERENCE_RTOL, NUMPY, orbit=True)
-        self.solving = Solving(self.point, self.method, asked)
+        solve_request = request(None, _REFERENCE_RTOL, NUMPY, orbit=True)
+        self.solver = PointSolver(self.point, self.method, solve_request)
 
     @property
     def least(self) -> int:
-        """Steps below which the method cannot be used."""
-        return max(1, len(self.point.breaks), int(self.solving.least[0]))
+        """Least number of steps of the method."""
+        return max(1, len(self.point.breaks), int(self.solver.min_steps[0]))
 
     def measured(self, steps: int, at: str, target: float | None = None, repeats: int = _REPEATS) -> Row:
-        """Errors and time on a number of steps, or the reason why there are none."""
+        """Row with errors and time for a number of steps, or with the reason of a failure."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
-        if steps > self.solving.most:
+        if steps > self.solver.max_steps:
             return replace(blank, reason=self._limit)
         try:
             solution, seconds = self._timed(steps, repeats)
         except (SolveError, np.linalg.LinAlgError) as refusal:
             return replace(blank, reason=self._unnamed(str(refusal)))
         ((orbit_error, multiplier_error),) = self._differences(solution)
-        unresolved = unresolved_modes(self.method, self._reach, solution.grid.steps)
+        unresolved = unresolved_modes_warning(self.method, self._phase_advance, solution.grid.steps)
         return replace(
             blank,
             steps=solution.grid.steps,
@@ -143,26 +162,28 @@ class _AgainstReference:
         )
 
     def refined(self, goal: float) -> list[Row]:
-        """Points at doubled steps until the goal is reached, errors fall no more, memory or time end."""
+        """Rows with doubled steps until the target is reached, errors stop decreasing, or memory or time
+        end."""
         steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
-        while steps <= self.solving.most:
+        while steps <= self.solver.max_steps:
             row = self.measured(steps, "doubled steps")
             trace.append(row)
-            if row.error(self.judged_by) <= goal or 2 * row.time > _LONGEST or self._stalled(trace):
+            if row.error(self.judged_by) <= goal or 2 * row.time > _MAX_SECONDS or self._stalled(trace):
                 break
             steps *= 2
         return trace
 
     def at_accuracy(self, goal: float, trace: list[Row]) -> Row:
-        """The least steps that reach the goal, by bisection between two points of the trace."""
+        """Row with the least number of steps that reaches the target, by bisection between two rows of the
+        trace."""
         reached = next((k for k, row in enumerate(trace) if row.error(self.judged_by) <= goal), None)
         if reached is None:
             reason = f"out of reach: {self._obstacle(goal, trace)}"
             return Row(self.name, self.method.order, None, "equal accuracy", target=goal, reason=reason)
         high = trace[reached].asked or 1
         low = (trace[reached - 1].asked or 1) if reached else self.least - 1
-        while high > _CLOSE * low and high - low > 1:
+        while high > _BISECTION_RATIO * low and high - low > 1:
             middle = round(math.sqrt(max(low, 1) * high))
             middle = min(max(middle, low + 1), high - 1)
             reaches = self.measured(middle, "bisection", repeats=1).error(self.judged_by) <= goal
@@ -170,46 +191,46 @@ class _AgainstReference:
         return self.measured(high, "equal accuracy", goal)
 
     def _differences(self, solution: Solutions) -> Array:
-        return differences(solution, self.reference, self.solving.burdens(np.zeros(1, dtype=int)))
+        return differences(solution, self.reference, self.solver.load_scale(np.zeros(1, dtype=int)))
 
     def _solved(self, steps: int) -> Solutions:
-        for failure in self.solving.unusable(steps, np.zeros(1, dtype=int)):
+        for failure in self.solver.unstable_points(steps, np.zeros(1, dtype=int)):
             raise failure.reason
-        # A method that grows without bound says so by its errors, not by overflow warnings.
+        # The errors of a method that grows without bound show this; overflow warnings are not needed.
         with np.errstate(all="ignore"):
-            solution = self.solving.solved(steps, np.zeros(1, dtype=int))
+            solution = self.solver.solve(steps, np.zeros(1, dtype=int))
         for reason in solution.failures.values():
             raise reason
         return solution
 
     @property
-    def _reach(self) -> float:
+    def _phase_advance(self) -> float:
         """ω_max T."""
-        return float(self.solving.modes.reach[0])
+        return float(self.solver.modes.phase_advance[0])
 
     def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:
-        """The solution and the shortest of the times that repeated runs take."""
+        """Solution and shortest time of repeated runs."""
         times: list[float] = []
         while True:
             start = time.process_time()
             solution = self._solved(steps)
             times.append(time.process_time() - start)
-            if len(times) == repeats or sum(times) > _ENOUGH:
+            if len(times) == repeats or sum(times) > _MAX_REPEAT_SECONDS:
                 return solution, min(times)
 
     def _stalled(self, trace: list[Row]) -> bool:
-        """Whether three doublings of steps that resolve the fastest mode have gained nothing."""
-        reach = self._reach
-        errors = [row.error(self.judged_by) for row in trace if (row.steps or 0) > reach]
+        """Whether three doublings of steps that resolve the fastest mode did not reduce the error."""
+        phase_advance = self._phase_advance
+        errors = [row.error(self.judged_by) for row in trace if (row.steps or 0) > phase_advance]
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
     def _unnamed(self, refusal: str) -> str:
-        """A refusal without the method's name, beside which it will stand."""
+        """Message without the name of the method, which is already in the row."""
         return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
 
     @property
     def _limit(self) -> str:
-        return f"takes at most {self.solving.most} steps a period for n = {self.point.n}"
+        return f"takes at most {self.solver.max_steps} steps a period for n = {self.point.n}"
 
     def _obstacle(self, goal: float, trace: list[Row]) -> str:
         done = [row for row in trace if row.reason is None]
@@ -220,9 +241,9 @@ class _AgainstReference:
         so_far = f"{error:.1e} with {last.steps} steps"
         if not self.method.converges or self._stalled(trace):
             return f"{so_far}, and more steps gain nothing"
-        if 2 * last.time > _LONGEST:
+        if 2 * last.time > _MAX_SECONDS:
             so_far += f" and {last.time:.1f} s"
         order = self.method.curve_order if self.judged_by == ORBIT else self.method.order
         if math.isfinite(order):
             so_far += f", about {(last.steps or 1) * (error / goal) ** (1 / order):.0e} needed"
-        return so_far if 2 * last.time > _LONGEST else f"{so_far}, {self._limit}"
+        return so_far if 2 * last.time > _MAX_SECONDS else f"{so_far}, {self._limit}"

@@ -11,7 +11,8 @@ from solve.results.chart import BoundaryCurve
 from solve.results.points import KINDS
 
 _NARROW = 0.1
-"""Part of a cell below which an unstable stretch of its rim goes on into the cell, as a tongue does."""
+"""Width of an unstable stretch of a cell's rim, relative to the cell, below which it continues into the cell
+as a tongue. A choice."""
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ def contours(
     is_stable: Callable[[Array], Array],
 ) -> list[BoundaryCurve]:
     """Boundaries on the grid of the axes x (nx,), y (ny,), from stable (ny, nx), NaN where unknown, and the
-    crossings of its rows and columns; is_stable (points (k, 2)) is asked where a cell allows two ways.
-    Cells about which something is unknown have no boundary."""
+    crossings of its rows and columns. is_stable, a function of points (k, 2), decides where a cell allows two
+    topologies. Cells with an unknown corner have no boundary."""
     rims = _Rims(axes, rows, columns)
     i, j = rims.cells
     corners = np.array([stable[j, i], stable[j, i + 1], stable[j + 1, i], stable[j + 1, i + 1]])
@@ -91,7 +92,7 @@ class _Rims:
 
 
 def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
-    """Between which nodes places (c,) lie, and their ranks, rising (c,)."""
+    """Interval of nodes that contains each place (c,), and the ranks of the places (c,)."""
     cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
     rank = np.empty(len(place), dtype=int)
     rank[np.argsort(place, kind="stable")] = np.arange(len(place))
@@ -101,9 +102,9 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 def _decided(
     rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
-    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind; where that
-    leaves the choice, two arcs are joined if the place between them is unstable, or if both are as narrow as
-    a tongue."""
+    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind. If that leaves a
+    choice, two arcs are joined if the place between them is unstable, or if both are as narrow as a
+    tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
@@ -127,7 +128,7 @@ def _decided(
 
 
 def _chains(count: int, ends: Array) -> list[list[int]]:
-    """Connections (k, 2) as chains of crossings; closed ones end where they begin."""
+    """Chains of crossings from connections (k, 2); closed chains end where they start."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 
@@ -145,7 +146,7 @@ def _chains(count: int, ends: Array) -> list[list[int]]:
 
 
 def _pieces(rims: _Rims, chain: list[int]) -> list[BoundaryCurve]:
-    """A chain by kinds; neighbouring pieces share a point."""
+    """Boundaries of a chain, one for each kind; neighbouring pieces share a point."""
     kinds, points = rims.kinds[chain], rims.points[chain]
     cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(chain)]
     return [

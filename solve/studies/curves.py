@@ -1,4 +1,4 @@
-"""Periodic solutions at many speeds on one grid: the curves themselves, beside the figures of a sweep."""
+"""Periodic solutions at many speeds on one grid, as curves."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,10 +18,11 @@ from solve.units import speeds_given
 _METHOD = Radau()
 
 _SPEEDS = (1.0, 3.0, 9.0, 27.0, 81.0, 243.0)
-"""Speeds (rad/s) from which the matrices' dependence on speed is learnt; others are checked against it."""
+"""Speeds (rad/s) from which the dependence of the matrices on the speed is identified; it is checked at other
+speeds. A choice: a geometric sequence over two decades."""
 
 _DOUBLINGS = 6
-"""Squarings of a monodromy matrix by which the norm of its power bounds the spectral radius."""
+"""Number of squarings of a monodromy matrix whose norm bounds the spectral radius: k = 64."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +37,32 @@ class SolvedCurves:
 
 
 class PeriodicCurves:
-    """The periodic solutions of one system at any speeds, on a given grid; what they share is sampled once.
+    """Periodic solutions of one system at any speeds, on a fixed grid; what they share is sampled once.
 
-    steps: even number of steps a period. samples: phases a step at which q is wanted. Raises StepsError, and
-    MatricesError for a system with breaks, which need steps of their own.
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System without discontinuities.
+    method : Method
+        Method, by default Radau's.
+    steps : int
+        Even number of steps per period.
+    samples : int
+        Phases per step at which q is evaluated.
+
+    Raises
+    ------
+    StepsError
+        For an invalid number of steps.
+    MatricesError
+        For a system with breaks, which need steps of their own.
+
+    Examples
+    --------
+    >>> import solve
+    >>> curves = PeriodicCurves(solve.load("four_bar"), steps=32)
+    >>> curves("50 rad/s").q.shape[0]
+    1
     """
 
     def __init__(self, system: PeriodicSystem, method: Method = _METHOD, steps: int = 96, samples: int = 4):
@@ -60,7 +83,7 @@ class PeriodicCurves:
         return np.arange(count) * (self.system.period / count)
 
     def __call__(self, speeds: float | str | Iterable[float | str]) -> SolvedCurves:
-        """At speeds (P,) in rad/s, or texts with unit. Raises UnitError, ValueOutOfBoundsError."""
+        """Solve at speeds (P,) in rad/s, or texts with unit. Raises UnitError, ValueOutOfBoundsError."""
         speeds = np.array(speeds_given(speeds), dtype=float)
         n, coarse_steps = self.system.n, self.steps // 2
         coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)
@@ -75,7 +98,7 @@ class PeriodicCurves:
 
 
 def _radius_bound(Phi: Array) -> Array:
-    """A bound (P,) of the spectral radius of matrices (P, N, N): the norm of a high power, its root."""
+    """Upper bound (P,) of the spectral radius of matrices (P, N, N): ‖Φ^k‖^(1/k) for a high power k."""
     power, scale = Phi, np.zeros(len(Phi))
     for _ in range(_DOUBLINGS):
         power = power @ power

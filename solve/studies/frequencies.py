@@ -1,13 +1,15 @@
-"""Natural frequencies with the mechanism at rest: at a position, over the turn, over a parameter."""
+"""Natural frequencies with the mechanism at rest: at a position, over the period, over a parameter."""
 
 import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import (
+    DesiredMotionError,
     MatricesError,
     NoMotionError,
     NoResultError,
@@ -15,18 +17,18 @@ from solve.errors import (
     ValueOutOfBoundsError,
     require_name,
 )
+from solve.matrices import require_inertia
 from solve.period.natural import NaturalFrequencies, natural_frequencies
 from solve.period.rigid_body import rigid_body_modes
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
-from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.system import PeriodicSystem, of_system, require_inertia
+from solve.system import PeriodicSystem, of_system
 from solve.units import require_size_of_number, speed_in_si, with_unit
 
 USUAL_COUNT = 4
 
 TURN = 36
-"""Positions of a turn, by default."""
+"""Default number of positions per period."""
 
 _RUNNING = 1.0
 """Speed in rad/s at which matrices are tested if they do not exist at speed 0 and no case names a speed."""
@@ -36,13 +38,34 @@ _RUNNING = 1.0
 def frequencies(
     system: PeriodicSystem, position: float | str | Sequence[float] | Array = 0.0, count: int | None = None
 ) -> Frequencies:
-    """Natural frequencies of M and K at speed 0 with the drive held at a position, the lowest 4 by default.
+    """Natural frequencies of M and K at speed 0 with the drive held at a position.
 
-    Modes are in the order of λ in K v = λ M v: those with λ < 0 first, which grow at the rate √−λ, then
-    rigid-body modes of frequency exactly 0, then those that vibrate.
+    Parameters
+    ----------
+    position : float, str or sequence of float
+        Angle in rad, a text with unit such as "70 deg", or several angles in rad.
+    count : int, optional
+        Number of modes, by default 4.
 
-    position: rad, a text with unit such as "70 deg", or several in rad. Raises ValueOutOfBoundsError,
-    UnitError, StructureError, and MatricesError where there are no matrices at speed 0.
+    Returns
+    -------
+    Frequencies
+        Modes are in the order of λ in K v = λ M v: those with λ < 0 first, which grow at the rate √−λ, then
+        rigid-body modes of frequency exactly 0, then those that vibrate.
+
+    Raises
+    ------
+    ValueOutOfBoundsError, UnitError, StructureError
+        For bad input.
+    MatricesError
+        If M is singular, or if there are no matrices at speed 0.
+
+    Examples
+    --------
+    >>> import solve
+    >>> found = frequencies(solve.load("portal_frame"), count=2)
+    >>> found.values.shape
+    (1, 2)
     """
     phase = with_unit(position, "rad") if isinstance(position, str) else position
     positions = np.atleast_1d(np.asarray(phase, dtype=float))
@@ -56,10 +79,10 @@ def frequencies(
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
-    """First `count` modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
+    """First modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
     exist at speed 0."""
-    found = system.frequencies(positions, count)
-    if found is not None:
+    if system.structure is not None:
+        found = system.structure.frequencies(positions, count)
         return NaturalFrequencies(found, np.full(found.shape, np.nan))
     M, _, K, _ = at_speed_zero(system, positions)
     require_inertia(M)
@@ -67,7 +90,18 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
-    """M, C, K, d at positions (m,). Raises MatricesError that names speed 0 if it is the only cause."""
+    """M, C, K, d at positions (m,). Raises DesiredMotionError if the desired motion is undefined at speed 0,
+    and MatricesError that names speed 0 if it is the only cause."""
+    unit = system.speed_unit
+    elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
+    try:
+        system.require_desired_motion(np.zeros(1))
+    except DesiredMotionError as error:
+        cause, _, _ = str(error).partition("; change ")
+        raise DesiredMotionError(
+            f"natural frequencies are evaluated at speed 0, where there is no desired motion: {cause}; "
+            f"{elsewhere}"
+        ) from None
     try:
         return system.at(positions, 0.0)
     except (MatricesError, ZeroDivisionError) as error:
@@ -77,11 +111,9 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
             system.at(positions, running)
         except (SolveError, ZeroDivisionError):
             raise error from None
-        unit = system.speed_unit
         raise MatricesError(
             f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are evaluated, but "
-            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; for mean "
-            f'frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
+            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; {elsewhere}"
         ) from None
 
 
@@ -94,13 +126,13 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 
 
 def require_position(system: PeriodicSystem, position: object) -> None:
-    """Raise NoMotionError where a position is given for a structure that stands still."""
+    """Raise NoMotionError if a position is given for a structure without motion."""
     if position is not None and not system.moves:
         raise NoMotionError(f"{system.name} stands still; leave out the position")
 
 
 def turn(system: PeriodicSystem, count: int = TURN) -> Array:
-    """Positions (count,) that divide the period evenly, from 0. Raises ValueOutOfBoundsError below 2."""
+    """Evenly spaced positions (count,) of a period, from 0. Raises ValueOutOfBoundsError below 2."""
     require_position(system, count)
     if count < 2:
         raise ValueOutOfBoundsError(f"a turn of {count} positions; allowed: 2 or more, such as {TURN}")
@@ -116,11 +148,30 @@ def frequencies_over(
     positions: Array,
     count: int | None = None,
 ) -> Variation:
-    """Frequencies at the positions for each value of a parameter, in its own unit or as texts with unit;
-    modes are ordered as in `frequencies`.
+    """Natural frequencies over a parameter, at one or several positions.
 
-    Values that the system refuses give NaN with the reason. Raises UnknownNameError, UnitError, and
-    NoResultError if all values are refused.
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter.
+    values : sequence of float or str
+        Values in the parameter's own unit, or texts with unit.
+    positions : ndarray, shape (m,)
+        Angles in rad.
+    count : int, optional
+        Number of modes, by default 4, in the order of `frequencies`.
+
+    Returns
+    -------
+    Variation
+        Values that the system refuses give NaN with the reason.
+
+    Raises
+    ------
+    UnknownNameError, UnitError
+        For bad input.
+    NoResultError
+        If all values are refused.
     """
     require_name(f"parameter of {system.name}", parameter, system.parameters)
     if len(values) == 0 or len(positions) == 0:
@@ -141,8 +192,9 @@ def frequencies_over(
             errors.append(str(error))
             continue
         errors.append(None)
-        for link, alone in varied.pinned_frequencies().items():
-            pinned[link][number] = alone
+        pinned_links = varied.structure.pinned_frequencies() if varied.structure else {}
+        for link, frequency in pinned_links.items():
+            pinned[link][number] = frequency
     if all(errors):
         raise NoResultError(f"none of the {len(errors)} values of {parameter} has a result: {errors[0]}")
     return Variation(system, parameter, numbers, positions, found[0], pinned, tuple(errors), found[1])

@@ -1,5 +1,5 @@
-"""Nonlinear least squares over a domain that is known only by trial (M. A. Branch, T. F. Coleman, Y. Li, SIAM
-J. Sci. Comput. 21 (1999) 1-23, in SciPy's implementation).
+"""Nonlinear least squares over a domain that is only revealed by trials (M. A. Branch, T. F. Coleman, Y. Li,
+SIAM J. Sci. Comput. 21 (1999) 1-23, in SciPy's implementation).
 
 A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces its trust
 radius to a quarter of the step and tries again from the same point, before it compares the objective with its
@@ -23,7 +23,7 @@ from solve.errors import (
 )
 
 _OUTLIER = 2.0
-"""Standard deviations beyond which a robust fit weights residuals by their moduli."""
+"""Number of standard deviations above which a robust fit weights residuals by their moduli. A choice."""
 
 _SPREAD = 1.4826
 """Ratio of the standard deviation to the median of the moduli, for normal errors."""
@@ -125,8 +125,8 @@ def _at_start(problem: LeastSquares) -> Array:
         values, slopes = problem.residuals(problem.start), problem.jacobian(problem.start)
     except _OF_VALUES as error:
         raise type(error)(f"the fit starts from {where}, where {error}; {remedy}") from None
-    for what, each in (("values", values), ("derivatives", slopes)):
-        if not np.isfinite(each).all():
+    for what, numbers in (("values", values), ("derivatives", slopes)):
+        if not np.isfinite(numbers).all():
             raise NoResultError(
                 f"the fit starts from {where}, where {what} computed for the data are not finite; {remedy}"
             )

@@ -1,5 +1,5 @@
-"""Means over the cycle of natural frequencies with the matrices frozen, over speed, and the speeds at which
-combinations of them are whole multiples of the speed."""
+"""Cycle means of the frozen natural frequencies over the speed, and speeds at which combinations of them are
+integer multiples of the speed."""
 
 import itertools
 import math
@@ -12,51 +12,55 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import SolveError
-from solve.results.critical_rows import Combination
+from solve.results.critical_speeds import Combination
 from solve.studies.mean_modes import mean_modes, shift_by_rates
-from solve.studies.tongues import LIGHTLY_DAMPED
+from solve.studies.speed_grids import LIGHTLY_DAMPED
 from solve.system import PeriodicSystem
 from solve.terminal import progress
 
-_SECANTS = 4
+_TOLERANCE, _MAX_ITERATIONS = 1e-10, 10
+"""Relative tolerance of the speeds of divisions, and limit of the iterations. Means are nearly linear between
+two speeds of the grid: four iterations suffice, and only jumps of the means meet the limit."""
 
 _JUMP = 1e-2
-"""Part of a frequency that is left after these where there is no crossing."""
+"""Remaining difference, relative to the multiple of the speed, above which the means jump over the multiple
+instead of crossing it. A choice."""
 
-_SOME = 24
-"""At most twice so many speeds are looked at for what M and K leave out of means."""
+_SAMPLES = 24
+"""Least number of speeds at which frequencies with and without C are compared, if available. A choice."""
 
-_LOW = 4
-"""Highest order of combinations that are strong enough to be looked for where only means tell them."""
+_MAX_LOW_ORDER = 4
+"""Highest order of combination resonances that get grid points of their own. A choice: their growth falls
+with the order, since each order needs another harmonic of the matrices or another power of the first."""
 
 _CORRECTIONS = 2
-"""Of a speed by the means there."""
+"""Corrections of a resonant speed by the means at that speed. A choice."""
 
 
 @dataclass(frozen=True)
 class MeanFrequencies:
-    """Means over the cycle of the undamped natural frequencies with M and K frozen at a phase and a speed,
-    see `mean_modes`: rising, in rad/s, at speeds (P,); NaN at speeds without matrices. Those at other speeds,
-    `replace(frequencies, speeds=…)`, share what is known."""
+    """Cycle means of the undamped natural frequencies with M and K frozen, see `mean_modes`: ascending, in
+    rad/s, at speeds (P,); NaN at speeds without matrices. Copies at other speeds, `replace(frequencies,
+    speeds=…)`, share a cache."""
 
     system: PeriodicSystem
     speeds: Array
-    _known: dict[float, tuple[Array, bool, int]] = field(default_factory=dict, repr=False, compare=False)
+    _cache: dict[float, tuple[Array, bool, int]] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def values(self) -> Array:
-        """(P, n)."""
-        return self._found[0]
+        """Means (P, n)."""
+        return self._results[0]
 
     @property
     def imaginary(self) -> Array:
         """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
-        return self._found[1]
+        return self._results[1]
 
     @property
     def rigid(self) -> int:
         """Largest number of rigid-body modes; they come first, with frequency 0."""
-        return int(self._found[2].max(initial=0))
+        return int(self._results[2].max(initial=0))
 
     @property
     def lowest(self) -> Array:
@@ -64,91 +68,94 @@ class MeanFrequencies:
         return self.values[:, min(self.rigid, self.system.n - 1)]
 
     @cached_property
-    def _found(self) -> tuple[Array, Array, Array]:
+    def _results(self) -> tuple[Array, Array, Array]:
         means = np.full((len(self.speeds), self.system.n), np.nan)
         imaginary, rigid = np.zeros(len(self.speeds), dtype=bool), np.zeros(len(self.speeds), dtype=int)
         for at, speed in enumerate(self.speeds.tolist()):
-            # Where there are no matrices, the solution at this speed says why.
+            # The solution at a speed without matrices reports the reason.
             with progress.subtask("speeds"), suppress(SolveError, np.linalg.LinAlgError):
-                if speed not in self._known:
+                if speed not in self._cache:
                     mean, _, is_imaginary, count = mean_modes(self.system, speed)
-                    self._known[speed] = mean, is_imaginary, count
-                means[at], imaginary[at], rigid[at] = self._known[speed]
+                    self._cache[speed] = mean, is_imaginary, count
+                means[at], imaginary[at], rigid[at] = self._cache[speed]
         return means, imaginary, rigid
 
     def at(self, speed: float) -> Array:
-        """The same (n,) at a speed."""
+        """Means (n,) at one speed."""
         return replace(self, speeds=np.array([speed])).values[0]
+
+    def shift_notes(self, limit: float) -> list[str]:
+        """Note on speeds at which C changes a mean frequency by more than a relative limit; none if it does
+        not, or if frequencies are imaginary."""
+        real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
+        speeds = real[:: max(1, len(real) // _SAMPLES)]
+        shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])
+        beyond, text = np.flatnonzero(shifts > limit), self.system.speed_unit.text
+        if not len(beyond):
+            return []
+        first, largest = float(speeds[beyond[0]]), int(shifts.argmax())
+        return [
+            f"gyroscopic forces, or damping that couples modes, change frequencies by over {limit:.0%}, as "
+            f"at {text(first, '.4g')}, and by up to {shifts[largest]:.0%} at "
+            f"{text(float(speeds[largest]), '.4g')}: means and divisions, of M and K alone, mean little there"
+        ]
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
-    """Every (ω̄i ± ω̄j)/k within the speeds, with k up to `orders` that the matrices may have by their period,
-    falling in speed; integer divisions are none."""
-    modes, found = np.eye(frequencies.values.shape[1]), []
-    for low, high in itertools.combinations_with_replacement(range(frequencies.rigid, len(modes)), 2):
-        for sign in (1, -1) if high > low else (1,):
-            found_at = crossed(frequencies, modes[high] + sign * modes[low], orders)
-            every = (Combination(speed, (high + 1, low + 1), sign, order) for order, speed in found_at)
-            found += [one for one in every if not one.is_division and excited(frequencies.system, one.order)]
+    """Combination resonances (ω̄i ± ω̄j)/k within the speeds, in descending order of speed, for orders k up to
+    `orders` that the period of the matrices allows; integer divisions are excluded."""
+    found = [
+        Combination(speed, (high + 1, low + 1), sign, order)
+        for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])
+        for order, speed in multiples(frequencies, weights, orders)
+    ]
+    found = [one for one in found if not one.is_division and is_excited(frequencies.system, one.order)]
     return sorted(found, key=lambda one: -one.speed)
 
 
-def shifted_by_rates(frequencies: MeanFrequencies, most: float) -> list[str]:
-    """A line that says at which speeds gyroscopic forces change a mean frequency by more than a part of
-    itself, where they do and frequencies are real."""
-    known = frequencies.speeds[~frequencies.imaginary & np.isfinite(frequencies.values[:, 0])]
-    speeds = known[:: max(1, len(known) // _SOME)]
-    shifts = np.array([shift_by_rates(frequencies.system, speed) for speed in speeds.tolist()])
-    beyond, text = np.flatnonzero(shifts > most), frequencies.system.speed_unit.text
-    if not len(beyond):
-        return []
-    first, largest = float(speeds[beyond[0]]), int(shifts.argmax())
-    return [
-        f"gyroscopic forces, or damping that couples modes, change frequencies by over {most:.0%}, as at "
-        f"{text(first, '.4g')}, and by up to {shifts[largest]:.0%} at {text(float(speeds[largest]), '.4g')}: "
-        "means and divisions, of M and K alone, mean little there"
-    ]
+def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]]:
+    """Low mode, high mode, sign and weights (n,) of all sums and differences of two elastic frequencies."""
+    unit = np.eye(count)
+    for low, high in itertools.combinations_with_replacement(range(rigid, count), 2):
+        for sign in (1, -1) if high > low else (1,):
+            yield low, high, sign, unit[high] + sign * unit[low]
 
 
-def crossed(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
-    """Orders k and speeds at which the sum of the mean frequencies by their weights (n,) is k Ω; Ω counts
-    turns of the mechanism."""
-    speeds, values = frequencies.speeds, frequencies.values @ weights
-    for order in range(1, orders + 1):
-        excess = values - order * speeds
-        known = np.isfinite(excess[:-1] + excess[1:])
-        below_order = np.append(excess[:-1] < 0, excess[-1] <= 0)
-        for at in np.flatnonzero(known & (below_order[:-1] != below_order[1:])):
-            low, high = float(speeds[at]), float(speeds[at + 1])
-            below, above, here = float(excess[at]), float(excess[at + 1]), np.nan
-            for _ in range(_SECANTS):
-                middle = low - below * (high - low) / (above - below)
-                here = float(frequencies.at(middle) @ weights) - order * middle
-                if here == 0.0 or not low < middle < high or np.isnan(here):
-                    break
-                if (here < 0) == (above < 0):
-                    high, above = middle, here
-                else:
-                    low, below = middle, here
-            # Means jump where modes that come near each other begin to keep their shapes.
-            if not abs(here) > _JUMP * order * low:
-                yield order, low - below * (high - low) / (above - below)
+def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
+    """Orders k and speeds Ω, in revolutions of the mechanism, at which the sum of the mean frequencies with
+    weights (n,) is k Ω."""
+    from scipy.optimize.elementwise import find_root
+
+    def excess(speeds: Array, order: Array) -> Array:
+        return replace(frequencies, speeds=speeds).values @ weights - order * speeds
+
+    speeds, order = frequencies.speeds, np.arange(1, orders + 1)[:, None]
+    values = frequencies.values @ weights - order * speeds
+    known = np.isfinite(values[:, :-1] + values[:, 1:])
+    is_below = np.column_stack((values[:, :-1] < 0, values[:, -1] <= 0))
+    row, at = np.nonzero(known & (is_below[:, :-1] != is_below[:, 1:]))
+    if not len(row):
+        return
+    ends, tolerances = (speeds[at], speeds[at + 1]), {"xrtol": _TOLERANCE, "xatol": 0.0, "fatol": 0.0}
+    found = find_root(excess, ends, args=(row + 1,), tolerances=tolerances, maxiter=_MAX_ITERATIONS)
+    # Means jump where two modes begin to keep their shapes.
+    crosses = np.abs(found.f_x) <= _JUMP * (row + 1) * speeds[at]
+    yield from zip((row[crosses] + 1).tolist(), found.x[crosses].tolist(), strict=True)
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
-    """Speeds between two at which combinations of low order lie, of modes that a turn leaves above one half
-    in the mean, by their means at these speeds; `rest`: those at rest."""
+    """Speeds between two limits of combination resonances of low order, by the means at these speeds, of
+    modes that keep more than half their amplitude per period on average. rest: means at speed 0."""
     system, (values,) = rest.system, rest.values
-    every = [
-        (np.eye(len(values))[one] + sign * np.eye(len(values))[two], order)
-        for one, two in itertools.combinations_with_replacement(range(rest.rigid, len(values))[::-1], 2)
-        for sign in ((1, -1) if one != two else (1,))
-        for order in range(1, _LOW + 1)
-        if excited(system, order) and (one != two or order % 2)
+    candidates = [
+        (weights, order)
+        for first, second, _, weights in _sums_of_two(rest.rigid, len(values))
+        for order in range(1, _MAX_LOW_ORDER + 1)
+        if is_excited(system, order) and (first != second or order % 2)
     ]
-    if not every:
+    if not candidates:
         return np.zeros(0)
-    weights, orders = np.array([each for each, _ in every]), np.array([order for _, order in every])
+    weights, orders = (np.array(column) for column in zip(*candidates, strict=True))
     speeds = weights @ values / orders
     for _ in range(_CORRECTIONS):
         near = (speeds > low / 2) & (speeds < 2 * high)
@@ -159,17 +166,17 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
         [
             speed
             for speed, weight in zip(speeds[within].tolist(), np.abs(weights[within]), strict=True)
-            if _decays(system, speed) @ weight / 2 <= -math.log(LIGHTLY_DAMPED)
+            if _decay_per_period(system, speed) @ weight / 2 <= -math.log(LIGHTLY_DAMPED)
         ]
     )
 
 
-def _decays(system: PeriodicSystem, speed: float) -> Array:
-    """Of the modes in a period (n,)."""
+def _decay_per_period(system: PeriodicSystem, speed: float) -> Array:
+    """Logarithmic decrement of the modes per period (n,)."""
     return mean_modes(system, speed).rates * system.period / speed
 
 
-def excited(system: PeriodicSystem, order: int) -> bool:
-    """Whether matrices of this period may have an order of rotation."""
+def is_excited(system: PeriodicSystem, order: int) -> bool:
+    """Whether matrices with this period can have a harmonic of this order per revolution."""
     number = order * system.period / (2 * math.pi)
     return math.isclose(number, round(number), abs_tol=1e-9)

@@ -10,23 +10,25 @@ from solve.period.points import rate_of
 from solve.period.rigid_body import rigid_body_modes
 from solve.system import PeriodicSystem
 
-_PHASES, _FEWER = 64, 16
+_PHASES, _FEW_PHASES = 64, 16
+"""Phases of the means, and of the comparison with C. Choices: both means converge exponentially."""
 
-_ROUNDING, _COMPLEX = 1e-12, 1e-6
-"""Negative squares of frequencies, and their imaginary parts, relative to the largest, that are rounding; of
-double eigenvalues rounding takes half the digits."""
+_ROUNDOFF, _COMPLEX = 1e-12, 1e-6
+"""Negative squares of frequencies, and imaginary parts of the squares, relative to the largest, that count as
+round-off; double eigenvalues lose half the digits."""
 
-_LEAST = 1e-30
-"""Part of a shape in another that counts as none."""
+_MIN_OVERLAP = 1e-30
+"""Overlap of two shapes below which its logarithm is not resolved; any tiny number serves."""
 
 _NEAR = 0.5
-"""Part of their largest difference in the period below which frequencies are near each other."""
+"""Fraction of their largest difference in the period below which two frequencies are near each other. A
+choice."""
 
 
 class MeanModes(NamedTuple):
-    """Means over the cycle of the frozen modes: frequencies in rad/s (n,), ascending, and decay rates in 1/s
-    (n,) to first order in C. Frequencies count as 0 where K is not positive. imaginary: whether a frequency
-    is imaginary or complex at some phase. rigid: number of rigid-body modes, with frequency 0."""
+    """Cycle means of the frozen modes: frequencies in rad/s (n,), ascending, and decay rates in 1/s (n,) to
+    first order in C. Frequencies count as 0 where K is not positive. imaginary: whether a frequency is
+    imaginary or complex at some phase. rigid: number of rigid-body modes, with frequency 0."""
 
     frequencies: Array
     rates: Array
@@ -35,16 +37,16 @@ class MeanModes(NamedTuple):
 
 
 def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
-    """Of the undamped modes with M and K frozen, at a speed (rad/s), 0 for the mechanism at rest. Raises
-    SolveError subclasses and LinAlgError where there are no matrices.
+    """Cycle means of the undamped modes with M and K frozen, at a speed (rad/s), 0 for the mechanism at rest.
+    Raises SolveError subclasses and LinAlgError if there are no matrices.
 
-    Modes are followed by their shapes where frequencies cross, see `_followed`; modes that change places
-    within a period have one mean. Modes are those of the sorted frequencies instead where the small part of a
-    vibration that keeps its rank decays so much more slowly that more of it is left after a period.
+    Modes are followed by their shapes where frequencies cross, see `_follow`; modes that exchange their
+    places within a period have a common mean. The sorted frequencies are averaged instead if the small
+    component of the vibration that keeps its rank decays so slowly that it dominates after a period.
     """
     step = system.period / _PHASES
     M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
-    if all((part == part[:1]).all() for part in (M, C, K)):
+    if all((matrix == matrix[:1]).all() for matrix in (M, C, K)):
         M, C, K = M[:1], C[:1], K[:1]
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
     rigid = int(rigid_body_modes(K[None], C[None], speed * M[None]).present.sum())
@@ -53,99 +55,110 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     squares = np.take_along_axis(squares, order, axis=1)
     shapes = np.take_along_axis(shapes, order[:, None], axis=2)
     real, size = np.real(squares), np.abs(squares).max()
-    imaginary = real.min() < -_ROUNDING * size or np.abs(np.imag(squares)).max() > _COMPLEX * size
-    # Shapes that are one another's have no inverse.
+    imaginary = real.min() < -_ROUNDOFF * size or np.abs(np.imag(squares)).max() > _COMPLEX * size
+    # Linearly dependent shapes have no inverse.
     inverse = np.linalg.pinv(shapes)
     rates = np.real(np.einsum("kij,kji->ki", inverse @ np.linalg.solve(M, C), shapes)) / 2
     values = np.stack((np.sqrt(np.maximum(real, 0.0)), rates), axis=1)
-    ranks, places, kept = _followed(values[:, 0], shapes, inverse, speed / step)
-    means, moved = values.mean(axis=0), (ranks != np.arange(system.n)).any(axis=0)
-    if moved.any():
-        along = _over_turns(np.take_along_axis(values, ranks[:, None], axis=2).mean(axis=0), places)
-        faster = along[1, moved].min() - means[1, moved].min()
-        if speed == 0 or faster * system.period / speed <= -kept:
-            means = along
+    ranks, places, log_unchanged = _follow(values[:, 0], shapes, inverse, speed / step)
+    means, exchanged = values.mean(axis=0), (ranks != np.arange(system.n)).any(axis=0)
+    if exchanged.any():
+        followed = np.take_along_axis(values, ranks[:, None], axis=2).mean(axis=0)
+        followed = _mean_over_cycles(followed, places)
+        faster = followed[1, exchanged].min() - means[1, exchanged].min()
+        if speed == 0 or faster * system.period / speed <= -log_unchanged:
+            means = followed
     means = means[:, np.argsort(means[0], kind="stable")]
     return MeanModes(means[0], means[1], bool(imaginary), rigid)
 
 
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
-    """By what part of itself a mean frequency differs at most, at a speed (rad/s), from that of moduli of
-    eigenvalues with C, which `mean_modes` leaves out: gyroscopic forces make them differ, and damping that
-    couples modes, not what damps each by itself. 0 where some are real."""
-    parts = np.s_[: system.n], np.s_[system.n : 2 * system.n]
-    rate = rate_of(*system.at((np.arange(_FEWER) + 0.5) * system.period / _FEWER, speed))[..., :-1]
+    """Largest relative difference, at a speed (rad/s), of mean frequencies with and without C.
+
+    With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
+    not modal damping. 0 if some are real.
+    """
+    halves = np.s_[: system.n], np.s_[system.n : 2 * system.n]
+    phases = (np.arange(_FEW_PHASES) + 0.5) * system.period / _FEW_PHASES
+    rate = rate_of(*system.at(phases, speed))[..., :-1]
     squares, values = np.linalg.eigvals(-rate[:, system.n :, : system.n]), np.linalg.eigvals(rate)
-    rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, part] for part in parts)).present.sum())
-    squares, values = _without_least(squares, rigid), _without_least(values, 2 * rigid)
+    rigid = int(rigid_body_modes(*(-rate[None, :, system.n :, half] for half in halves)).present.sum())
+    squares, values = _without_smallest(squares, rigid), _without_smallest(values, 2 * rigid)
     if np.real(squares).min(initial=np.inf) <= 0 or not np.imag(values).all():
         return 0.0
-    without = np.sort(np.sqrt(np.real(squares)), axis=1).mean(axis=0)
-    return float(np.abs(np.sort(np.abs(values), axis=1)[:, ::2].mean(axis=0) / without - 1).max(initial=0.0))
+    undamped = np.sort(np.sqrt(np.real(squares)), axis=1).mean(axis=0)
+    moduli = np.sort(np.abs(values), axis=1)[:, ::2].mean(axis=0)
+    return float(np.abs(moduli / undamped - 1).max(initial=0.0))
 
 
-def _without_least(values: Array, count: int) -> Array:
-    """Values (k, n) without a given number of those of smallest modulus."""
+def _without_smallest(values: Array, count: int) -> Array:
+    """Values (k, n) without a number of those with the smallest modulus."""
     return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 
-def _followed(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
-    """Ranks (k, n) of each mode at k phases, `rate` of them a second; the mode whose place each has taken
-    after them (n,); and the logarithm of the part of a vibration that keeps its rank where its mode changes
-    it.
+def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
+    """Ranks (k, n) of each mode at k phases that pass at a rate per second; the mode (n,) whose place each
+    has taken after the period; and the logarithm of the component of a vibration that keeps its rank where
+    its mode changes it.
 
-    As long as the shapes of modes turn faster than their frequencies, near each other, differ, θ rate > Δω, a
-    vibration keeps its shape: by the formula of Landau and Zener (C. Zener, Proceedings of the Royal Society
-    A 137, 1932, 696) more than half of it then changes its rank in an avoided crossing.
+    As long as the shapes of modes rotate faster than their frequencies differ, θ rate > Δω, a vibration keeps
+    its shape: by the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137, 1932, 696) more
+    than half of it then changes its rank in an avoided crossing.
     """
     count, n = frequencies.shape
-    ahead, own = np.roll(np.arange(count), -1), np.arange(n)
-    overlaps = _overlaps(inverse, shapes, inverse[ahead], shapes[ahead])
-    apart = np.abs(frequencies[:, :, None] - frequencies[:, None])
-    apart = np.where(apart < _NEAR * apart.max(axis=0), apart, np.inf)
+    following, identity = np.roll(np.arange(count), -1), np.arange(n)
+    overlaps = _overlaps(inverse, shapes, inverse[following], shapes[following])
+    difference = np.abs(frequencies[:, :, None] - frequencies[:, None])
+    difference = np.where(difference < _NEAR * difference.max(axis=0), difference, np.inf)
 
-    def slow(at: Array | int, now: Array, then: Array) -> Array:
-        """Which of the modes (…, n) with these ranks at a phase and at the next have time to change shape."""
-        turned, before, after = (
-            part[np.asarray(at)[..., None, None], one[:, None], two]
-            for part, one, two in ((overlaps, now, then), (apart, now, now), (apart[ahead], then, then))
+    def adapts(at: Array | int, now: Array, then: Array) -> Array:
+        """Whether modes (…, n) with these ranks at a phase and the next have time to change their shape."""
+        rotated, before, after = (
+            matrix[np.asarray(at)[..., None, None], first[:, None], second]
+            for matrix, first, second in (
+                (overlaps, now, then),
+                (difference, now, now),
+                (difference[following], then, then),
+            )
         )
-        enough = np.sqrt(turned) * rate <= np.minimum(before, after)
-        return np.asarray((enough | np.eye(n, dtype=bool)).all(axis=-1))
+        slow = np.sqrt(rotated) * rate <= np.minimum(before, after)
+        return np.asarray((slow | np.eye(n, dtype=bool)).all(axis=-1))
 
-    settled = slow(np.arange(count), own, own).all(axis=-1)
-    if settled.all() and (np.einsum("kii->ki", overlaps) > 0.5).all():
-        return np.tile(own, (count, 1)), own, 0.0
-    # Where shapes are between two modes nothing would be known of either.
-    first = int(settled.argmax())
-    ranks, kept, now = np.empty((count, n), dtype=int), 0.0, own
-    known, left, known_as = shapes[first], inverse[first], own
+    all_adapt = adapts(np.arange(count), identity, identity).all(axis=-1)
+    if all_adapt.all() and (np.einsum("kii->ki", overlaps) > 0.5).all():
+        return np.tile(identity, (count, 1)), identity, 0.0
+    # A shape between two modes would identify neither: begin where all shapes are modes.
+    first = int(all_adapt.argmax())
+    ranks, log_unchanged, now = np.empty((count, n), dtype=int), 0.0, identity
+    reference, left, reference_rank = shapes[first], inverse[first], identity
     for at in np.roll(np.arange(count), -first).tolist():
         ranks[at] = now
-        there = ahead[at]
-        alike = _overlaps(left, known, inverse[there], shapes[there])
-        then = matched(-alike)[1]
-        renewed = slow(at, now, then)
-        passed = renewed & (then != known_as)
-        kept += float(np.log(np.maximum(alike[passed, known_as[passed]], _LEAST)).sum()) / 4
-        known, known_as = np.where(renewed, shapes[there][:, then], known), np.where(renewed, then, known_as)
-        left, now = np.linalg.pinv(known), then
-    return ranks, now, kept
+        there = following[at]
+        overlap = _overlaps(left, reference, inverse[there], shapes[there])
+        then = matched(-overlap)[1]
+        renewed = adapts(at, now, then)
+        passed = renewed & (then != reference_rank)
+        unchanged = np.maximum(overlap[passed, reference_rank[passed]], _MIN_OVERLAP)
+        log_unchanged += float(np.log(unchanged).sum()) / 4
+        reference = np.where(renewed, shapes[there][:, then], reference)
+        reference_rank = np.where(renewed, then, reference_rank)
+        left, now = np.linalg.pinv(reference), then
+    return ranks, now, log_unchanged
 
 
 def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> Array:
-    """Parts (…, n, n) of shapes in others, squares of cosines where they are orthogonal: of shapes (…, n, n)
-    in columns and their inverses."""
+    """Overlaps (…, n, n) of shapes with others, given in columns (…, n, n) with their inverses; squares of
+    the cosines for orthogonal shapes."""
     return np.abs((left @ others) * np.swapaxes(others_left @ shapes, -1, -2))
 
 
-def _over_turns(means: Array, places: Array) -> Array:
-    """Means (2, n) over a period of modes that have taken the places (n,) of others after it, over as many
-    periods as each needs to be back."""
-    found = means.copy()
+def _mean_over_cycles(means: Array, places: Array) -> Array:
+    """Means (2, n) over as many periods as each mode needs to return, from means over one period after which
+    the modes have taken the places (n,) of others."""
+    averaged = means.copy()
     for mode in range(len(places)):
-        at = [mode]
-        while places[at[-1]] != mode:
-            at.append(int(places[at[-1]]))
-        found[:, mode] = means[:, at].mean(axis=1)
-    return found
+        cycle = [mode]
+        while places[cycle[-1]] != mode:
+            cycle.append(int(places[cycle[-1]]))
+        averaged[:, mode] = means[:, cycle].mean(axis=1)
+    return averaged

@@ -1,42 +1,158 @@
-"""Measured vibration: curves over a turn or in time, amplitudes of orders, or natural frequencies; and an
-orbit beside it."""
+"""Measured vibration from files: curves over a period or in time, amplitudes of orders, or natural
+frequencies; and computed values at the same places."""
 
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from solve.arguments import require_size
 from solve.arrays import Array
-from solve.errors import CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError, require_name
-from solve.model.tables import size_in_header
-from solve.results.channels import Channel
+from solve.errors import (
+    CaseFileError,
+    MissingLibraryError,
+    MissingValueError,
+    UnitError,
+    ValueOutOfBoundsError,
+    cause,
+    require_name,
+)
+from solve.model.tables import cells_of, number_in, size_in_header
+from solve.results.fit import Channel
 from solve.results.orbit import Orbit
-from solve.studies.records import AXES, Record, record
 from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, speed_in_si
 
 _SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
 
+ENDINGS = ".csv", ".mat", ".uff", ".unv"
+
+AXES = {"phase": "rad", "time": "s", "order": "1", "mode": "1"}
+"""Names of the independent column, with its unit."""
+
+_ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1": "order"}
+"""Name of a universal file's abscissa by the label of its unit."""
+
+
 _MOST_ORDERS, _LARGEST = 10**5, 1e100
-"""Orders, and values whose squares can be summed."""
+"""Largest order, and largest value whose squares can be summed without overflow."""
 
 _ALIKE = 1e-3
-"""Relative difference of the speeds of an orbit and of what is drawn beside it."""
+"""Relative difference up to which the speeds of an orbit and of a measurement are the same. A choice."""
 
 FREQUENCY = "frequency"
 """The channel of natural frequencies."""
 
 
+class Record(NamedTuple):
+    """File of columns with titles that end in a unit. columns: values (k,) of each; None for a CSV table,
+    whose `texts` are parsed when a column is read, so that unused columns may contain anything."""
+
+    path: Path
+    titles: Sequence[str]
+    columns: Sequence[Array] | None
+    texts: Sequence[Sequence[str]] = ()
+
+    def values(self, place: int) -> Array:
+        """A column (k,). Raises CaseFileError."""
+        if self.columns is not None:
+            return self.columns[place]
+        return np.array([number_in("data", self.path, row, place) for row in self.texts])
+
+
+def record(file: str | Path) -> Record:
+    """The columns of a file, the axis first. Raises CaseFileError, and MissingLibraryError for universal
+    files without pyuff."""
+    path = Path(file)
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise CaseFileError(f"data: '{path.name or path}' ends in '{ending}'; allowed: {', '.join(ENDINGS)}")
+    if ending == ".csv":
+        titles, *rows = cells_of("data", path)
+        return Record(path, titles, None, rows)
+    try:
+        require_size(f"bytes in '{path}'", path.stat().st_size, 1)
+        return (_matlab if ending == ".mat" else _universal)(path)
+    except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError) as error:
+        raise CaseFileError(
+            f"data: '{path}' cannot be read ({cause(error)}); give a complete {ending} file"
+        ) from None
+
+
+def _matlab(path: Path) -> Record:
+    """Vectors of one length, and a struct `units` with the unit of each; a scalar applies to all rows."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        found = loadmat(str(path), squeeze_me=True, struct_as_record=False, appendmat=False)
+    except MatReadError:
+        raise ValueError from None
+    units: Any = found.get("units")
+    vectors = {
+        name: np.atleast_1d(value).astype(float)
+        for name, value in found.items()
+        if not name.startswith("__") and isinstance(value, np.ndarray | float | int) and np.ndim(value) < 2
+    }
+    axis = next((name for name in AXES if name in vectors), None)
+    if axis is None:
+        raise CaseFileError(f"data: {path.name} has no vector of one of the names {', '.join(AXES)}; add one")
+    count = len(vectors[axis])
+    names = [axis, *(name for name in vectors if name not in AXES)]
+    other = [name for name in names if len(vectors[name]) not in (1, count)]
+    if other:
+        raise CaseFileError(f"data: {path.name}: {other[0]} is not as long as {axis}; give one value a row")
+    titles = [f"{name} ({getattr(units, name)})" if hasattr(units, name) else name for name in names]
+    return Record(path, titles, [np.broadcast_to(vectors[name], count) for name in names])
+
+
+def _universal(path: Path) -> Record:
+    """Functions at nodal degrees of freedom (dataset 58) on one abscissa, whose first line of text names the
+    coordinate or output."""
+    try:
+        import pyuff
+    except ImportError:
+        raise MissingLibraryError.of_extra("a universal file", "pyuff", "uff") from None
+    if not path.is_file():
+        raise OSError
+    found = pyuff.UFF(str(path)).read_sets()
+    sets = [each for each in (found if isinstance(found, list) else [found]) if each.get("type") == 58]
+    if not sets:
+        raise CaseFileError(f"data: {path.name} has no dataset 58; export functions of time, angle or order")
+    label = _label(sets[0], "abscissa") or "s"
+    if label not in _ABSCISSAS:
+        raise CaseFileError(
+            f"data: {path.name} has an abscissa in '{label}'; allowed: s, deg, rad, or order for spectra"
+        )
+    axis, x = _ABSCISSAS[label], np.asarray(sets[0]["x"], dtype=float)
+    titles, columns = [f"{axis} ({'1' if axis == 'order' else label})"], [x]
+    for each in sets:
+        if len(each["x"]) != len(x) or not np.allclose(each["x"], x, rtol=1e-9, atol=0.0):
+            raise CaseFileError(f"data: {path.name} has functions on several abscissas; give them one")
+        name, values = str(each["id1"]).strip(), np.asarray(each["data"])
+        titles.append(f"{name} ({_label(each, 'ordinate') or '1'})")
+        columns.append(np.abs(values) if np.iscomplexobj(values) else values)
+        if np.iscomplexobj(values):
+            titles.append(f"{name}_phase (rad)")
+            columns.append(np.angle(values))
+    return Record(path, titles, columns)
+
+
+def _label(dataset: dict[str, Any], axis: str) -> str:
+    return str(dataset.get(f"{axis}_axis_units_lab") or "").strip().removeprefix("NONE")
+
+
 @dataclass(frozen=True)
 class Measured:
-    """What was measured at one speed (rad/s), in SI units.
+    """Measurement at one speed (rad/s), in SI units.
 
-    orders: whether `at` (k,) are orders, counted per period, or else phases. channels: values (k,) by
-    coordinate or output, complex amplitudes where orders have phase angles, moduli where they have none.
-    position: the phase at which natural frequencies were measured at rest; `at` are then their modes, from 1
-    on, and FREQUENCY is the only channel.
+    orders: whether `at` (k,) contains orders, counted per period, instead of phases. channels: values (k,) by
+    coordinate or output; for orders complex amplitudes if phase angles are given, else moduli. position: the
+    phase at which natural frequencies were measured at rest; `at` then contains their modes, from 1 on, and
+    FREQUENCY is the only channel.
     """
 
     speed: float
@@ -47,13 +163,14 @@ class Measured:
 
 
 def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> list[Measured]:
-    """Of a file, see `solve.studies.records.record`, whose columns have titles with units: first
-    "phase (deg)", "time (s)" or "order (1)", then coordinates and outputs, "q3 (m)"; of orders their phase
-    angles too, "q3_phase (deg)". Or first "mode (1)", then "frequency (Hz)", and where it matters
-    "position (deg)".
+    """Read measurements from a .csv, .mat, .uff or .unv file, one for each speed or position.
 
-    A column "speed (rpm)", anywhere, tells several speeds apart; else all is of the speed (rad/s) given. The
-    phase beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError,
+    The titles of columns have units. The first column is "phase (deg)", "time (s)" or "order (1)". Then
+    follow coordinates and outputs, "q3 (m)", for orders also their phase angles, "q3_phase (deg)".
+    Alternatively "mode (1)" is followed by "frequency (Hz)" and, if needed, "position (deg)".
+
+    A column "speed (rpm)", anywhere, distinguishes several speeds; without it, the given speed (rad/s)
+    applies. The phase beside the time, as in files of orbits, is not read. Raises CaseFileError, UnitError,
     UnknownNameError, MissingValueError, ValueOutOfBoundsError.
     """
     read = record(file)
@@ -76,20 +193,20 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
         raise CaseFileError(f"data: {read.path.name} has no coordinate or output, or no rows; give both")
-    _require_sound(read.path.name, axis, at, speeds, channels)
-    given, found = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed, []
-    unit = getattr(given, "unit", None)
+    _require_valid(read.path.name, axis, at, speeds, channels)
+    given = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed
+    unit, sets = getattr(given, "unit", None), []
     for omega in dict.fromkeys(speeds.tolist()):
         rows_of = speeds == omega
         here = at[rows_of] * (omega if axis == "time" else 1.0)
-        own = {name: values[rows_of] for name, values in channels.items()}
-        found.append(Measured(GivenSpeed(omega, unit), axis == "order", here, own))
-    return found
+        at_speed = {name: values[rows_of] for name, values in channels.items()}
+        sets.append(Measured(GivenSpeed(omega, unit), axis == "order", here, at_speed))
+    return sets
 
 
 def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError where there is none."""
+    ValueOutOfBoundsError if there is none."""
     found = []
     for each in sets:
         if each.position is not None or not np.isclose(each.speed, orbit.speed, rtol=_ALIKE):
@@ -110,14 +227,14 @@ def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Complex amplitudes (k,) of orders, or moduli, but for the mean's sign."""
+    """Complex amplitudes (k,) of orders, or without angles their moduli, but the mean with its sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]
 
 
-def _require_sound(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
-    """Raise ValueOutOfBoundsError for phases, orders, speeds or channels that cannot be."""
+def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
+    """Raise ValueOutOfBoundsError for invalid phases, orders, speeds or channels."""
     if not np.isfinite(at).all():
         raise ValueOutOfBoundsError(f"data: {file} has a {axis} that is no finite number; leave the row out")
     if axis == "order" and not ((at == np.round(at)) & (at >= 0)).all():
@@ -142,15 +259,15 @@ def _require_sound(file: str, axis: str, at: Array, speeds: Array, channels: Map
                 f"data: {file} has the amplitude {values[at > 0].min():g} for {name}; allowed: 0 and "
                 f"above, or with a column '{name}{_PHASE} (deg)'"
             )
-    nothing = [name for name, values in channels.items() if not values.any()]
-    if nothing:
-        raise ValueOutOfBoundsError(f"data: {file} has nothing but zeros for {nothing[0]}; leave it out")
+    zero = [name for name, values in channels.items() if not values.any()]
+    if zero:
+        raise ValueOutOfBoundsError(f"data: {file} has only zeros for {zero[0]}; leave it out")
 
 
 def _frequencies(
     read: Record, modes: Array, columns: Mapping[str, Array], system: PeriodicSystem
 ) -> list[Measured]:
-    """Natural frequencies at each of the positions."""
+    """Measured natural frequencies, one set for each position."""
     if FREQUENCY not in columns or not len(modes):
         raise CaseFileError(f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give both")
     most = system.most_frequencies
@@ -195,7 +312,7 @@ def _size(title: str, unit: str) -> float:
 
 
 def _speed_unit(title: str) -> GivenSpeed:
-    """One of the unit in which a column of speeds is given."""
+    """Speed of one unit of a column of speeds."""
     found = re.search(r"\(([^()]*)\)\s*$", title)
     if found is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")

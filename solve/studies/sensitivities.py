@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from solve.argument import first_is
+from solve.approximation import slope
+from solve.arguments import first_is
 from solve.arrays import Array
 from solve.derivatives.point import periods_of, quantities_by, sensitivities
-from solve.differences import slope
 from solve.errors import NoResultError, SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
@@ -19,25 +19,23 @@ from solve.period.named import RADIUS
 from solve.period.points import OnePoint
 from solve.period.rigid_body import before_rigid
 from solve.results.bands import Bands
-from solve.results.critical_rows import Maximum
-from solve.results.critical_speeds import CriticalSpeeds
-from solve.results.sensitivities import Sensitivities, Sensitivity
-from solve.results.sensitivities_over import SensitivitiesOver
+from solve.results.critical_speeds import CriticalSpeeds, Maximum
+from solve.results.sensitivities import Sensitivities, SensitivitiesOver, Sensitivity
 from solve.system import PeriodicSystem, of_system
 from solve.terminal import progress
 from solve.units import speeds_given
 
-_LOOK = 1e-4
-"""Part of a speed about which the curvature of a response is taken."""
+_CURVATURE_STEP = 1e-4
+"""Relative step of the speed in the curvature of a response. A choice."""
 
-_FAR = 1e-2
-"""Part of a speed by which corrections and differences stay below."""
+_MAX_SHIFT = 1e-2
+"""Largest relative correction and difference of a speed. A choice."""
 
-_PART = 0.1
-"""Part of the width of a maximum over which derivatives are differenced."""
+_WIDTH_FRACTION = 0.1
+"""Step of the differences of derivatives, relative to the width of a maximum. A choice."""
 
-_KNOWN = 1e-3
-"""Relative error of the derivative by the speed from which on an edge has none."""
+_MAX_ERROR = 1e-3
+"""Relative error of the derivative by the speed above which an edge has no derivatives. A choice."""
 
 _MEET = "at this edge two multipliers meet, and have no derivative"
 _DAMP = "as without damping: give a little of it, or difference the edges themselves"
@@ -52,13 +50,13 @@ _UNBOUNDED = (
 )
 
 _SMOOTH = 0.5
-"""Part by which the curvature of a maximum may change when it is taken twice as far."""
+"""Largest relative change of the curvature of a maximum for twice the step. A choice."""
 
-_CLOSER = 8.0
-"""Times nearer to a maximum that is too narrow for that."""
+_STEP_REDUCTION = 8.0
+"""Reduction of the step for a narrower maximum. A choice."""
 
-_NEWTON = 3
-"""Corrections of a speed that was found to a tolerance."""
+_NEWTON_STEPS = 3
+"""Newton corrections of a speed that is known to a tolerance. A choice: each doubles the digits."""
 
 
 @of_system
@@ -74,22 +72,40 @@ def sensitivities_over(
     nonlinear: bool = False,
     periods: int | None = None,
 ) -> SensitivitiesOver:
-    """`solve.sensitivities` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm").
-    Speeds without a solution are NaN with the reason. Raises SolveError subclasses for bad input, and
-    NoResultError where no speed has a solution."""
+    """Derivatives as by `solve.sensitivities` at every speed.
+
+    Parameters
+    ----------
+    speeds : float, str or sequence of float or str
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
+    of, by, method, steps, rtol, engine, nonlinear, periods : optional
+        As in `sensitivities`.
+
+    Returns
+    -------
+    SensitivitiesOver
+        Speeds without a solution are NaN with the reason.
+
+    Raises
+    ------
+    NoResultError
+        If no speed has a solution.
+    SolveError
+        Other subclasses for bad input.
+    """
     periods_of(nonlinear, periods)
     settings = method, steps, rtol, engine, nonlinear, periods
     given, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
-    asked = [each.text for each in quantities]
+    texts = [quantity.text for quantity in quantities]
     system, omegas = system.shown_in(given[0]), np.array(given)
-    shape = len(omegas), len(asked), len(names)
+    shape = len(omegas), len(texts), len(names)
     values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
     errors, reasons = np.full(shape, np.nan), {}
     with progress.task("speeds", len(omegas)):
         for at, omega in enumerate(omegas.tolist()):
             with progress.subtask("speeds"):
                 try:
-                    found = sensitivities(system, omega, asked, names, *settings)
+                    found = sensitivities(system, omega, texts, names, *settings)
                 except SolveError as reason:
                     reasons[at] = [f"no result: {reason}"]
                     continue
@@ -104,7 +120,7 @@ def sensitivities_over(
         values, derivatives = np.real(values), np.real(derivatives)
     constant = [system.parameters.get(name, np.nan) for name in names]
     by_speed = np.where(np.array(names) == SPEED, omegas[:, None], constant)
-    return SensitivitiesOver(system, omegas, asked, names, by_speed, values, derivatives, errors, reasons)
+    return SensitivitiesOver(system, omegas, texts, names, by_speed, values, derivatives, errors, reasons)
 
 
 @first_is(CriticalSpeeds, Bands, such_as="solve.critical_speeds(model, speeds)")
@@ -114,15 +130,36 @@ def speed_sensitivities(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Sensitivities:
-    """Derivatives of the edges of unstable bands, or of the maxima of critical speeds, by parameters.
+    """Derivatives of edges of unstable bands, or of maxima of critical speeds, by parameters.
 
-    found: what `solve.bands` or `solve.critical_speeds` gives. An edge is where the spectral radius is 1,
-    dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω); a maximum is where the derivative by the speed is 0, whose own derivatives
-    are differences over speed of exact ones. Quantities are "band1.from", "band1.to", …, with the bands as
-    they rise, and "response1", "multiplier1", "radius1", …, with the critical speeds as they fall; edges at
-    the ends of the range, and integer divisions, are left out. Speeds without derivatives have NaN and the
-    reason. by: names of parameters, by default all by which there are derivatives. Raises NoResultError
-    where there is no such speed, and what `solve.sensitivities` raises.
+    Parameters
+    ----------
+    found : Bands or CriticalSpeeds
+        Result of `solve.bands` or `solve.critical_speeds`.
+    by : sequence of str, optional
+        Names of parameters, by default all by which there are derivatives.
+    method : str or Method
+        "radau", "gauss" or "auto".
+    rtol : float
+        Relative tolerance, as in `sensitivities`.
+
+    Returns
+    -------
+    Sensitivities
+        Quantities are "band1.from", "band1.to", …, with the bands in ascending order, and "response1",
+        "multiplier1", "radius1", …, with the critical speeds in descending order. Edges at the ends of the
+        range and integer divisions are left out. Speeds without derivatives have NaN and the reason.
+
+    Raises
+    ------
+    NoResultError
+        If there is no such speed.
+    SolveError
+        Other subclasses, as in `sensitivities`.
+
+    Notes ----- At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the
+    derivative g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact
+    derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)
@@ -130,21 +167,23 @@ def speed_sensitivities(
     def derivatives(of: str, speed: float) -> Sensitivity:
         return sensitivities(system, speed, of, [*names, SPEED], method, rtol=rtol).found[of]
 
-    places, way = (_edges(found), _of_edge) if isinstance(found, Bands) else (_maxima(found), _of_maximum)
+    is_bands = isinstance(found, Bands)
+    places = _edges(found) if is_bands else _maxima(found)
+    differentiate = _of_edge if is_bands else _of_maximum
     if not places:
         raise NoResultError(f"{system.name} has no edge or maximum between these speeds; give other speeds")
-    made = {}
+    by_name = {}
     with progress.task("speeds", len(places)):
         for name, of, speed in places:
             with progress.subtask("speeds"):
-                each = way(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
-            made[name] = replace(each, reason=f"{name}: {each.reason}") if each.reason else each
+                each = differentiate(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
+            by_name[name] = replace(each, reason=f"{name}: {each.reason}") if each.reason else each
     values = {name: system.parameters[name] for name in names}
-    return Sensitivities(system, None, values, made, "", 0)
+    return Sensitivities(system, None, values, by_name, "", 0)
 
 
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
-    """Names of parameters that may move speeds, by default all by which there are derivatives. Raises
+    """Names of parameters that speeds may depend on, by default all by which there are derivatives. Raises
     UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
     _, every = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in every:
@@ -155,7 +194,7 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
 
 
 def _edges(found: Bands) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each."""
+    """Name, quantity and speed of each edge that is not an end of the range."""
     return [
         (f"band{number}.{word}", RADIUS, speed)
         for number, band in enumerate(found, start=1)
@@ -165,7 +204,7 @@ def _edges(found: Bands) -> list[tuple[str, str, float]]:
 
 
 def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each; no quantity where the response has no height."""
+    """Name, quantity and speed of each maximum; the quantity is empty if the response is unbounded."""
     ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "", "radius": RADIUS}
 
     def quantity(of: str, maximum: Maximum) -> str:
@@ -183,7 +222,7 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 
 
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
-    """The real part of the largest multiplier but those of rigid-body modes, which are +1."""
+    """Name of the real part of the largest multiplier without those of rigid-body modes, which are +1."""
     held = free(OnePoint(system, maximum.speed))
     largest = np.array([maximum.height])
     before = 0 if held is None or before_rigid(largest) else int(held.modes.multiplicity[0])
@@ -195,15 +234,15 @@ Derivatives = Callable[[str, float], Sensitivity]
 
 def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     found = derivatives(of, speed)
-    for _ in range(_NEWTON):
+    for _ in range(_NEWTON_STEPS):
         moved = (1 - float(np.real(found.value))) / found.derivatives[-1]
-        if not abs(moved) < _FAR * speed:
+        if not abs(moved) < _MAX_SHIFT * speed:
             break
         speed += moved
         found = derivatives(of, speed)
     *by, along = found.derivatives
     *off, off_along = found.errors
-    if not off_along < _KNOWN * abs(along):
+    if not off_along < _MAX_ERROR * abs(along):
         return _none(speed, len(by), f"{found.reason or _MEET}; {_DAMP}")
     slopes = -np.array(by) / along
     return Sensitivity(
@@ -212,7 +251,7 @@ def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
 
 
 def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    # The two differences below have all but one of their steps in common.
+    # The differences below share all but one of their steps.
     @functools.cache
     def gradient(omega: float) -> Array:
         return derivatives(of, omega).derivatives
@@ -224,25 +263,25 @@ def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
     def curvature(step: float) -> float:
         return float(np.real(gradient(start + step)[-1] - gradient(start - step)[-1])) / (2 * step)
 
-    for step in (_LOOK * speed, _LOOK * speed / _CLOSER):
+    for step in (_CURVATURE_STEP * speed, _CURVATURE_STEP * speed / _STEP_REDUCTION):
         near, far = curvature(step), curvature(2 * step)
         if near < 0 and abs(far - near) < _SMOOTH * abs(near):
             break
     else:
         return _none(speed, len(value.derivatives) - 1, _CORNER)
-    for _ in range(_NEWTON):
+    for _ in range(_NEWTON_STEPS):
         moved = -float(np.real(gradient(speed)[-1])) / near
-        if not abs(moved) < _FAR * speed:
+        if not abs(moved) < _MAX_SHIFT * speed:
             break
         speed += moved
-    width = _PART * float(np.sqrt(abs(np.real(value.value) / near)))
-    width = min(width, _FAR * speed / 2)
+    width = _WIDTH_FRACTION * float(np.sqrt(abs(np.real(value.value) / near)))
+    width = min(width, _MAX_SHIFT * speed / 2)
     fine, rough = (slope(gradient, speed, each) for each in (width, 2 * width))
     slopes, other = (-each[:-1] / each[-1] for each in (fine, rough))
     return Sensitivity(speed, "rad/s", slopes, np.abs(slopes - other), "")
 
 
 def _none(speed: float, count: int, reason: str) -> Sensitivity:
-    """Of a speed without derivatives."""
+    """Sensitivity of a speed without derivatives."""
     nothing = np.full(count, np.nan)
     return Sensitivity(speed, "rad/s", nothing, nothing, reason)

@@ -1,28 +1,33 @@
-"""The periodic solution over many speeds and values of parameters, a row of figures a point; of one system,
-or of several beside each other, such as one model with several lengths."""
+"""Periodic orbits over many speeds and values of parameters, of one system or of several variants; and the
+speed up to which the linear model is valid."""
 
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from solve.argument import listed, require_steps
+from solve.arguments import NUMBERS_A_POINT, require_size, require_steps, unique_names
 from solve.arrays import Array
-from solve.batch.family import SPEED, SystemFamily
+from solve.batch.family import SPEED, Family, SystemFamily
 from solve.batch.store import made_folder
 from solve.batch.task import task_of
-from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.contracts import Statistics
+from solve.errors import LinearModelError, MissingValueError, SolveError, ValueOutOfBoundsError, require_name
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
-from solve.results.points import Kept
+from solve.period.quantities import LEAST_SAMPLES, figures
+from solve.period.quantities import harmonics as harmonics_of
+from solve.results.points import Kept, PointResults
+from solve.results.special_orbits import RigidOrbit
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
-from solve.sizes import NUMBERS_A_POINT, require_size
-from solve.studies.rigid import rigid_points
-from solve.system import PeriodicSystem, of_any_system
+from solve.results.validity import Validity
+from solve.single import periodic
+from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
@@ -45,17 +50,49 @@ def sweep(
     over: Over | None = None,
     store: str | Path | None = None,
 ) -> Sweep:
-    """`periodic` at every speed (rad/s, texts with unit, or one text such as "100:900:81 rpm"), keeping the
-    statistics of each orbit.
+    """Solve for the periodic orbit at every speed, and keep the statistics of each orbit.
 
-    over: values of parameters in the model's units, or texts with unit: {name: values}, or texts such as
-    "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved, with the speed varying fastest;
-    without speeds, at that of the case. quantities: coordinates and outputs to keep, by default all; bounds
-    on outputs that are not kept are not checked. spectra: quantities whose amplitudes are kept too, up to
-    `harmonics`. A speed without a periodic solution gives NaN and the reason, and the sweep continues. An
-    executor computes parts of the sweep. store: a folder that keeps completed parts; the same call resumes
-    from it. engine: "compiled", "numpy", or "auto" for compiled code if a C compiler is available. Raises
-    SolveError subclasses for errors that affect all speeds.
+    Parameters
+    ----------
+    speeds : float, str or sequence of float or str, optional
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; with `over` by default the
+        speed of the case.
+    method, steps, rtol : optional
+        As in `periodic`.
+    executor : concurrent.futures.Executor, optional
+        Computes chunks of the sweep.
+    quantities : sequence of str, optional
+        Coordinates and outputs whose statistics are kept, by default all. Bounds on outputs that are not kept
+        are not checked.
+    spectra : sequence of str
+        Quantities whose amplitudes are kept too.
+    harmonics : int
+        Highest harmonic of the amplitudes.
+    engine : str
+        "compiled", "numpy", or "auto" for compiled code if a C compiler is available.
+    over : dict or str, optional
+        Values of parameters by name, in the model's units or as texts with unit; or texts such as
+        "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad". Every combination is solved, with the speed varying
+        fastest.
+    store : str or Path, optional
+        Folder that keeps completed chunks; the same call resumes from it.
+
+    Returns
+    -------
+    Sweep
+        A speed without a periodic solution has NaN and the reason.
+
+    Raises
+    ------
+    SolveError
+        A subclass for errors that affect all speeds.
+
+    Examples
+    --------
+    >>> import solve
+    >>> found = sweep(solve.load("cam"), "300:320:3 rpm", quantities=["q3"])
+    >>> len(found.speeds)
+    3
     """
     values = _over(over, system)
     given = speeds_given(_speeds(system, speeds, over))
@@ -73,7 +110,7 @@ def sweep(
     if system.vibrates:
         results = task.solved(task.batch(points), points, executor, store)
     elif store is None:
-        results = rigid_points(family, points, kept)
+        results = _rigid_points(family, points, kept)
     else:
         raise ValueOutOfBoundsError(
             f"{system.name} has no coordinates, and its sweep uses no store; omit the store"
@@ -85,26 +122,32 @@ def sweep(
 def _over(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:
     """Values of parameters in their own units by name. Raises ValueOutOfBoundsError, UnitError."""
     texts = [given] if isinstance(given, str) else given or ()
-    pairs = given.items() if isinstance(given, Mapping) else [_parted(text) for text in texts]
-    found: dict[str, Array] = {}
+    pairs = given.items() if isinstance(given, Mapping) else [_name_and_values(text) for text in texts]
+    numbers: dict[str, Array] = {}
     for name, values in pairs:
-        if name in found:
+        if name in numbers:
             raise ValueOutOfBoundsError(f"over gives {name} twice; give it once")
-        try:
-            each = evenly(values, name) if isinstance(values, str) else values
-            numbers = [system.in_own_unit(name, value) for value in each]
-        except (TypeError, ValueError):
-            numbers = []
-        found[name] = np.array(numbers)
-        if not numbers or not np.isfinite(found[name]).all():
+        numbers[name] = np.array(parameter_values(name, values, system))
+        if not len(numbers[name]) or not np.isfinite(numbers[name]).all():
             raise ValueOutOfBoundsError(
                 f"over gives {name} = {values!r}; give finite numbers in the model's own units, or a text "
                 "such as '1:9:5'"
             )
-    return found
+    return numbers
 
 
-def _parted(text: str) -> tuple[str, str]:
+def parameter_values(
+    name: str, values: str | Sequence[float | str] | Array, system: PeriodicSystem | None
+) -> list[float]:
+    """Values of a parameter in its own unit, plain numbers without a system; empty if they are invalid."""
+    numbers: list[float] = []
+    with suppress(TypeError, ValueError):
+        texts = evenly(values, name) if isinstance(values, str) else values
+        numbers = [float(value) if system is None else system.in_own_unit(name, value) for value in texts]
+    return numbers
+
+
+def _name_and_values(text: str) -> tuple[str, str]:
     name, equals, values = text.partition("=")
     if not equals:
         raise ValueOutOfBoundsError(f"over is {text!r}; write NAME=A:B:N, such as 'k1=1e4:9e4:50'")
@@ -112,7 +155,7 @@ def _parted(text: str) -> tuple[str, str]:
 
 
 def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
-    """The speeds given; where parameters vary, that of the case by default. Raises MissingValueError."""
+    """The speeds, by default that of the case if parameters vary. Raises MissingValueError."""
     if speeds is not None or not over:
         return speeds
     if system.case_speed is None:
@@ -122,25 +165,93 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
     return system.case_speed
 
 
+def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
+    """Statistics and amplitudes of the outputs of a mechanism without coordinates at points (P, v)."""
+    results = PointResults.blank(len(points), 0, kept)
+    with progress.task("points", len(points)) as count:
+        for at, point in enumerate(points):
+            try:
+                system, speed = family.system(point)
+                _keep_rigid(results, at, RigidOrbit.of(system, speed))
+            except SolveError as error:
+                results.failures[at] = str(error)
+            count.add(1)
+    return results
+
+
+def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
+    """Store the outputs of a point."""
+    system, names = orbit.system, results.kept.names
+    results.verdicts[at], results.errors[at] = 0, orbit.error_estimate
+    results.steps[at], results.methods[at] = orbit.steps, orbit.method
+    statistics = _output_figures(system, orbit.speed)
+    results.figures[at] = statistics[[system.outputs.index(name) for name in names]]
+    for row, name in enumerate(results.kept.spectra):
+        signal = orbit.signal(name)
+        results.amplitudes[at, row], _ = harmonics_of(signal, system.period, results.kept.harmonics)
+    limited = {name: Statistics(*statistics[system.outputs.index(name)].tolist()) for name in names}
+    texts = [*system.warnings(orbit.speed), *system.judged(limited)]
+    if texts:
+        results.warnings[at] = texts
+
+
+def _output_figures(system: PeriodicSystem, speed: float) -> Array:
+    """Statistics (o, 7) of the outputs."""
+
+    def values(phase: Array) -> Array:
+        none = np.zeros((0, len(phase)))
+        outputs = system.output_values(phase, speed, none, none, none)
+        return np.array([outputs[name] for name in system.outputs])
+
+    def row_by_row(phase: Array) -> Array:
+        rows = np.arange(len(phase))
+        return values(phase.ravel()).reshape(len(phase), *phase.shape)[rows, rows]
+
+    even = np.arange(LEAST_SAMPLES) * (system.period / LEAST_SAMPLES)
+    return figures(values(even), row_by_row, system.period)
+
+
 @of_model
 def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str, Model]:
-    """The model with each of several values of a parameter (a number in its own unit, or a text with unit) or
-    of an option, by value.
+    """Build variants of a model with several values of a parameter or of an option.
 
-    Raises UnknownNameError, and ValueOutOfBoundsError for a value that the model does not allow.
+    Parameters
+    ----------
+    name : str
+        Name of the parameter or option.
+    values : sequence of float or str
+        Values of a parameter in its own unit, or texts with unit; or choices of an option.
+
+    Returns
+    -------
+    dict
+        The models by the text of their value.
+
+    Raises
+    ------
+    UnknownNameError
+        For an unknown name.
+    ValueOutOfBoundsError
+        For a value that the model does not allow, or that is given twice.
+
+    Examples
+    --------
+    >>> import solve
+    >>> list(variants(solve.load("cam"), "k1", [1e4, 2e4]))
+    ['10000', '20000']
     """
     require_name(f"parameter or option of {model.name}", name, [*model.parameters, *model.options])
     if name in model.options:
-        made = {str(value): model.varied(options={name: value}) for value in values}
+        models = {str(value): model.varied(options={name: value}) for value in values}
     else:
         numbers = [_number(model, name, value) for value in values]
         labels = [f"{number:g}" for number in numbers]
         if len(set(labels)) < len(labels):
             labels = [repr(number) for number in numbers]
-        made = {label: model.varied({name: number}) for label, number in zip(labels, numbers, strict=True)}
-    if len(made) < len(values):
+        models = {label: model.varied({name: number}) for label, number in zip(labels, numbers, strict=True)}
+    if len(models) < len(values):
         raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
-    return made
+    return models
 
 
 def sweeps(
@@ -153,21 +264,43 @@ def sweeps(
     executor: Executor | None = None,
     store: str | Path | None = None,
 ) -> Sweeps:
-    """Each of the systems over the speeds (rad/s, or texts with unit), keeping the figures of some
-    coordinates and outputs that all of them have, or that names of `largest_of` stand for. executor, store:
-    as in `sweep`, with a folder within for each of the systems. Raises SolveError subclasses for bad
-    input."""
+    """Sweep several systems over the same speeds, such as variants of one model.
+
+    Parameters
+    ----------
+    systems : dict
+        Systems by label.
+    speeds : float, str or sequence of float or str
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
+    quantities : sequence of str
+        Coordinates and outputs that all systems have, or names of `largest_of`, whose statistics are kept.
+    title : str
+        Title of the figure.
+    method, rtol, executor : optional
+        As in `sweep`.
+    store : str or Path, optional
+        As in `sweep`, with a folder inside for each of the systems.
+
+    Returns
+    -------
+    Sweeps
+
+    Raises
+    ------
+    SolveError
+        A subclass for bad input.
+    """
     if not systems:
         raise ValueOutOfBoundsError("no systems given; give one at least")
-    given, quantities, found = speeds_given(speeds), listed(quantities), {}
+    given, quantities, by_label = speeds_given(speeds), unique_names(quantities), {}
     with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]
             with progress.subtask("curves"):
                 folder = None if store is None else made_folder(store) / str(number)
-                found[label] = sweep(system, given, method, None, rtol, executor, names, store=folder)
+                by_label[label] = sweep(system, given, method, None, rtol, executor, names, store=folder)
     first = next(iter(systems.values())).shown_in(given[0])
-    return Sweeps(title, np.array(given), found, quantities, first)
+    return Sweeps(title, np.array(given), by_label, quantities, first)
 
 
 def _number(model: Model, name: str, value: float | str) -> float:
@@ -177,3 +310,56 @@ def _number(model: Model, name: str, value: float | str) -> float:
         raise ValueOutOfBoundsError(
             f"{name} is '{value}'; give a number in the model's unit or with a unit"
         ) from None
+
+
+@of_system
+def validity(
+    system: PeriodicSystem,
+    speeds: float | str | Sequence[float | str] | Array,
+    at: float = 0.05,
+    method: str | Rule = "auto",
+    rtol: float = 1e-6,
+) -> Validity:
+    """Estimate the linearisation error at every speed, and the speed up to which it is acceptable.
+
+    Parameters
+    ----------
+    speeds : float, str or sequence of float or str
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
+    at : float
+        Largest acceptable relative error.
+    method, rtol : optional
+        As in `periodic`.
+
+    Returns
+    -------
+    Validity
+        Errors as by `Orbit.linearisation_error`. A speed without a linear orbit, or at which the correction
+        diverges, has no error, and the model counts as invalid there.
+
+    Raises
+    ------
+    LinearModelError
+        For systems without nonlinear equations.
+    SolveError
+        Other subclasses for bad input.
+    """
+    if not 0 < at <= 1:
+        raise ValueOutOfBoundsError(f"at is {at}; allowed: a part > 0 and up to 1, such as 0.05 for 5 %")
+    if not system.nonlinear:
+        raise LinearModelError(
+            f"{system.name} is linear by construction; only a model with nonlinear equations can be off them"
+        )
+    given = speeds_given(speeds)
+    system, omegas = system.shown_in(given[0]), np.sort(given)
+    errors, failures = np.full((len(omegas), system.n), np.nan), {}
+    with progress.task("speeds", len(omegas)):
+        for position, omega in enumerate(omegas.tolist()):
+            with progress.subtask("speeds"):
+                try:
+                    by_coordinate = periodic(system, omega, method, rtol=rtol).linearisation_error
+                    assert by_coordinate is not None
+                    errors[position] = list(by_coordinate.values())
+                except SolveError as reason:
+                    failures[position] = str(reason)
+    return Validity(system, omegas, errors, at, failures)

@@ -1,5 +1,5 @@
-"""What people look at: tables, figures and HTML of results, reports, animations. Matplotlib and HTML are used
-here only."""
+"""Displays of results: tables, figures, HTML, reports and animations. Matplotlib and HTML are used here
+only."""
 
 from solve.views import chart as chart
 from solve.views import comparison as comparison
@@ -8,8 +8,8 @@ from solve.views import fit as fit
 from solve.views import frequencies as frequencies
 from solve.views import orbit as orbit
 from solve.views import over_speed as over_speed
+from solve.views import over_time as over_time
 from solve.views import sensitivities as sensitivities
-from solve.views import transient as transient
 from solve.views.show import as_html, as_text, figure
 from solve.views.style import Figure
 from solve.views.sweep import waterfall_figure

@@ -1,4 +1,4 @@
-"""The mechanism in motion: as it would turn if it were rigid, and with its vibration magnified."""
+"""Mechanism in motion: rigid motion, and motion with magnified vibration."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -10,45 +10,61 @@ from typing import BinaryIO
 
 import numpy as np
 
-from solve.argument import first_is
+from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.methods.choice import Rule
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
-from solve.results.files import PICTURES, checked, write_whole
+from solve.results.files import PICTURES, checked, write_atomic
+from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
-from solve.results.quantities import round_magnification
 from solve.single import periodic
-from solve.system import PeriodicSystem
-from solve.views.moving_page import page_text
-from solve.views.moving_picture import Drawn, Panel, gif, still
-from solve.views.panels import shown, titled
+from solve.system import PeriodicSystem, require_load
+from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
+from solve.views.panels import SAMPLES, shown, titled
 from solve.views.style import Figure, drawn
 
 ENDINGS = (".gif", ".html", *PICTURES)
 
 FREE_TURNS = 8
-"""Periods of the matrices over which a free vibration is shown."""
+"""Number of periods of a free vibration."""
 
 _FRAMES, _FREE_FRAMES, _POSITIONS = 90, 240, 6
 MOST_FRAMES, MOST_POSITIONS = 720, 12
 
 _PANELS = 4
-"""Coordinates whose curves are shown where none are named."""
+"""Number of coordinates whose curves are shown by default."""
 
-_SAMPLES = 721
 _VISIBLE = 0.12
-"""Part of the mechanism's size up to which an automatic magnification may move it."""
+"""Largest displacement by automatic magnification, relative to the size of the mechanism: clearly visible
+without distorting the mechanism."""
 
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """A vibration to be looked at, over phases from 0 to `span` (rad).
+    """Animation of a vibration, from `solve.animate`.
 
-    vibration: q (n, k) at phases (k,); signals: what is drawn beside it by name; scale: the magnification;
-    about: what kind of vibration it is; doubt: why it would not be seen, if so; warnings: that, and of its
-    calculation.
+    Attributes
+    ----------
+    system, speed : PeriodicSystem, float
+        System, and speed in rad/s.
+    span : float
+        Last phase in rad; the first is 0.
+    vibration : callable
+        Function from phases (k,) to coordinates (n, k).
+    signals : mapping of str to callable
+        Functions of the phase that are drawn as curves.
+    scale : float
+        Magnification.
+    frames : int or None
+        Number of frames; None for the default.
+    about : str
+        Kind of vibration.
+    doubt : str
+        Reason why the vibration would not be observed; empty if there is none.
+    warnings : sequence of str
+        Sentences on what is doubtful.
     """
 
     system: PeriodicSystem
@@ -63,13 +79,13 @@ class Animation:
     warnings: Sequence[str]
 
     def lines(self, phase: Array, scale: float) -> Mapping[str, Plane]:
-        """Places x + iy (points, k) of the mechanism's lines by name at phases (k,), its coordinates
-        multiplied by a scale: 0 for the rigid motion."""
+        """Places x + iy (points, k) of the mechanism's lines at phases (k,), by name. scale: factor of the
+        coordinates, 0 for the rigid motion."""
         return self.system.sketched(phase, self.speed, scale * self.vibration(phase))
 
     @property
     def title(self) -> str:
-        """What is shown, with the magnification."""
+        """Title with the magnification."""
         return f"{titled(self.system, self.speed)}: {self._shown}"
 
     @property
@@ -85,33 +101,34 @@ class Animation:
         return self.span > self.system.period
 
     def drawn(self, still: bool) -> Drawn:
-        """What a picture shows, at the phases of a still or of an animation."""
+        """Content of a picture of positions (`still`) or of an animation."""
         count = frame_count(self.frames, self._free, still)
         phase = np.arange(count) * (self.span / count)
         caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.vibrates else ""
-        fine = np.linspace(0.0, self.span, _SAMPLES)
+        fine = np.linspace(0.0, self.span, SAMPLES)
         panels = [Panel(name, signal(fine), signal(phase)) for name, signal in self.signals.items()]
         rigid, moved = self.lines(phase, 0.0), self.lines(phase, self.scale)
         return Drawn(self.system, self.title, caption, self.doubt, phase, fine, rigid, moved, panels)
 
     def plot(self) -> Figure:
-        """Some positions in one figure of matplotlib."""
+        """Figure (matplotlib) of some positions."""
         return still(self.drawn(still=True))
 
     @cached_property
     def html(self) -> str:
-        """The animation as a page of HTML that needs no other file."""
-        # The picture itself says why the vibration would not be seen.
-        return page_text(self.drawn(still=False), [each for each in self.warnings if each != self.doubt])
+        """Animation as a single-file page of HTML."""
+        # The caption of the picture contains the doubt.
+        warnings = [warning for warning in self.warnings if warning != self.doubt]
+        return page_text(self.drawn(still=False), warnings)
 
     def save(self, path: str | Path) -> None:
-        """Write the animation (.gif, .html) or some of its positions (.png, .pdf, .svg), whole or not at all.
-        Raises FileError."""
+        """Write the animation (.gif, .html) or a picture of positions (.png, .pdf, .svg), completely or not
+        at all. Raises FileError."""
         file = checked(path, ENDINGS, "animation")
         if file.suffix.lower() in PICTURES:
-            write_whole(file, drawn(self.plot(), file))
+            write_atomic(file, drawn(self.plot(), file))
         else:
-            write_whole(file, partial(self._write, file.suffix.lower()))
+            write_atomic(file, partial(self._write, file.suffix.lower()))
 
     def _write(self, ending: str, stream: BinaryIO) -> None:
         stream.write(gif(self.drawn(still=False)) if ending == ".gif" else self.html.encode())
@@ -120,7 +137,7 @@ class Animation:
         return f"Animation of {self.title}; .save('{self.system.name}.gif') writes it"
 
     def _repr_html_(self) -> str:
-        """The page, in a notebook."""
+        """Page in a frame, for a notebook."""
         return f'<iframe srcdoc="{escape(self.html)}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
 
@@ -135,33 +152,48 @@ def animate(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Animation:
-    """The mechanism as it moves over a period, rigid and with its coordinates multiplied by `scale`; without
-    one the vibration is magnified until it can be seen.
+    """Animation of the mechanism over a period: rigid motion, and motion with magnified vibration.
 
-    speed: in rad/s or a text with unit, by default that of the case; an orbit that was calculated before has
-    its own. Without a load the periodic vibration is zero; then the free one over eight periods is shown, the
-    largest coordinate 1. frames: of the animation, 90 (240 of a free vibration), or positions in a still, 6.
-    show: coordinates and outputs whose curves stand beside, by default the first four coordinates.
+    Without a load the free vibration over eight periods is shown, with the largest coordinate 1.
 
-    `.save("cam.gif")` writes it. Raises NoSketchError where the model states no lines, NoMotionError where it
-    does not move, and other SolveError subclasses for bad input.
+        Parameters ---------- system : PeriodicSystem or Orbit System, or an orbit of one. speed : float or
+        str, optional Speed in rad/s or a text with unit; by default that of the case. scale : float, optional
+        Magnification; by default the vibration is visible. frames : int, optional Number of frames, by
+        default 90 (240 for a free vibration), or of positions in a picture, by default 6. show : sequence of
+        str, optional Coordinates and outputs drawn as curves, by default the first four coordinates.
+        nonlinear : bool Whether to use the nonlinear orbit. method, rtol : str or method, float Method and
+        relative tolerance of the orbit.
+
+    Returns
+    -------
+    Animation
+        Its method `save` writes the animation or a picture.
+
+    Raises
+    ------
+    NoSketchError
+        If the model defines no lines.
+    NoMotionError
+        If the model does not move.
+    SolveError
+        For other bad input.
     """
     require_magnification(scale)
     frame_count(frames, False, False)
-    asked = system.system if isinstance(system, Orbit) else system
-    if not asked.solvable:
-        raise ReopenedError("a result that was read from a file knows no lines to draw; load the model again")
-    if asked.vibrates:
-        asked.require_motion()
-    asked.sketched(np.zeros(1), 1.0, np.zeros((asked.n, 1)))
-    names = shown(asked, show) if show else list((asked.coordinates or asked.outputs)[:_PANELS])
+    model = system.system if isinstance(system, Orbit) else system
+    if not model.solvable:
+        raise ReopenedError("a result that was read from a file has no lines to draw; load the model again")
+    if model.vibrates:
+        model.require_motion()
+    model.sketched(np.zeros(1), 1.0, np.zeros((model.n, 1)))
+    names = shown(model, show) if show else list((model.coordinates or model.outputs)[:_PANELS])
     if isinstance(system, Orbit):
         _require_nothing(speed is not None or nonlinear or method != "auto")
         return _scaled(_of_orbit(system, names, frames), scale)
-    omega = asked.speed_or_usual(speed)
-    asked.checked(omega)
-    made = _calculated(asked.shown_in(omega), omega, names, frames, nonlinear, method, rtol)
-    return _scaled(made, scale)
+    omega = model.speed_or_usual(speed)
+    model.checked(omega)
+    animation = _calculated(model.shown_in(omega), omega, names, frames, nonlinear, method, rtol)
+    return _scaled(animation, scale)
 
 
 def _calculated(
@@ -173,10 +205,10 @@ def _calculated(
     method: str | Rule,
     rtol: float,
 ) -> Animation:
-    """Of the orbit at this speed; without a load, which it needs, of the free vibration."""
+    """Animation of the orbit or, without a load, of the free vibration."""
     try:
         if system.vibrates:
-            system.require_load(omega)
+            require_load(system, omega)
     except NoLoadError:
         if nonlinear:
             raise
@@ -185,9 +217,9 @@ def _calculated(
     return _of_orbit(find(system, omega, method=method, rtol=rtol), names, frames)
 
 
-def _require_nothing(given: bool) -> None:
-    """Raise ValueOutOfBoundsError where something is given beside an orbit that it cannot change."""
-    if given:
+def _require_nothing(is_given: bool) -> None:
+    """Raise ValueOutOfBoundsError for arguments that cannot change an orbit."""
+    if is_given:
         raise ValueOutOfBoundsError(
             "an orbit that was calculated before has its speed, method and equations; leave out speed, "
             "method and nonlinear, or give the model instead of the orbit"
@@ -195,9 +227,9 @@ def _require_nothing(given: bool) -> None:
 
 
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
-    """With the magnification 1."""
+    """Animation of an orbit without magnification."""
     signals = {name: orbit.signal(name) for name in names}
-    unstable = "unstable: disturbances grow, a machine does not keep to this vibration"
+    unstable = "unstable: disturbances grow, and this vibration is not sustained"
     doubt = unstable if orbit.verdict == "unstable" else ""
     return Animation(
         orbit.system,
@@ -216,7 +248,7 @@ def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animati
 def _free(
     system: PeriodicSystem, omega: float, names: Sequence[str], frames: int | None, rtol: float
 ) -> Animation:
-    """The free vibration from q = 1 at rest, scaled so that its largest coordinate is 1."""
+    """Animation of the free vibration from q = 1 at rest, scaled to a largest coordinate of 1."""
     from scipy.interpolate import CubicHermiteSpline
 
     system.known_quantities(names)
@@ -248,21 +280,21 @@ def _free(
     )
 
 
-def _scaled(made: Animation, scale: float | None) -> Animation:
-    """With this magnification, or with the largest of 1, 2, 5, 10, … that moves no point by more than 12 % of
-    the mechanism's size."""
+def _scaled(animation: Animation, scale: float | None) -> Animation:
+    """Animation with a magnification, by default the largest of 1, 2, 5, 10, … that displaces no point by
+    more than 12 % of the mechanism's size."""
     if scale is None:
-        phase = np.linspace(0.0, made.span, _SAMPLES // 4)
-        rigid, moved = made.lines(phase, 0.0), made.lines(phase, 1.0)
-        everywhere = np.concatenate([places.ravel() for places in rigid.values()])
-        size = max(np.ptp(everywhere.real), np.ptp(everywhere.imag))
+        phase = np.linspace(0.0, animation.span, SAMPLES // 4)
+        rigid, moved = animation.lines(phase, 0.0), animation.lines(phase, 1.0)
+        points = np.concatenate([places.ravel() for places in rigid.values()])
+        size = max(np.ptp(points.real), np.ptp(points.imag))
         largest = max(float(np.abs(moved[name] - places).max()) for name, places in rigid.items())
         scale = round_magnification(_VISIBLE * size / largest) if largest > 0 else 1.0
-    return replace(made, scale=float(scale))
+    return replace(animation, scale=float(scale))
 
 
 def require_magnification(scale: float | None) -> None:
-    """Raise ValueOutOfBoundsError for what is no magnification."""
+    """Raise ValueOutOfBoundsError unless the scale is a number >= 0 or None."""
     if scale is None:
         return
     try:
@@ -274,7 +306,7 @@ def require_magnification(scale: float | None) -> None:
 
 
 def frame_count(frames: int | None, free: bool, still: bool) -> int:
-    """How many frames or positions, the number given or the usual one. Raises ValueOutOfBoundsError."""
+    """Number of frames or positions, by default the usual one. Raises ValueOutOfBoundsError."""
     if frames is None:
         return _POSITIONS if still else _FREE_FRAMES if free else _FRAMES
     most = MOST_POSITIONS if still else MOST_FRAMES

@@ -1,4 +1,4 @@
-"""The picture of a stability chart: regions by their stability, the growth in unstable ones, boundaries."""
+"""Figure and tables of a stability chart: regions, growth in unstable ones, and boundaries."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.period.multipliers import UNDETERMINED
 from solve.results.chart import Chart, Cut
-from solve.results.quantities import headed, prefixed
+from solve.results.formatting import headed, prefixed
 from solve.system import PeriodicSystem
 from solve.views.panels import axis_label, draw_map, title_of
 from solve.views.show import figure, tables
@@ -20,25 +20,26 @@ _LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
 _SHORT = {"+1": "+1", "-1": "−1", "complex": "pair"}
 _STABLE, _UNKNOWN = "#DCE9F4", "#9A9A9A"
 _MOST_GROWTH = 4.0
-"""Growth exponents a period above this look alike."""
+"""Growth exponent per period above which colours do not change: a choice that resolves the boundaries."""
 
 _FEW = 40_000
-"""Grid points up to which boundaries are drawn into the colours; more are dense enough by themselves."""
+"""Maximum number of grid points for which colours follow the boundaries; a denser grid resolves them
+itself."""
 
 _LETTER = 0.007, 0.035
-"""Half the width and half the height of a letter with its room, as parts of the picture."""
+"""Half the width and half the height of a letter with its margin, as fractions of the figure."""
 
 _FEWEST = 5
-"""Points of a curve that can be smoothed."""
+"""Minimum number of points of a curve for smoothing by Akima's cubics."""
 
 
 _MOST_CURVES = 20
 
 
 class Field(NamedTuple):
-    """Over x (nx,) and y (ny,), as they are shown: growth ln|ρ| a period (ny, nx), the kind of unstable
-    points or "", and which are unknown. boundaries: kinds and curves (k, 2). decided, open: boxes (k, 4),
-    ends along x and y, with a proved verdict and without one."""
+    """Stability over x (nx,) and y (ny,) in the units shown: growth ln|ρ| per period (ny, nx), kind of
+    unstable points or an empty text, whether a point is unknown; boundaries: kinds and curves (k, 2);
+    decided, open: boxes (k, 4), ends along x and y, with a proved verdict and without one."""
 
     x: Array
     y: Array
@@ -52,8 +53,7 @@ class Field(NamedTuple):
 
 @figure.register(Chart)
 def chart_figure(chart: Chart) -> Figure:
-    """Stable and unstable regions with their growth ln|ρ| a period, or the quantity that was asked for, and
-    boundaries."""
+    """Stable and unstable regions with growth ln|ρ| per period, or the requested quantity, and boundaries."""
     system, names = chart.system, (chart.x_name, chart.y_name)
     units = [system.unit_of(name) for name in names]
     with np.errstate(divide="ignore"):
@@ -83,8 +83,7 @@ def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
 
 
 def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
-    """Stable and unstable regions, the growth in the latter by the kind of the multiplier that leaves the
-    unit circle, and the boundaries between."""
+    """Stable regions, unstable regions with their growth by kind of the multiplier, and boundaries."""
     from matplotlib.patches import Patch
 
     shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
@@ -107,8 +106,7 @@ def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]
 def values_figure(
     system: PeriodicSystem, field: Field, labels: tuple[str, str], values: Array, scale: str
 ) -> Figure:
-    """Values (ny, nx) with the text of their scale, grey where there is none, and the boundaries between
-    stable and unstable."""
+    """Values (ny, nx), grey where they are missing, and boundaries. scale: label of the values."""
     with page(5.0, f"{title_of(system)}: {scale.partition(' (')[0]}") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_UNKNOWN)
@@ -120,7 +118,8 @@ def values_figure(
 def _draw_boundaries(
     figure: Figure, axes: Axes, field: Field, labels: tuple[str, str], keys: Sequence[Any]
 ) -> None:
-    """Each kind in its own dashes, named in the legend behind the keys given; the axes' labels."""
+    """Draw boundaries with dashes by kind, the legend with the given keys first, and the labels of the
+    axes."""
     from matplotlib.lines import Line2D
 
     kinds = {kind for kind, _ in field.boundaries}
@@ -154,7 +153,7 @@ def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
 
 
 def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str]) -> None:
-    """The growth in the regions of each kind, with a marked scale each."""
+    """Draw the growth in the regions of each kind, with a colour bar each."""
     from matplotlib.colors import ListedColormap
     from matplotlib.ticker import MaxNLocator
 
@@ -162,15 +161,15 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
     top = np.clip(np.nanmax(np.where(field.kinds != "", growth, 0.0)), 1e-3, _MOST_GROWTH)
     levels = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, top))
     levels = levels[levels >= 0]
-    # Away from the region its field is as far below zero as the growth beside is above.
+    # Negative values outside make the interpolated field vanish at the boundary.
     plane = _plane(field, np.where(field.kinds != "", growth, -levels[1]))
     colours = {"levels": levels, "extend": "max"}
     for kind in reversed(kinds):
         filled = plane.fill(axes, plane.values, **colours, colors=_shades(kind, len(levels) - 1))
         if len(kinds) > 1:
-            own = plane.fill(axes, (plane.kinds == kind).astype(float), levels=[1 / 3, 2.0], colors="none")
-            filled.set_clip_path(own.get_paths()[0], axes.transData)
-            own.remove()
+            region = plane.fill(axes, (plane.kinds == kind).astype(float), levels=[1 / 3, 2.0], colors="none")
+            filled.set_clip_path(region.get_paths()[0], axes.transData)
+            region.remove()
         bar = figure.colorbar(filled, ax=axes, pad=0.015, fraction=0.035, aspect=28)
         bar.ax.set_title(_SHORT[kind], fontsize=8)
         bar.outline.set_linewidth(0.5)
@@ -185,7 +184,7 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
 
 class _Plane(NamedTuple):
-    """Values at points, the kind of the nearest unstable one, and what fills axes with a field over them."""
+    """Values at points, kind of the nearest unstable point, and function that fills axes with a field."""
 
     values: Array
     kinds: Array
@@ -193,19 +192,19 @@ class _Plane(NamedTuple):
 
 
 def _plane(field: Field, values: Array) -> _Plane:
-    """The grid, and between its points the boundaries, where the value is zero."""
+    """Grid points and, with value zero, points of the boundaries."""
     from scipy.spatial import Delaunay, KDTree
 
-    points = np.column_stack([part.ravel() for part in np.meshgrid(field.x, field.y)])
+    points = np.column_stack([axis.ravel() for axis in np.meshgrid(field.x, field.y)])
     spacing = np.ptp(points, axis=0) / (np.array(values.shape[::-1]) - 1)
     unstable = field.kinds.ravel() != ""
     few = values.size <= _FEW
     curves = [curve for _, curve in field.boundaries] if few else []
-    every = np.concatenate([points, *curves])
+    places = np.concatenate([points, *curves])
     flat = np.concatenate([values.ravel(), *(np.zeros(len(curve)) for curve in curves)])
-    kinds = np.full(len(every), "", dtype=field.kinds.dtype)
+    kinds = np.full(len(places), "", dtype=field.kinds.dtype)
     if unstable.any():
-        _, nearest = KDTree(points[unstable] / spacing).query(every / spacing)
+        _, nearest = KDTree(points[unstable] / spacing).query(places / spacing)
         kinds = field.kinds.ravel()[unstable][nearest]
     if not few:
         shape = values.shape
@@ -213,13 +212,13 @@ def _plane(field: Field, values: Array) -> _Plane:
         return _Plane(flat, kinds, lambda axes, z, **how: axes.contourf(x, y, z.reshape(shape), **how))
     from matplotlib.tri import Triangulation
 
-    _, first = np.unique(every, axis=0, return_index=True)
-    triangles = Triangulation(every[first, 0], every[first, 1], Delaunay(every[first] / spacing).simplices)
+    _, first = np.unique(places, axis=0, return_index=True)
+    triangles = Triangulation(places[first, 0], places[first, 1], Delaunay(places[first] / spacing).simplices)
     return _Plane(flat[first], kinds[first], lambda axes, z, **how: axes.tricontourf(triangles, z, **how))
 
 
 def _shades(kind: str, count: int) -> Array:
-    """From a light tint of the kind's colour to a dark one; one more above the last level."""
+    """Colours from a light to a dark shade of the kind's colour; the last one is above all levels."""
     from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
     colour = np.array(to_rgb(KIND_COLORS[kind]))
@@ -228,7 +227,7 @@ def _shades(kind: str, count: int) -> Array:
 
 
 def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
-    """The name of each large region in the middle of it."""
+    """Write the name of each large region in its middle."""
     from scipy import ndimage
 
     stable = (field.kinds == "") & ~field.unknown
@@ -241,7 +240,7 @@ def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
         regions: Any = ndimage.label(inside)
         for number in range(1, regions[1] + 1):
             framed = np.pad(regions[0] == number, 1)
-            # Distances in units of what the words need on either side.
+            # Distances in units of the space that the name needs on either side.
             need = _LETTER[1] * ny, _LETTER[0] * len(words) * nx
             scales = 1 / need[0], 1 / need[1]
             distance: Any = ndimage.distance_transform_edt(framed, sampling=scales)
@@ -253,7 +252,7 @@ def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
 
 
 def smooth(curve: Array) -> Array:
-    """Further points of a curve (k, 2) between its own, by Akima's cubics over its length."""
+    """Curve (k, 2) with interpolated points: Akima's cubics over the arc length."""
     from scipy.interpolate import Akima1DInterpolator
 
     steps = np.hypot(*(np.diff(curve, axis=0) / np.maximum(np.ptp(curve, axis=0), 1e-300)).T)
@@ -269,7 +268,7 @@ def smooth(curve: Array) -> Array:
 
 @tables.register(Chart)
 def chart_tables(chart: Chart) -> Sequence[RenderableType]:
-    """Boundaries, and the crossings of each cut."""
+    """Table of boundaries, and of the crossings of each cut."""
     return [_boundary_table(chart), *(_cut_table(cut, chart.system) for cut in chart.cuts)]
 
 
@@ -277,21 +276,19 @@ def _boundary_table(chart: Chart) -> RenderableType:
     if not chart.boundaries:
         return text("\nno boundary in this range")
     names = chart.x_name, chart.y_name
-    made = table("Boundaries between stable and unstable", "kind", "points", *names, left=1)
-    for curve in sorted(chart.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]:
-        spans = map(chart.span, names, curve.points.T)
-        made.add_row(curve.name, str(len(curve.points)), *spans)
-    if len(chart.boundaries) > _MOST_CURVES:
-        made.caption = f"and {len(chart.boundaries) - _MOST_CURVES} shorter ones"
-    return made
+    curves = sorted(chart.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]
+    rows = [(name, str(len(points)), *map(chart.span, names, points.T)) for name, points in curves]
+    shorter = len(chart.boundaries) - len(curves)
+    caption = f"and {shorter} shorter ones" if shorter else None
+    title = "Boundaries between stable and unstable"
+    return table(title, "kind", "points", *names, rows=rows, caption=caption)
 
 
 def _cut_table(cut: Cut, system: PeriodicSystem) -> RenderableType:
-    """A row a crossing."""
+    """Row per crossing."""
     where = f"Along {cut.along} at {cut.across} = {system.unit_of(cut.across).text(cut.value)}"
     if not cut.crossings:
         return text(f"\n{where}: no boundary")
-    made = table(where, "at", "kind", left=0)
-    for at, kind in cut.crossings:
-        made.add_row(system.unit_of(cut.along).text(at, ".9g"), kind)
-    return made
+    unit = system.unit_of(cut.along)
+    rows = [(unit.text(value, ".9g"), kind) for value, kind in cut.crossings]
+    return table(where, "at", "kind", left=0, rows=rows)

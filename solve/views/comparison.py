@@ -1,35 +1,48 @@
-"""Methods side by side: work and precision."""
+"""Comparison of methods: work and precision; the stability region of Newmark's method."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from solve.methods.newmark import stability_limit
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row, grouped
 from solve.results.contents import Column, digits
 from solve.views.panels import titled
 from solve.views.show import figure, tables
-from solve.views.style import GREY, LIGHT, MANY, Figure, page
+from solve.views.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    LIGHT,
+    MANY,
+    ORANGE,
+    VERMILION,
+    Figure,
+    new_figure,
+    page,
+    styled,
+)
 from solve.views.tables import RenderableType, table_of, text
 
 _UNRESOLVED, _OTHER_VERDICT = "*", "≠"
 _LEGEND = {
-    _UNRESOLVED: "ω_max h is beyond what the method follows or damps: multipliers may be false",
-    _OTHER_VERDICT: "not the truth's verdict",
+    _UNRESOLVED: "ω_max h is beyond what the method resolves or damps: multipliers may be false",
+    _OTHER_VERDICT: "verdict differs from the reference",
 }
 
 _MARKERS = "osD^vPXph*<>"
 _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "markersize": 5.5}
 _LINES = ("-", "--", ":")
-"""Past the last colour the next kind of line begins."""
+"""Line styles; the next one follows the last colour."""
 
 _WORST = 3.0
-"""Relative error above which a result is no result; not drawn."""
+"""Largest relative error that is drawn: a result with a larger one has no digit."""
 
 
 @figure.register(Comparison)
 def comparison_figure(comparison: Comparison) -> Figure:
-    """Error over time, a line a method."""
+    """Error over time with a line per method."""
     methods = grouped((row.method, row) for row in comparison.measured if row.reason is None)
     kinds = [ORBIT, MULTIPLIERS] if comparison.judged_by == ORBIT else [MULTIPLIERS]
     known_to = {kind: getattr(comparison.reference.error_estimate, kind) for kind in kinds}
@@ -43,9 +56,9 @@ def work_precision_figure(
     known_to: Mapping[str, float],
     targets: Mapping[str, Sequence[float]],
 ) -> Figure:
-    """Error over time, a panel a kind of error, a line a method, its points rising in steps; targets dashed.
+    """Error over time: panel per kind of error, line per method, points by rising steps, targets dashed.
 
-    known_to: the reference's own error of each kind, shaded, as nothing below it can be seen. Errors
+    known_to: error of the reference by kind; below it, in the shaded area, errors cannot be measured. Errors
     above 3 and below a tenth of the reference's are not drawn.
     """
     from cycler import cycler
@@ -80,41 +93,88 @@ def work_precision_figure(
 
 @tables.register(Comparison)
 def comparison_tables(comparison: Comparison) -> Sequence[RenderableType]:
-    """One for each number of steps and each target."""
+    """Table per number of steps and per target."""
     groups = grouped((f"At {row.at}: {_goal(comparison, row)}", row) for row in comparison.rows)
-    return [part for group in groups.items() for part in _parts(comparison, *group)]
+    return [item for group in groups.items() for item in _group_tables(comparison, *group)]
 
 
 def _goal(comparison: Comparison, row: Row) -> str:
     if row.target is None:
         return f"{row.asked} steps a period"
-    return f"{comparison.judged_by} right to {row.target:g}"
+    return f"{comparison.judged_by} accurate to {row.target:g}"
 
 
-def _parts(comparison: Comparison, title: str, rows: Sequence[Row]) -> list[RenderableType]:
-    """A table of the rows that have a result, and what is to be said of them."""
+def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> list[RenderableType]:
+    """Table of the rows that have a result, and notes."""
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)
-    quickest, columns = min((row.time for row in done), default=0.0), comparison.columns_of(done)
-    ratios = [row.time / quickest if quickest else None for row in done]
-    other, truth = columns.pop("verdict"), comparison.reference.verdict
-    marks = [_UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != truth) for row in done]
+    fastest, columns = min((row.time for row in done), default=0.0), comparison.columns_of(done)
+    ratios = [row.time / fastest if fastest else None for row in done]
+    verdicts, reference = columns.pop("verdict"), comparison.reference.verdict
+    marks = [_UNRESOLVED * (not row.followed) + _OTHER_VERDICT * (row.verdict != reference) for row in done]
     columns["ratio"] = Column(ratios, heading="ratio", text=digits(".2f"))
-    columns |= {"verdict": other, "mark": Column(marks, heading=" ")}
-    notes = [f"{mark} {meaning}" for mark, meaning in _LEGEND.items() if any(mark in each for each in marks)]
+    columns |= {"verdict": verdicts, "mark": Column(marks, heading=" ")}
+    notes = [f"{mark} {meaning}" for mark, meaning in _LEGEND.items() if any(mark in text for text in marks)]
     dim = (text(note, "dim") for note in (*notes, *_reasons(rows)))
     return [table_of(title, columns, left=1), *dim]
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Why methods have no result, or what is doubtful about their own settings; methods of one kind
-    together."""
-    # The last warning of a method that does not follow is said by its mark.
-    said = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
+    """Reasons why methods have no result, and warnings, each with the methods it applies to."""
+    # The mark of a method that does not resolve the fastest mode replaces its last warning.
+    texts = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
     reasons = grouped(
         (reason, row.method)
-        for warnings, row in said
+        for warnings, row in texts
         for reason in (warnings if row.reason is None else [row.reason])
     )
     return [f"{', '.join(names)}: {reason}" for reason, names in reasons.items()]
+
+
+_POINTS = {
+    "average acceleration": (0.5, 1 / 4),
+    "linear acceleration": (0.5, 1 / 6),
+    "Fox–Goodwin": (0.5, 1 / 12),
+    "central differences": (0.5, 0.0),
+}
+_GROWING = "γ = 1/4, β = 1/6"
+
+_LEVELS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
+
+
+def newmark_region_figure() -> Figure:
+    """Stability regions of the (γ, β) plane: unstable for γ < 1/2, stable up to a limit of ω h (contours),
+    stable for any step (after thesis Fig. 6.1)."""
+    with styled():
+        figure = new_figure(4.3)
+        axes = figure.add_subplot()
+        gamma = np.linspace(0.5, 1.0, 201)
+        axes.axvspan(0.18, 0.5, color=LIGHT, lw=0)
+        axes.fill_between(gamma, gamma / 2, (gamma + 0.5) ** 2 / 4, color=ORANGE, alpha=0.35, lw=0)
+        axes.fill_between(gamma, (gamma + 0.5) ** 2 / 4, 0.7, color=BLUE, alpha=0.22, lw=0)
+        axes.plot(gamma, gamma / 2, color=BLACK)
+        axes.plot(gamma, (gamma + 0.5) ** 2 / 4, color=BLACK, ls="--")
+        axes.axvline(0.5, color=BLACK)
+        coarse, beta = np.linspace(0.5, 1.0, 151), np.linspace(0.0, 0.5, 151)
+        limit = np.array([[stability_limit(g, b) for g in coarse] for b in beta])
+        lines = axes.contour(coarse, beta, limit, levels=_LEVELS, colors=GREY, linewidths=0.7)
+        places = [(0.86, 0.86 / 2 - 1 / level**2) for level in _LEVELS]
+        axes.clabel(lines, fmt="%g", fontsize=7.5, manual=places)
+        apart: dict[str, Any] = {"textcoords": "offset fontsize"}
+        for name, place in _POINTS.items():
+            axes.plot(*place, "o", color=BLACK, clip_on=False, zorder=3)
+            axes.annotate(name, place, (-0.7, 0.0), ha="right", va="center", **apart)
+        axes.plot(0.25, 1 / 6, "o", color=VERMILION)
+        axes.annotate(_GROWING, (0.25, 1 / 6), (0, 0.8), ha="center", color=VERMILION, **apart)
+        axes.annotate("unstable at any step: energy grows", (0.34, 0.48), ha="center")
+        axes.annotate("stable at any step", (0.62, 0.48), ha="center")
+        white = {"boxstyle": "square,pad=0.15", "color": "white"}
+        axes.annotate("stable up to the ω h on the line", (0.75, 0.015), ha="center", bbox=white)
+        line = {"arrowstyle": "-", "color": GREY, "lw": 0.7}
+        damped = "stable at any step;\nlong steps decay without oscillating"
+        axes.annotate(damped, (0.93, 0.49), (0.8, 0.60), ha="center", va="center", arrowprops=line)
+        axes.set(xlim=(0.18, 1.0), ylim=(-0.02, 0.65), xlabel="γ", ylabel="β")
+        axes.grid(False)
+        axes.set_title("Newmark's method on an undamped oscillator")
+    return figure

@@ -9,11 +9,11 @@ from solve.arrays import Array, runs
 from solve.period.natural import lowest_elastic
 from solve.results.contents import Column, digits, speeds_of
 from solve.results.critical_speeds import MOST_DECADES, CriticalSpeeds
-from solve.results.quantities import named
+from solve.results.formatting import named
 from solve.units import ShownUnit
-from solve.views.panels import label_quantity, label_speeds, through, title_of
+from solve.views.panels import label_quantity, panels_over, through
 from solve.views.show import figure, tables
-from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure, page
+from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure
 from solve.views.tables import RenderableType, Table, table_of, text
 
 _MOST_COMBINATIONS = 20
@@ -23,53 +23,50 @@ _CAPTIONS = {
     "?": "mode ?: several combinations explain it equally well",
     "+": "mode i+j: (ω̄i + ω̄j)/k",
     "−": "mode i−j: (ω̄i − ω̄j)/k",
-    "|ρ|": "where |ρ| stands alone, the multiplier is that of its maximum",
+    "|ρ|": "a row with |ρ| alone shows the multiplier at the maximum of |ρ|",
 }
 
 _HEADROOM = 1.15
 _ROOM = 1.6
-"""Factor on a logarithmic axis that is left above and below."""
+"""Factor of free space above and below curves on a logarithmic axis."""
 
 _CLEAR, _ASIDE = 0.05, 0.015
-"""Parts of the height and of the width that labels stay away from frames and curves."""
+"""Distances of labels from curves and the frame, as fractions of the height and the width."""
 
 _BESIDE = 0.03
-"""Part of the width that labels stay away from each other."""
+"""Distance between labels as a fraction of the width."""
 
 
 @figure.register(CriticalSpeeds)
 def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
-    """Response, dominant multiplier and Campbell diagram over speed, or this below the response alone."""
+    """Response, dominant multiplier and Campbell diagram over speed, or without the multiplier."""
     drawn = (_draw_response, _draw_campbell) if campbell else _ALL
     title = "Campbell diagram" if campbell else "critical speeds"
     height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
-    with page(height, f"{title_of(found.system)}: {title}") as figure:
-        places = figure.subplots(len(drawn), 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
-        for axes, draw in zip(places, drawn, strict=True):
+    with panels_over(found.system, found.speeds, title, height, len(drawn), ratios=ratios) as (page, panels):
+        for axes, draw in zip(panels, drawn, strict=True):
             draw(axes, found)
-        label_speeds(places[-1], found.system, found.speeds)
-        figure.align_ylabels()
-    return figure
+    return page
 
 
 @tables.register(CriticalSpeeds)
 def critical_speeds_tables(found: CriticalSpeeds) -> Sequence[RenderableType]:
-    """A row a critical speed; unstable ranges and combinations below."""
+    """Table of critical speeds; tables of unstable ranges and combinations."""
     unit = found.system.speed_unit
     span = unit.span(found.speeds[0], found.speeds[-1])
     none = text(f"\nno maximum and no division up to order {found.orders} found from {span}")
-    made = [_rows_table(found) if found.rows else none]
+    found_tables: list[RenderableType] = [_rows_table(found) if found.rows else none]
     if found.unstable_ranges:
-        made.append(table_of(f"Unstable among the speeds, {unit.name}", found.unstable_columns))
+        found_tables.append(table_of(f"Unstable among the speeds, {unit.name}", found.unstable_columns))
     if found.combinations:
-        made.append(_combinations_table(found))
-    return made
+        found_tables.append(_combinations_table(found))
+    return found_tables
 
 
 def _rows_table(found: CriticalSpeeds) -> Table:
     columns = {**found.columns}
     heights = columns["response_height"]
-    # With the unit in the title the table of all columns fits a line of 80.
+    # The table fits 80 columns if the unit is in the title.
     columns["response_height"] = heights._replace(heading="height")
     of = heights.heading.replace("height", named(found.figure, found.quantity))
     title = f"Critical speeds in {found.system.speed_unit.name}; height: {of}"
@@ -78,7 +75,7 @@ def _rows_table(found: CriticalSpeeds) -> Table:
         if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in found.rows):
             caption += f"\n{rule.format(found.orders)}"
     if found.unbounded:
-        caption += "\n∞: the response grows beyond all bounds"
+        caption += "\n∞: unbounded response"
     return table_of(title, columns, caption=caption)
 
 
@@ -98,27 +95,26 @@ def _combinations_table(found: CriticalSpeeds) -> Table:
 
 
 def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
-    """A curve through the points and the maxima between them."""
+    """Interpolated curve through the points and the maxima between them."""
     return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
 
 
-def _growing(speeds: Array, response: Array, ends: Sequence[float]) -> list[tuple[float, float]]:
-    """Points between each speed of `ends`, at which a response (P,) over rising speeds (P,) grows beyond
-    all bounds and those beside it: near such a speed it is as the inverse of the distance from there."""
-    points, parts = [], np.geomspace(1.0, 1e-3, 24)[1:]
-    for end in ends:
-        above = int(np.searchsorted(speeds, end))
-        for at in {above - 1, above} & set(range(len(response))):
-            points += zip(
-                (end + (speeds[at] - end) * parts).tolist(), (response[at] / parts).tolist(), strict=True
-            )
+def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[tuple[float, float]]:
+    """Points between each pole, a speed of unbounded response, and its neighbours among ascending speeds
+    (P,): near a pole the response (P,) is proportional to the inverse of the distance."""
+    points, distances = [], np.geomspace(1.0, 1e-3, 24)[1:]
+    for pole in poles:
+        above = int(np.searchsorted(speeds, pole))
+        for k in {above - 1, above} & set(range(len(response))):
+            near = (pole + (speeds[k] - pole) * distances).tolist()
+            points += zip(near, (response[k] / distances).tolist(), strict=True)
     return points
 
 
 def _draw_marks(
     axes: Axes, unit: ShownUnit, marks: Sequence[tuple[float, float]], factor: float, color: str, label: str
 ) -> None:
-    """Maxima: speeds (rad/s) and heights."""
+    """Mark maxima: speeds (rad/s) and heights."""
     if marks:
         speeds, heights = np.array(marks).T
         style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
@@ -126,7 +122,7 @@ def _draw_marks(
 
 
 def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
-    """Unstable ones (P,) of rising speeds (P,), half way to their neighbours."""
+    """Shade unstable speeds (P,) of ascending speeds (P,), half way to their neighbours."""
     shown = unit.of(speeds)
     between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}
@@ -138,8 +134,8 @@ def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
 def _label_order(
     axes: Axes, unit: ShownUnit, speeds: Array, order: int, frequencies: Array, top: float
 ) -> None:
-    """Name an order on its ray, within the frame that ends at `top` (Hz), clear of the frequencies (P, k) in
-    rad/s and of the names of other orders; not at all where there is no such place."""
+    """Label an order on its ray where there is space, below `top` (Hz) and away from the frequencies (P, k)
+    in rad/s and from other labels."""
     clear = _CLEAR * top * 2 * math.pi
     ray = order * speeds
     free = (ray < 2 * math.pi * top - clear) & (np.abs(ray[:, None] - frequencies) > clear).all(axis=1)
@@ -157,7 +153,7 @@ def _label_order(
 
 
 def _legend(axes: Axes) -> None:
-    """Above the frame, at its right, where there is something to name."""
+    """Add a legend above the frame, on the right, if anything is labelled."""
     if not axes.get_legend_handles_labels()[0]:
         return
     axes.legend(
@@ -176,7 +172,7 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
     stable = np.where(found.unstable, np.nan, found.response)
     speeds, response = _curve(
-        found.speeds, stable, [*maxima, *_growing(found.speeds, stable, found.unbounded)]
+        found.speeds, stable, [*maxima, *_near_poles(found.speeds, stable, found.unbounded)]
     )
     axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
     bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
@@ -194,14 +190,15 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
-    """Real part of the dominant multiplier on a scale of sign and root, which shows small ones too."""
+    """Draw the real part of the dominant multiplier on a scale of signed roots, which also shows small
+    ones."""
     power = 0.25
 
     def rooted(values: Array) -> Array:
         return np.sign(values) * np.abs(values) ** power
 
     maxima = found.maxima("multiplier")
-    # Where only orders above the highest lie it turns faster than the speeds tell.
+    # With resonances of higher orders only, the multiplier rotates faster than the speeds resolve.
     seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
     shown = found.system.speed_unit.of

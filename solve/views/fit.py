@@ -8,9 +8,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.quantities import spectrum
-from solve.results.channels import Channel
-from solve.results.fit import Fitted
-from solve.results.quantities import prefixed
+from solve.results.fit import Channel, Fitted
+from solve.results.formatting import prefixed
 from solve.system import PeriodicSystem
 from solve.units import ShownUnit
 from solve.views.panels import labelled, title_of
@@ -20,55 +19,60 @@ from solve.views.tables import RenderableType, Table, table, text
 
 _MOST_PANELS, _MOST_ORDERS = 8, 60
 _SAME, _EVEN = 1e-6, 1e-3
-"""Part of the period within which phases are one, and of their distance by which even ones differ."""
+"""Tolerances for equal phases, relative to the period, and for equal distances between phases. They are
+choices within the precision of measured data."""
 
 _CLOSE = 0.9
-"""Correlation from which on two parameters are named."""
+"""Correlation from which on a pair of parameters is named."""
 
 _LEAST = 1e-6
-"""Part of the largest measured amplitude below which none is drawn."""
+"""Smallest amplitude that is drawn, relative to the largest measured one."""
 
 
 @figure.register(Fitted)
 def fit_figure(fitted: Fitted) -> Figure:
-    """Measured points and computed curves, a panel a channel and speed, up to 8."""
+    """Measured points and computed curves, a panel per channel and speed, up to 8."""
     title = f"{title_of(fitted.system)}: fitted to {fitted.data}"
     return compared_figure(fitted.system, fitted.channels, title)
 
 
 @tables.register(Fitted)
 def fit_tables(fitted: Fitted) -> Sequence[RenderableType]:
-    """The parameters, how they hang together, and how far computed is from measured."""
-    made = table("Fitted, with 95 % intervals", "parameter", "unit", "value", "low", "high", left=2)
-    for name, each in fitted.parameters.items():
-        unit = fitted.system.unit_of(name).name
-        cells = (f"{number:.6g}" if math.isfinite(number) else "–" for number in each)
-        made.add_row(name, unit, *cells)
-    names = list(fitted.parameters)
-    pairs = [
+    """Parameters with their correlations, and differences between computed and measured values."""
+    names, unit_of = list(fitted.parameters), fitted.system.unit_of
+    correlated = [
         f"{names[i]} and {names[j]} {fitted.correlations[i, j]:+.3f}"
         for i in range(len(names))
         for j in range(i)
         if abs(fitted.correlations[i, j]) >= _CLOSE
     ]
-    if pairs:
-        made.caption = f"correlated: {', '.join(pairs)}"
-    off = differences_table(fitted.channels, fitted.system.speed_unit)
-    words = f"\nresidual {100 * fitted.residual:.3g} % of what was measured"
-    return [made, off, text(words)]
+    parameters = table(
+        "Fitted, with 95 % intervals",
+        *("parameter", "unit", "value", "low", "high"),
+        left=2,
+        rows=[
+            (name, unit_of(name).name, *(f"{x:.6g}" if math.isfinite(x) else "–" for x in interval))
+            for name, interval in fitted.parameters.items()
+        ],
+        caption=f"correlated: {', '.join(correlated)}" if correlated else None,
+    )
+    residual = text(f"\nresidual {100 * fitted.residual:.3g} % of what was measured")
+    return [parameters, differences_table(fitted.channels, fitted.system.speed_unit), residual]
 
 
 def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
-    """How far computed is from measured, a row a channel."""
-    off = table("Computed against measured", "quantity", "where", "values", "difference, %", left=2)
-    for each in channels:
-        off.add_row(each.name, each.where(unit), str(len(each.at)), f"{100 * each.relative:.3g}")
-    return off
+    """Relative differences between computed and measured values, a row per channel."""
+    rows = [
+        (channel.name, channel.where(unit), str(len(channel.at)), f"{100 * channel.relative:.3g}")
+        for channel in channels
+    ]
+    headings = "quantity", "where", "values", "difference, %"
+    return table("Computed against measured", *headings, left=2, rows=rows)
 
 
 def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
-    """Measured points and computed curves, a panel a channel and speed, up to 8, with spectra of orders
-    beside curves that are measured evenly over the period."""
+    """Measured points and computed curves, a panel per channel and speed, up to 8, with spectra of curves
+    that are measured at equidistant phases."""
     shown = channels[:_MOST_PANELS]
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
@@ -85,7 +89,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
             for amplitudes, mark, color in ((found, "o", VERMILION), (computed, "x", BLUE)):
                 spectra.plot(np.arange(1, most + 1), amplitudes, mark, markersize=3, color=color)
             spectra.set_yscale("log")
-            # Computed orders fall to rounding far below those that were measured.
+            # Computed harmonics decay to round-off, far below measured ones.
             spectra.set_ylim(bottom=max(found.min() / 10, _LEAST * found.max()) or None)
             spectra.set_xlabel("order of rotation")
             spectra.set_ylabel(labelled("amplitude", unit))
@@ -94,7 +98,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
 
 
 def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str]:
-    """Measured over computed; the factor from SI units to those shown, and these."""
+    """Draw measured and computed values; return the factor from SI units and the unit."""
     measured, computed = (
         np.abs(part) if np.iscomplexobj(part) else part for part in (each.measured, each.computed)
     )
@@ -112,7 +116,7 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str
 
 
 def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
-    """Places of values that lie evenly over one period, in their order; None where they do not."""
+    """Indices of values at equidistant phases of one period, in order; None for other values."""
     phases = np.mod(each.at, system.period)
     order = np.argsort(phases, kind="stable")
     # The end of a period is its beginning.

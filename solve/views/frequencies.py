@@ -1,4 +1,4 @@
-"""Pictures of natural frequencies: mode shapes, over the turn, over a parameter."""
+"""Natural frequencies: mode shapes, and frequencies over the revolution and over a parameter."""
 
 import itertools
 import math
@@ -30,15 +30,12 @@ from solve.views.style import (
     Figure,
     page,
 )
-from solve.views.tables import RenderableType, Table, table_of
+from solve.views.tables import MOST_ROWS, RenderableType, Table, table_of
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 
 _DEFLECTION = 0.1
-"""Largest displacement drawn, as a part of the structure's size."""
-
-_MOST_ROWS = 40
-"""Rows of a table; of more positions or values every k-th is shown."""
+"""Largest displacement in figures, relative to the size of the structure: visible without overlap."""
 
 _MOST_SHAPES = 8
 
@@ -47,13 +44,13 @@ _MARKERS: dict[str, dict[str, Any]] = {
     "clamped": {"marker": "s", "color": BLACK, "markersize": 6},
     "joined": {"marker": "o", "color": BLUE, "markerfacecolor": "white", "markersize": 4.5},
 }
-"""Of the ends of a link."""
+"""Markers of the ends of a link."""
 
 
 @figure.register(Frequencies)
 def frequencies_figure(found: Frequencies) -> Figure:
-    """Mode shapes at one position; frequencies over several. Raises ValueOutOfBoundsError where there are no
-    links to draw."""
+    """Mode shapes at one position, or frequencies over several. Raises ValueOutOfBoundsError without links to
+    draw."""
     system = found.system
     if len(found.positions) > 1:
         return positions_figure(system, found.positions, found.signed)
@@ -66,20 +63,20 @@ def frequencies_figure(found: Frequencies) -> Figure:
 
 @figure.register(Findings)
 def findings_figure(found: Findings) -> Figure:
-    """Frequencies over the parameter, else over the turn, else the mode shapes at the position."""
+    """Frequencies over the parameter or the revolution, otherwise mode shapes at the position."""
     return figure(found.widest)
 
 
-def shapes_figure(system: PeriodicSystem, position: float, every: Sequence[ModeShape]) -> Figure:
-    """Mode shapes of a structure at one position (rad), its links at rest in grey."""
-    shapes = every[:_MOST_SHAPES]
+def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[ModeShape]) -> Figure:
+    """Mode shapes of a structure at one position (rad), with the undeformed links in grey."""
+    shapes = all_shapes[:_MOST_SHAPES]
     columns = 3 if len(shapes) in (3, 5, 6) else min(len(shapes), 4)
     rows = math.ceil(len(shapes) / columns)
     low, high = _frame(shapes)
     width, height = high - low
     row = 0.3 + 0.95 * PAGE_WIDTH / columns * height / width
     where = f" at {math.degrees(position):.4g}°" if system.moves else ""
-    lowest = f", the lowest {len(shapes)} of {len(every)}" if len(shapes) < len(every) else ""
+    lowest = f", the lowest {len(shapes)} of {len(all_shapes)}" if len(shapes) < len(all_shapes) else ""
     with page(0.4 + rows * row, f"{title_of(system)}: mode shapes{where}{lowest}") as made:
         axes = made.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
@@ -124,7 +121,7 @@ def variation_figure(found: Variation) -> Figure:
     """Lowest elastic frequency over the parameter, with its range over the revolution, and the frequencies of
     the links alone (thesis Fig. 9.1)."""
     system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
-    figures = {name: every[:, mode] for name, every in found.statistics(1).items()}
+    figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
     several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
     with page(3.8, f"{title_of(system)}: {which} over {parameter}") as made:
@@ -148,21 +145,21 @@ def variation_figure(found: Variation) -> Figure:
 
 
 def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
-    """Lower left and upper right corner (x, y) around the structure and all its drawn displacements."""
+    """Lower left and upper right corner (x, y) around the structure and its displaced links."""
     points = np.concatenate([*shapes[0].places, *(curve for shape in shapes for curve in _drawn(shape))])
     margin = 0.04 * np.linalg.norm(np.ptp(points, axis=0))
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
 def _drawn(shape: ModeShape) -> list[Array]:
-    """Where the displaced links are drawn."""
+    """Places of the displaced links."""
     scale = _DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
-    each = zip(shape.places, shape.displacements, strict=True)
-    return [place + scale * displacement for place, displacement in each]
+    links = zip(shape.places, shape.displacements, strict=True)
+    return [place + scale * displacement for place, displacement in links]
 
 
 def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> None:
-    """Pins as circles, held pins as triangles, clamped feet as squares; welded corners and ends bare."""
+    """Draw a mode shape: pins as circles, fixed pins as triangles, clamped ends as squares."""
     for link, place, moved in zip(links, shape.places, _drawn(shape), strict=True):
         axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
         axes.plot(*moved.T, color=BLUE)
@@ -197,9 +194,9 @@ def _label_frequencies(axes: Axes) -> None:
 
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
-    """A row a position, and the figures below."""
+    """Row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_MODES), found.system.most_frequencies)
-    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=_MOST_ROWS)
+    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
     made.add_section()
     for name, values in found.statistics(0).items():
         made.add_row(name, *map(found.text_of, values[:MOST_MODES]))
@@ -213,13 +210,13 @@ def variation_tables(found: Variation) -> Sequence[Table]:
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"
-    return [table_of(title, found.columns, most=_MOST_ROWS, caption=caption)]
+    return [table_of(title, found.columns, most=MOST_ROWS, caption=caption)]
 
 
 @tables.register(Findings)
 def findings_tables(found: Findings) -> Sequence[RenderableType]:
-    """At the position, with mode shapes the largest bending of each link; over the turn; over a
-    parameter."""
+    """Tables at the position, with the largest bending of each link in each mode shape, over the revolution
+    and over a parameter."""
     roots, captions = found.here.signed[0], _about_modes(found)
     columns = {
         "mode": Column(range(1, len(roots) + 1), heading="mode"),
@@ -233,15 +230,15 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
         for number, link in enumerate(found.system.links):
             bending = [np.abs(shape.transverse[number]).max() for shape in found.shapes]
             columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
-    further = (tables(part) for part in (found.turn, found.variation) if part is not None)
+    further = (tables(result) for result in (found.turn, found.variation) if result is not None)
     caption = "\n".join(captions) or None
     title = "Natural frequencies" + _lowest(len(roots), found.system.most_frequencies)
     return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
 
 
-def _lowest(listed: int, every: int) -> str:
-    """End of a table's title where it lists fewer modes than there are."""
-    return f": the lowest {listed} of {every}" if listed < every else ""
+def _lowest(listed: int, count: int) -> str:
+    """End of the title of a table that lists only the lowest modes."""
+    return f": the lowest {listed} of {count}" if listed < count else ""
 
 
 def _about_modes(found: Findings) -> list[str]:

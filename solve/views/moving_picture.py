@@ -1,15 +1,19 @@
-"""Pictures of a mechanism in motion: a still of some positions, and the frames of an animation."""
+"""Pictures of a mechanism in motion: positions, animations, and pages with an animation."""
 
+import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array, Plane
-from solve.results.quantities import prefixed
+from solve.results.formatting import prefixed
 from solve.system import PeriodicSystem
+from solve.views.page import document, svg_of
 from solve.views.panels import labelled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled
 
@@ -22,14 +26,15 @@ _FRAME_MS = 40
 _TALLEST, _LOWEST = 4.8, 2.0
 _PANEL = 0.85
 _MECHANISM = 3.7
-"""Inches: of the mechanism's axes most and least, of a panel with a curve, and how wide the mechanism is."""
+"""Sizes in inches: largest and smallest height of the mechanism's axes, height of a panel with a curve, and
+width of the mechanism's axes."""
 
 _TALL = 1.8
-"""Height of a mechanism, of its width, from which six positions stand side by side."""
+"""Ratio of height to width of a mechanism from which on six positions fit side by side."""
 
 _MARGIN = 0.07
 _SAME = 1e-9
-"""Distance, as a part of the mechanism's size, within which two places are one."""
+"""Distance, relative to the mechanism's size, up to which two places are equal: it bounds the round-off."""
 
 _RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}
 _MOVED = {"color": BLUE, "linewidth": 1.5, "solid_capstyle": "round", "zorder": 3}
@@ -41,7 +46,7 @@ _DOT = {"color": VERMILION, "marker": "o", "markersize": 4, "linestyle": "", "zo
 
 
 class Panel(NamedTuple):
-    """A quantity: its curve, and its values (frames,)."""
+    """Quantity with its curve and its values (frames,)."""
 
     name: str
     curve: Array
@@ -49,8 +54,8 @@ class Panel(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What a picture shows: phases (k,) of its frames, `fine` ones of the curves; lines by name, places
-    x + iy (points, k), of the rigid motion and with the vibration; a panel a quantity."""
+    """Content of a picture: phases (k,) of its frames and `fine` phases of the curves; lines by name, places
+    x + iy (points, k), of the rigid motion and with the vibration; a panel per quantity."""
 
     system: PeriodicSystem
     title: str
@@ -64,28 +69,28 @@ class Drawn(NamedTuple):
 
     @property
     def labels(self) -> list[str]:
-        """The phase of each frame, and its turn of several."""
-        turns = self.fine[-1] > 1.5 * self.system.period
+        """Phase of each frame, and number of its period if there are several."""
+        several = self.fine[-1] > 1.5 * self.system.period
         return [
-            f"φ = {math.degrees(phase % self.system.period if turns else phase):.0f}°"
-            + (f", period {int(phase // self.system.period + _SAME) + 1}" if turns else "")
+            f"φ = {math.degrees(phase % self.system.period if several else phase):.0f}°"
+            + (f", period {int(phase // self.system.period + _SAME) + 1}" if several else "")
             for phase in self.phase
         ]
 
 
 class Mover(NamedTuple):
-    """A line of the figure, and its places x + iy (points, frames) in the units of its axes."""
+    """Line of the figure with its places x + iy (points, frames) in the units of its axes."""
 
     artist: "Line2D"
     places: Plane
 
     def show(self, frame: int) -> None:
-        """Put it where it is in a frame."""
+        """Move the line to its places in a frame."""
         self.artist.set_data(self.places[:, frame].real, self.places[:, frame].imag)
 
 
 class Scene(NamedTuple):
-    """A figure with what moves in it."""
+    """Figure with its moving lines."""
 
     figure: Figure
     movers: list[Mover]
@@ -93,14 +98,14 @@ class Scene(NamedTuple):
     labels: list[str]
 
     def show(self, frame: int) -> None:
-        """Everything as it is in a frame."""
+        """Move all lines to their places in a frame."""
         for mover in self.movers:
             mover.show(frame)
         self.label.set_text(self.labels[frame])
 
 
 def scene(drawn: Drawn) -> Scene:
-    """The mechanism on the left, a panel a quantity with a moving mark on the right."""
+    """Scene with the mechanism on the left, and a panel per quantity with a moving mark on the right."""
     low, high = _frame(drawn)
     width, height = (high - low).real, (high - low).imag
     tall = min(max(_MECHANISM * height / width, _LOWEST, _PANEL * len(drawn.panels)), _TALLEST)
@@ -121,7 +126,7 @@ def scene(drawn: Drawn) -> Scene:
 
 
 def still(drawn: Drawn) -> Figure:
-    """A panel a position."""
+    """Figure with a panel per position."""
     count = len(drawn.phase)
     low, high = _frame(drawn)
     tall = (high - low).imag > _TALL * (high - low).real
@@ -144,7 +149,7 @@ def still(drawn: Drawn) -> Figure:
 
 
 def gif(drawn: Drawn) -> bytes:
-    """An animation for any viewer, without end."""
+    """Animated GIF that repeats endlessly."""
     images = [*_images(scene(drawn))]
     stream = BytesIO()
     images[0].save(
@@ -154,7 +159,7 @@ def gif(drawn: Drawn) -> bytes:
 
 
 def _images(made: Scene) -> Iterator:
-    """The frames with one palette. What does not move is drawn once."""
+    """Frames with a common palette. The fixed background is drawn once."""
     from PIL import Image
 
     artists = [*(mover.artist for mover in made.movers), made.label]
@@ -177,7 +182,7 @@ def _images(made: Scene) -> Iterator:
 
 
 def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
-    """Its lines: what never moves black, the rigid motion grey, the vibration blue; joints between lines."""
+    """Draw the mechanism: fixed lines black, rigid motion grey, vibration blue, and joints between lines."""
     movers, size = [], abs(np.subtract(*_frame(drawn)))
     for name, rigid in drawn.rigid.items():
         moved = drawn.moved[name]
@@ -193,7 +198,7 @@ def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
 
 
 def _joints(drawn: Drawn, size: float) -> list[Plane]:
-    """Places (k,) where an end of a moving line is always one of another."""
+    """Places (k,) of joints, where ends of two moving lines always coincide."""
     open_lines = [name for name, places in drawn.rigid.items() if not _closed(places, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
     found = []
@@ -215,7 +220,7 @@ def _closed(places: Plane, size: float) -> bool:
 
 
 def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
-    """A quantity over the phase, and what marks the phase of a frame."""
+    """Draw a quantity over the phase, with a mark at the phase of the frame."""
     from matplotlib.ticker import MultipleLocator
 
     factor, unit = prefixed(drawn.system.units.get(panel.name, ""), float(np.abs(panel.curve).max()))
@@ -242,7 +247,7 @@ def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
 
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
-    """Corners, lower left and upper right, of what every frame needs."""
+    """Lower left and upper right corner of the area that all frames need."""
     places = np.concatenate([each.ravel() for lines in (drawn.rigid, drawn.moved) for each in lines.values()])
     low = complex(places.real.min(), places.imag.min())
     high = complex(places.real.max(), places.imag.max())
@@ -265,3 +270,97 @@ def _framed(axes: Axes, low: complex, high: complex, unit: str) -> None:
 def _caption(figure: Figure, drawn: Drawn) -> None:
     lines = filter(None, (drawn.caption, drawn.doubt))
     figure.supxlabel("\n".join(lines), fontsize=8.5, color=VERMILION if drawn.doubt else GREY)
+
+
+_SCRIPT = Path(__file__).with_name("moving_page.js")
+_POINTS_PER_INCH = 72
+"""Points per inch of SVG pictures of matplotlib."""
+
+_RIGID_TOLERANCE = 1e-6
+"""Distance from a rigid motion, relative to the size of the line, that counts as zero: below a pixel."""
+
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+_STYLE = """\
+body { margin: 0 auto; padding: 1rem; max-width: 56rem; color: #222; background: #fff; }
+body { font: 1rem/1.5 sans-serif; }
+figure { margin: 0; }
+svg { display: block; width: 100%; height: auto; }
+.controls { display: flex; gap: 0.75rem; align-items: center; }
+input { flex: 1; }
+path.mover { fill: none; stroke-linecap: round; stroke-linejoin: round; }
+"""
+
+
+def page_text(drawn: Drawn, warnings: Sequence[str]) -> str:
+    """Page of HTML with an animation, and the warnings below it."""
+    animated = scene(drawn)
+    picture, parts = _picture(animated)
+    data = {"labels": animated.labels, "parts": parts}
+    doubts = "".join(f"<li>{escape(warning)}</li>\n" for warning in warnings)
+    doubts = f"<h2>Warnings</h2>\n<ul>{doubts}</ul>\n" if doubts else ""
+    body = f"""<main>
+<figure role="img" aria-label="{escape(drawn.title)}">{picture}</figure>
+<div class="controls"><button id="play" type="button">Pause</button>
+<input id="frame" type="range" min="0" max="{len(animated.labels) - 1}" value="0" aria-label="phase"></div>
+{doubts}</main>
+<script>
+const data = {json.dumps(data, ensure_ascii=False, separators=(",", ":"))};
+{_SCRIPT.read_text("utf-8")}</script>
+"""
+    return document(drawn.title, _POLICY, _STYLE, body)
+
+
+def _picture(made: Scene) -> tuple[str, list[dict]]:
+    """SVG picture with its moving lines, and for each line an attribute and its values by frame."""
+    figure = made.figure
+    with styled():
+        figure.set_dpi(_POINTS_PER_INCH)
+        figure.canvas.draw()
+    figure.set_layout_engine("none")
+    height = figure.bbox.height
+    x, y = made.label.get_transform().transform(made.label.get_position())
+    for artist in (*(mover.artist for mover in made.movers), made.label):
+        artist.set_visible(False)
+    texts, parts = [], []
+    for mover in sorted(made.movers, key=lambda mover: mover.artist.get_zorder()):
+        text, moved = _part(mover.artist, _on_paper(mover.artist, mover.places, height))
+        texts.append(text)
+        parts.append(moved)
+    size = made.label.get_fontsize()
+    place = f'x="{x:.1f}" y="{height - y + size:.1f}"'
+    label = f'<text id="label" {place} font-size="{size}" font-family="sans-serif"/>'
+    return svg_of(figure).replace("</svg>", "".join([*texts, label, "</svg>"])), parts
+
+
+def _on_paper(artist, places: Plane, height: float) -> Plane:
+    """Places x + iy in the units of the picture, with y downwards."""
+    pairs = np.stack((places.real, places.imag), axis=-1).reshape(-1, 2)
+    x, y = artist.axes.transData.transform(pairs).T
+    return (x + 1j * (height - y)).reshape(places.shape)
+
+
+def _part(artist, places: Plane) -> tuple[str, dict]:
+    """Path of SVG and its motion: a transformation of a rigid line, otherwise its points."""
+    width = artist.get_linewidth() if artist.get_linestyle() != "None" else artist.get_markersize()
+    style = f'class="mover" stroke="{artist.get_color()}" stroke-width="{width}"'
+    first = places[:, 0]
+    middle = first.mean()
+    arms, size = first - middle, np.abs(first - middle).max()
+    means = places.mean(axis=0)
+    turns = np.ones(places.shape[1], dtype=complex)
+    if size > 0:
+        turns = (arms.conj()[:, None] * (places - means)).sum(axis=0) / (np.abs(arms) ** 2).sum()
+    error = np.abs(places - means - turns * arms[:, None]).max() + size * np.abs(np.abs(turns) - 1).max()
+    if error <= _RIGID_TOLERANCE * max(size, 1.0):
+        moves = [
+            f"matrix({b.real:.5g} {b.imag:.5g} {-b.imag:.5g} {b.real:.5g} {a.real:.2f} {a.imag:.2f})"
+            for a, b in zip(means, turns, strict=True)
+        ]
+        return f'<path {style} d="{_path(arms)}"/>', {"name": "transform", "values": moves}
+    return f"<path {style}/>", {"name": "d", "values": [_path(each) for each in places.T]}
+
+
+def _path(places: Plane) -> str:
+    """Path through places; a single place is a dot."""
+    numbers = [f"{place.real:.2f} {place.imag:.2f}" for place in places]
+    return f"M{numbers[0]}" + ("L" + " ".join(numbers[1:]) if len(numbers) > 1 else "h0")

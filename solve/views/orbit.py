@@ -3,18 +3,16 @@
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import require_name
-from solve.results.nonlinear import NonlinearOrbit
+from solve.results.formatting import fixed, prefixed
 from solve.results.orbit import Orbit
-from solve.results.quantities import fixed, prefixed
-from solve.results.rigid import RigidOrbit
-from solve.results.turn import Turn
+from solve.results.periodic_motion import PeriodicMotion
+from solve.results.special_orbits import NonlinearOrbit, RigidOrbit
 from solve.system import PeriodicSystem
 from solve.views.panels import labelled, shown, titled
 from solve.views.show import brief, figure, printout, tables
@@ -23,18 +21,19 @@ from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, Table, table
 
 _ROW_HEIGHTS = (1.55, 1.55, 1.55, 1.35, 1.2, 1.1)
-"""Inches, by the number of rows: one page holds them all."""
+"""Heights of a row in inches by the number of rows, so that all fit on a page."""
 
 _DB_FLOOR = -120.0
 
 _VISIBLE = 4e-3
-"""Part of the largest amplitude below which a linear spectrum shows nothing."""
+"""Fraction of the largest amplitude below which a harmonic is invisible on a linear scale: about one
+pixel."""
 
 _CROWDED = 80
-"""Orders above which their lines are thin and have no heads."""
+"""Number of harmonics above which lines are thin and have no markers."""
 
 _TITLE = 46
-"""Characters that fit above a panel."""
+"""Number of characters that fit above a panel."""
 
 
 _RANKS = ("strongest", "second", "third")
@@ -44,8 +43,8 @@ SCALES = ("linear", "dB")
 
 
 class Motion(NamedTuple):
-    """Quantity over one period: values (k,) at evenly spaced phases, including both ends, values of the
-    solution beside it, if any, and amplitudes (m + 1,) from the mean on."""
+    """Quantity over one period: values (k,) at equidistant phases, including both ends; values of a solution
+    for comparison, if any; amplitudes (m + 1,) from the mean on."""
 
     values: Array
     beside: Array | None
@@ -60,8 +59,7 @@ def orbit_figure(
     scale: str = "linear",
     harmonics: int | None = None,
 ) -> Figure:
-    """Time curve over one period and spectrum of each name, and multipliers unless nothing vibrates; see
-    `Orbit.plot`."""
+    """Time curve and spectrum of each quantity, and multipliers unless nothing vibrates; see `Orbit.plot`."""
     require_name("scale", scale, SCALES)
     system, vibrates = orbit.system, orbit.system.vibrates
     motions = {name: _motion(orbit, name, quasi_static, harmonics) for name in shown(system, names)}
@@ -87,8 +85,7 @@ def orbit_figure(
 
 
 def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) -> Motion:
-    """A quantity of the orbit, with the quasi-static solution beside, or the linear one of a nonlinear
-    orbit."""
+    """Quantity of the orbit, with the quasi-static solution or, for a nonlinear orbit, the linear one."""
     phase, beside = np.linspace(0.0, orbit.system.period, orbit.samples + 1), None
     if quasi_static:
         beside = orbit.quasi_static.signal(name)(phase)
@@ -101,7 +98,7 @@ def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) 
 def _draw_curve(
     axes: Axes, system: PeriodicSystem, name: str, motion: Motion, labels: tuple[str, str]
 ) -> tuple[float, str]:
-    """Draw it; the factor and the unit, which its spectrum shares."""
+    """Draw a time curve; return the factor and unit, which its spectrum shares."""
     degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
     curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": labels[0]})]
     if motion.beside is not None:
@@ -119,10 +116,11 @@ def _draw_curve(
 
 
 def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
-    """Harmonics to draw: up to the last that can be seen in any of the spectra."""
+    """Harmonics to draw: up to the last visible one of all spectra."""
     least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else _VISIBLE
     spectra = [motion.amplitudes[1:] for motion in motions.values()]
-    last = max((int(at) for each in spectra for at in np.flatnonzero(each > least * each.max())), default=0)
+    visible = (np.flatnonzero(spectrum > least * spectrum.max()) for spectrum in spectra)
+    last = max((int(order) for orders in visible for order in orders), default=0)
     return np.arange(1, min(len(spectra[0]), max(10, last + 2)) + 1)
 
 
@@ -153,12 +151,12 @@ def _draw_spectrum(
 
 
 def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
-    """Phase and order below, time and hertz above."""
+    """Label phase and order at the bottom, time and frequency at the top."""
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 
     left, right = axes[-1]
-    turn = math.degrees(system.period)
-    left.xaxis.set_major_locator(MultipleLocator(45.0 if math.isclose(turn, 360.0) else turn / 6))
+    period = math.degrees(system.period)
+    left.xaxis.set_major_locator(MultipleLocator(45.0 if math.isclose(period, 360.0) else period / 6))
     left.xaxis.set_major_formatter("{x:g}")
     left.set_xlabel("phase (°)")
     right.xaxis.set_major_locator(MaxNLocator(8, integer=True))
@@ -173,58 +171,57 @@ def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
 
 @tables.register(Orbit)
 def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[RenderableType]:
-    """Extrema and strongest orders, those of the quasi-static solution where it is asked for, stability."""
-    made = [_extrema_table(orbit, "Motion over one period"), _order_table(orbit)]
+    """Extrema, strongest harmonics, stability and, if requested, extrema of the quasi-static solution."""
+    motion = [_extrema_table(orbit, "Motion over one period"), _order_table(orbit)]
     if quasi_static:
-        made.append(_extrema_table(orbit.quasi_static, "Quasi-static, without inertia and damping"))
-    return [*made, *(stability_tables(orbit) if orbit.system.vibrates else [])]
+        motion.append(_extrema_table(orbit.quasi_static, "Quasi-static, without inertia and damping"))
+    return [*motion, *(stability_tables(orbit) if orbit.system.vibrates else [])]
 
 
 @brief.register(RigidOrbit)
 def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
-    """All of it, since there is no verdict."""
+    """Complete printout, since there is no verdict."""
     return printout(orbit)
 
 
-def _extrema_table(turn: Turn, title: str) -> Table:
-    """Largest, least and mean values, and at which phases."""
-    turn.evaluate_outputs()
-    made = table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2)
-    for name in turn.system.known_quantities():
-        found = turn.statistics(name)
-        factor, unit = prefixed(turn.system.units.get(name, ""), found.max_abs)
+def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
+    """Extrema with their phases, and means."""
+    motion.evaluate_outputs()
+    period, rows = motion.system.period, []
+    for name in motion.system.known_quantities():
+        values = motion.statistics(name)
+        factor, unit = prefixed(motion.system.units.get(name, ""), values.max_abs)
         high, low, mean = (
-            fixed(value * factor, found.max_abs * factor) for value in (found.max, found.min, found.mean)
+            fixed(value * factor, values.max_abs * factor) for value in (values.max, values.min, values.mean)
         )
-        high_at, low_at = map(partial(_degrees, turn.system.period), (found.max_phase, found.min_phase))
-        made.add_row(_broken(name), unit, high, high_at, low, low_at, mean)
-    return made
+        high_at, low_at = _degrees(period, values.max_phase), _degrees(period, values.min_phase)
+        rows.append((_broken(name), unit, high, high_at, low, low_at, mean))
+    return table(title, "quantity", "unit", "max", "at", "min", "at", "mean", left=2, rows=rows)
 
 
 def _degrees(period: float, phase: float) -> str:
-    """A phase of the drive, the end of the turn as its beginning."""
+    """Text of a phase in degrees; the end of the period is 0."""
     rounded = round(math.degrees(phase), 1)
     return f"{rounded if rounded < round(math.degrees(period), 1) else 0.0:.1f}°"
 
 
 def _order_table(orbit: Orbit) -> Table:
-    made = table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS)
-    rotation = 2 * math.pi / orbit.system.period
+    """Amplitudes and phase angles of the strongest harmonics; "–" below the error of the orbit."""
+    rotation, rows = 2 * math.pi / orbit.system.period, []
     for name in orbit.system.known_quantities():
         amplitudes, angles = orbit.harmonics(name, orbit.samples // 8)
         largest = orbit.statistics(name).max_abs
         factor, _ = prefixed(orbit.system.units.get(name, ""), largest)
-        unknown, cells = orbit.error_estimate.orbit * largest, []
+        error, cells = orbit.error_estimate.orbit * largest, []
         for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
             size = float(amplitudes[k]) * factor
-            amplitude = f"{k * rotation:g}: {fixed(size, size, 4)}"
-            known = unknown < amplitudes[k] < math.inf
-            cells.append(f"{amplitude} ∠{round(math.degrees(angles[k])):4d}°" if known else "–")
-        made.add_row(_broken(name), *cells)
-    return made
+            text = f"{k * rotation:g}: {fixed(size, size, 4)} ∠{round(math.degrees(angles[k])):4d}°"
+            cells.append(text if error < amplitudes[k] < math.inf else "–")
+        rows.append((_broken(name), *cells))
+    return table("Strongest orders: amplitude in that unit, phase angle", "quantity", *_RANKS, rows=rows)
 
 
 def _broken(name: str) -> str:
-    """A long name on two lines, parted at an underscore: 80 columns leave it no more than these."""
+    """Name, split at an underscore if it is too long for a table of 80 columns."""
     place = name.rfind("_", 0, _LONGEST_NAME) + 1
     return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"

@@ -1,4 +1,4 @@
-"""A report and its page: one file of HTML that needs no other, for a screen, a telephone and paper."""
+"""Report on a system, and its page: a single file of HTML for screens, telephones and paper."""
 
 import itertools
 import re
@@ -12,16 +12,16 @@ from typing import BinaryIO
 
 from solve.errors import SolveError
 from solve.results.contents import versions
-from solve.results.files import checked, write_whole
-from solve.results.quantities import greek
+from solve.results.files import checked, write_atomic
+from solve.results.formatting import greek
 from solve.results.result import Result
 from solve.system import PeriodicSystem
-from solve.views.markup import html
+from solve.views.show import html
 from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
 
 OVER_SPEEDS = 1e-6
-"""Least relative error that is asked for over the speeds: curves and tables there show fewer digits."""
+"""Smallest tolerance over the speeds: curves and tables there show fewer digits."""
 
 ENDINGS = (".html",)
 
@@ -31,20 +31,23 @@ _UNNEEDED = re.compile(
     r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->|(?<=<svg)[^>]*?(?= viewBox)", re.DOTALL
 )
 _NAME = re.compile(r'(\bid="|href="#|url\(#)')
-"""What begins the name of an element of a picture, which must be its own on the whole page."""
+"""Beginning of an identifier in a picture; identifiers must be unique on the page."""
 
 _NUMBER = re.compile(r"\d+$")
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""What a browser may load: nothing from elsewhere."""
+"""Content security policy: the page loads nothing from elsewhere."""
 
 _GIVEN = "given"
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a report: its heading, what it shows in a sentence, and its result, or why there is none;
-    orbit: which of the report's orbits that is, where there are two."""
+    """Section of a report.
+
+    heading, about: title, and a sentence on the content. result, reason: the result, or the reason why there
+    is none. orbit: name of the orbit if the report has two.
+    """
 
     heading: str
     about: str
@@ -55,7 +58,19 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """What is known of a system. parts: in the order of the page; speeds (rad/s) and rtol: as asked."""
+    """Report on a system, from `solve.report`.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        The system.
+    parts : sequence of Part
+        Sections in the order of the page.
+    speeds : sequence of float
+        Requested speeds in rad/s.
+    rtol : float
+        Requested tolerance.
+    """
 
     system: PeriodicSystem
     parts: Sequence[Part]
@@ -64,39 +79,39 @@ class Report:
 
     @property
     def summary(self) -> list[str]:
-        """What was found, a plain sentence or two a part, none twice."""
-        found = (part.result.summary for part in self.parts if part.result is not None)
-        return list(filter(None, dict.fromkeys(found)))
+        """Sentences on the findings of the sections, each once."""
+        sentences = (part.result.summary for part in self.parts if part.result is not None)
+        return list(filter(None, dict.fromkeys(sentences)))
 
     @cached_property
     def warnings(self) -> dict[str, list[str]]:
-        """What is doubtful, each sentence once, with the headings of the parts that say it."""
-        found: dict[str, list[str]] = {}
+        """Sentences on what is doubtful, each with the headings of its sections."""
+        headings: dict[str, list[str]] = {}
         for part in self.parts:
-            for said in part.result.warnings if part.result is not None else ():
-                found.setdefault(said, []).append(part.heading)
-        return found
+            for warning in part.result.warnings if part.result is not None else ():
+                headings.setdefault(warning, []).append(part.heading)
+        return headings
 
     def orbit_of(self, heading: str) -> str:
-        """Which of the report's orbits the part with this heading shows, where there are two."""
+        """Name of the orbit of the section with this heading; empty if the report has one orbit."""
         return next(part.orbit for part in self.parts if part.heading == heading)
 
     @property
     def missing(self) -> dict[str, str]:
-        """Why parts have no result, by their headings."""
+        """Reasons why sections have no result, by heading."""
         return {part.heading: part.reason for part in self.parts if part.reason}
 
     @cached_property
     def html(self) -> str:
-        """The page."""
+        """Page as HTML."""
         return _page(self)
 
     def save(self, path: str | Path) -> None:
-        """Write the page to a file that ends in .html, whole or not at all. Raises FileError."""
-        write_whole(checked(path, ENDINGS, "report"), self.write)
+        """Write the page to a file that ends in .html, completely or not at all. Raises FileError."""
+        write_atomic(checked(path, ENDINGS, "report"), self.write)
 
     def write(self, stream: BinaryIO) -> None:
-        """The page into a stream."""
+        """Write the page to a stream."""
         stream.write(self.html.encode())
 
     def __repr__(self) -> str:
@@ -111,7 +126,7 @@ def _page(report: Report) -> str:
         "Equations": _equations(system),
         "Parameters": _parameters(system),
         **{part.heading: _part(part) for part in report.parts},
-        "How it was calculated": _made(report),
+        "How it was calculated": _settings(report),
     }
     title = system.title or system.name
     links = "".join(f"<li>{_link(heading)}</li>" for heading in sections)
@@ -128,8 +143,7 @@ def _page(report: Report) -> str:
 
 
 def document(title: str, policy: str, style: str, body: str) -> str:
-    """A page of HTML that needs no other file. policy: what it may load; style, body: lines, each with its
-    end."""
+    """Single-file page of HTML. policy: content security policy. style, body: lines with line ends."""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -151,23 +165,23 @@ def _section(heading: str, content: str) -> str:
 
 
 def _anchor(heading: str) -> str:
-    """By which the page refers to a part."""
+    """Identifier of a section."""
     return re.sub(r"\W+", "-", heading.lower())
 
 
-def _link(heading: str, words: str = "") -> str:
-    return f'<a href="#{_anchor(heading)}">{escape(words or heading)}</a>'
+def _link(heading: str, text: str = "") -> str:
+    return f'<a href="#{_anchor(heading)}">{escape(text or heading)}</a>'
 
 
 def _findings(report: Report) -> str:
-    """The verdict, what else was found, and what is doubtful about it."""
+    """Verdict, other findings and warnings."""
     verdict = [f'<p class="verdict">{escape(sentence)}</p>' for sentence in report.summary[:1]]
     lines = [*verdict, _list(map(escape, report.summary[1:]), "found")]
     if report.warnings:
         links = {part.heading: _link(part.heading, part.orbit) for part in report.parts}
         texts = [
-            f"{escape(said)} <small>({', '.join(links[each] for each in parts)})</small>"
-            for said, parts in report.warnings.items()
+            f"{escape(warning)} <small>({', '.join(links[heading] for heading in headings)})</small>"
+            for warning, headings in report.warnings.items()
         ]
         lines += ["<h3>Warnings</h3>", _list(texts, "warnings")]
     else:
@@ -176,7 +190,7 @@ def _findings(report: Report) -> str:
 
 
 def _list(items: Iterable[str], kind: str) -> str:
-    lines = "".join(f"<li>{each}</li>\n" for each in items)
+    lines = "".join(f"<li>{item}</li>\n" for item in items)
     return f'<ul class="{kind}">\n{lines}</ul>' if lines else ""
 
 
@@ -185,11 +199,11 @@ def _equations(system: PeriodicSystem) -> str:
         return (
             '<p class="missing">Left out: the system was given as numbers, without equations in symbols.</p>'
         )
-    signs = (each.replace("<mo>-</mo>", "<mo>&#x2212;</mo>") for each in system.equations)
-    lines = "\n".join(f'<div class="wide">{each}</div>' for each in signs)
-    about = "Entries of M, C, K and d that are not zero"
+    equations = (line.replace("<mo>-</mo>", "<mo>&#x2212;</mo>") for line in system.equations)
+    lines = "\n".join(f'<div class="wide">{line}</div>' for line in equations)
+    about = "Nonzero entries of M, C, K and d"
     if system.links:
-        about = "What each link is made of; the matrices are assembled from it"
+        about = "Members of each link, from which the matrices are assembled"
     return f'<p>{about}. φ is the phase of the drive, Ω its speed.</p>\n<div class="equations">{lines}</div>'
 
 
@@ -205,7 +219,7 @@ def _parameters(system: PeriodicSystem) -> str:
 
 
 def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Rows that follow each other and differ in nothing but the numbers in name and meaning are one."""
+    """Rows, with successive ones combined that differ only in the numbers of name and meaning."""
 
     def kind(row: tuple[str, ...]) -> tuple[str, ...]:
         name, value, unit, meaning, source = row
@@ -213,8 +227,8 @@ def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...
 
     for _, alike in itertools.groupby(rows, kind):
         first, *_, last = [*alike] * 2
-        between = zip(first, last, strict=True)
-        yield tuple(one if one == other else _joined(one, other) for one, other in between)
+        cells = zip(first, last, strict=True)
+        yield tuple(one if one == other else _joined(one, other) for one, other in cells)
 
 
 def _joined(first: str, last: str) -> str:
@@ -228,8 +242,8 @@ def _joined(first: str, last: str) -> str:
 def _part(part: Part) -> str:
     lines, result = [f"<p>{escape(part.about)}</p>"], part.result
     if part.reason:
-        what = "Left out" if result is None else "Only stability is known"
-        lines.append(f'<p class="missing">{what}: {escape(part.reason)}.</p>')
+        extent = "Left out" if result is None else "Only stability is known"
+        lines.append(f'<p class="missing">{extent}: {escape(part.reason)}.</p>')
     if result is None:
         return "\n".join(lines)
     try:
@@ -237,13 +251,13 @@ def _part(part: Part) -> str:
     except SolveError as reason:
         lines.append(f'<p class="missing">No picture: {escape(str(reason))}.</p>')
     shown = result._repr_html_()
-    # Orbits and stability show theirs among what they print, the others do not.
+    # Orbits and stability print their notes in the heading, other results do not.
     notes = [note for note in map(escape, getattr(result, "notes", ())) if note not in shown]
     return "\n".join([*lines, _wide(shown), _list(notes, "notes")])
 
 
 def _wide(content: str) -> str:
-    """Tables each in a frame of its own, in which what is wider than the page can be moved."""
+    """HTML with each table in a frame that scrolls if the table is wider than the page."""
     framed = content.replace("<table>", '<div class="wide" tabindex="0"><table>')
     return framed.replace("</table>", "</table></div>")
 
@@ -256,34 +270,33 @@ def _picture(figure: Figure, part: Part) -> str:
 
 
 def svg_of(figure: Figure) -> str:
-    """The figure as an element of HTML, without what only a file of its own needs."""
+    """Figure as an SVG element of HTML."""
     stream = BytesIO()
     drawn(figure, Path("picture.svg"))(stream)
-    found = _SVG.search(stream.getvalue().decode())
-    assert found
-    return _UNNEEDED.sub("", found[0]).replace("xlink:href", "href")
+    element = _SVG.search(stream.getvalue().decode())
+    assert element
+    return _UNNEEDED.sub("", element[0]).replace("xlink:href", "href")
 
 
-def _made(report: Report) -> str:
-    """What the page was made with; methods, steps and errors stand with each part."""
+def _settings(report: Report) -> str:
+    """Table of tolerances, options and versions; methods, steps and errors are in the sections."""
     system = report.system
     rows = {
-        "relative error asked for": f"{report.rtol:g}, over the speeds {max(report.rtol, OVER_SPEEDS):g}",
+        "relative tolerance": f"{report.rtol:g}, over the speeds {max(report.rtol, OVER_SPEEDS):g}",
         "options of the model": ", ".join(f"{name}={value}" for name, value in system.options.items()),
         "generated equations": system.model_hash or "",
         **versions(),
     }
     if report.speeds:
         span = system.speed_unit.span(min(report.speeds), max(report.speeds))
-        rows = {"speeds asked for": f"{len(report.speeds)}, from {span}", **rows}
-    return _table(("what", "value"), [row for row in rows.items() if row[1]])
+        rows = {"speeds": f"{len(report.speeds)}, from {span}", **rows}
+    return _table(("setting", "value"), [row for row in rows.items() if row[1]])
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], number: str = "") -> str:
-    """A table of texts, and of numbers under one of the headings."""
-    made = table("", *headings, left=len(headings))
-    for column in made.columns:
+    """Table of texts, with numbers under one of the headings."""
+    cells = [[*map(text, row)] for row in rows]
+    content = table("", *headings, left=len(headings), rows=cells)
+    for column in content.columns:
         column.justify = "right" if column.header == number else "left"
-    for row in rows:
-        made.add_row(*map(text, row))
-    return _wide(html(made))
+    return _wide(html(content))

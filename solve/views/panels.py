@@ -1,8 +1,9 @@
-"""Pictures of one solution: time curves, spectra, multipliers."""
+"""Building blocks of figures: panels over speed, curves, colours, labels and titles."""
 
 import math
 import textwrap
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,30 +12,33 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN
-from solve.results.quantities import greek, headed, named, prefixed
+from solve.results.formatting import greek, headed, named, prefixed
 from solve.system import PeriodicSystem
-from solve.views.style import GREY, Axes, Figure
+from solve.views.style import GREY, Axes, Figure, page
 
 Value = TypeVar("Value", bound=Hashable)
 
 
+SAMPLES = 721
+"""Number of phases at which curves over a period are drawn: every half degree of a revolution."""
+
 _BETWEEN = 16
-"""Parts in which a curve is drawn between two of its points."""
+"""Number of line segments between two points of a curve."""
 
 _DASHES = ((), (5, 1.5), (1.5, 1.2), (6, 1.5, 1.5, 1.5))
 _LIGHTEST = 0.8
-"""Place in the colour map beyond which lines fade into the page."""
+"""Position in the colour map beyond which lines are too light for a white page."""
 
 _FEW = 60
-"""Points of a curve up to which they are marked."""
+"""Maximum number of points of a curve that are marked."""
 
 _LABEL = 54
-"""Characters a line of a label."""
+"""Number of characters per line of a label."""
 
 
 def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
-    """The names to show: those given, or the first coordinates. Raises UnknownNameError, and
-    ValueOutOfBoundsError for more rows than a page holds."""
+    """Names of the quantities to show, by default the first coordinates. Raises UnknownNameError, and
+    ValueOutOfBoundsError for more rows than fit on a page."""
     if not names:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
     known = system.known_quantities(names)
@@ -50,18 +54,18 @@ def titled(system: PeriodicSystem, speed: float) -> str:
     return f"{title_of(system)}, {system.speed_unit.text(speed)}"
 
 
-def told_apart(values: Sequence[Value], words: Callable[[Value, str], str]) -> Sequence[str]:
-    """Each of the values in words, in the shortest of a few forms of numbers in which different ones differ.
+def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) -> Sequence[str]:
+    """Labels of values with the fewest digits with which different values have different labels.
 
-    >>> told_apart([1.0, 1.00000002], lambda value, form: f"{value:{form}}")
+    >>> distinct_labels([1.0, 1.00000002], lambda value, form: f"{value:{form}}")
     ['1', '1.00000002']
     """
-    different, found = len(set(values)), []
+    labels: list[str] = []
     for form in (".6g", ".10g", ".17g"):
-        found = [words(value, form) for value in values]
-        if len(set(found)) >= different:
+        labels = [text(value, form) for value in values]
+        if len(set(labels)) >= len(set(values)):
             break
-    return found
+    return labels
 
 
 def title_of(system: PeriodicSystem) -> str:
@@ -71,7 +75,7 @@ def title_of(system: PeriodicSystem) -> str:
 
 
 def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> None:
-    """Values z (ny, nx) as colours over x and y, and their scale beside."""
+    """Draw values z (ny, nx) as colours over x and y, with a colour bar."""
     mesh = axes.pcolormesh(x, y, z, shading="nearest", rasterized=True, **colours)
     bar = figure.colorbar(mesh, ax=axes, pad=0.02, fraction=0.05)
     bar.set_label(label, color=GREY)
@@ -80,14 +84,14 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
 
 
 def axis_label(system: PeriodicSystem, name: str) -> str:
-    """A parameter or the speed with its unit and meaning."""
+    """Label of a parameter or the speed with its unit and meaning."""
     label = headed(name, system.unit_of(name).name)
     _, meaning = system.parameter_labels.get(name, ("", ""))
     return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
 
 
 def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
-    """The horizontal axis of rising speeds (k,) in rad/s, or of values of a parameter."""
+    """Label the horizontal axis of ascending speeds (k,) in rad/s, or of values of a parameter."""
     shown = system.unit_of(name).of(values)
     if shown[0] < shown[-1]:
         axes.set_xlim(shown[0], shown[-1])
@@ -95,8 +99,32 @@ def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = 
     axes.ticklabel_format(axis="x", scilimits=(-3, 6))
 
 
+@contextmanager
+def panels_over(
+    system: PeriodicSystem,
+    values: Array,
+    title: str,
+    height: float,
+    count: int,
+    name: str = SPEED,
+    ratios: Sequence[float] | None = None,
+    align: bool = True,
+) -> Iterator[tuple[Figure, Any]]:
+    """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or the values of a parameter.
+
+    title: follows the model's name. height: of the figure in inches. ratios: of the panels' heights. The
+    horizontal axis is labelled, and the vertical labels are aligned, at the end of the block.
+    """
+    with page(height, f"{title_of(system)}: {title}") as figure:
+        panels = figure.subplots(count, 1, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+        yield figure, panels
+        label_speeds(panels[-1], system, np.sort(values), name)
+        if align:
+            figure.align_ylabels(panels)
+
+
 def label_phases(axes: Axes, period: float) -> None:
-    """The horizontal axis of phases in degrees over a period in rad."""
+    """Label the horizontal axis of phases in degrees over a period in rad."""
     from matplotlib.ticker import MultipleLocator
 
     axes.set_xlim(0.0, math.degrees(period))
@@ -105,27 +133,28 @@ def label_phases(axes: Axes, period: float) -> None:
 
 
 def through(x: Array, y: Array) -> tuple[Array, Array]:
-    """Further points of a curve over x (k,), in any order, between its own: monotone cubics (F. Fritsch, R.
-    Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246), which make no extreme that is not a point; gaps of NaN
-    stay."""
+    """Curve through points over x (k,), in any order, with gaps where y is NaN.
+
+    The interpolation by monotone cubics (F. Fritsch, R. Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246) adds
+    no extrema.
+    """
     from scipy.interpolate import PchipInterpolator
 
-    parts, (x, first) = [], np.unique(x, return_index=True)
+    curves, (x, first) = [], np.unique(x, return_index=True)
     y = np.where(np.isfinite(y), y, np.nan)[first]
-    for part in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
-        at, values = x[part], y[part]
-        if np.isfinite(values).all() and len(part) > 1:
-            fine = np.interp(
-                np.linspace(0, len(part) - 1, _BETWEEN * (len(part) - 1) + 1), part - part[0], at
-            )
-            at, values = fine, PchipInterpolator(at, values)(fine)
-        parts.append((at, values))
-    return np.concatenate([at for at, _ in parts]), np.concatenate([values for _, values in parts])
+    for section in np.split(np.arange(len(x)), np.flatnonzero(np.diff(np.isfinite(y))) + 1):
+        places, values, last = x[section], y[section], len(section) - 1
+        if np.isfinite(values).all() and last:
+            fine = np.interp(np.linspace(0, last, _BETWEEN * last + 1), np.arange(last + 1), places)
+            places, values = fine, PchipInterpolator(places, values)(fine)
+        curves.append((places, values))
+    x_curves, y_curves = zip(*curves, strict=True)
+    return np.concatenate(x_curves), np.concatenate(y_curves)
 
 
 def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
-    """A curve over x (k,) `through` its points, or `by_logarithm` of positive ones; where these are few they
-    are marked."""
+    """Draw an interpolated curve over x (k,), see `through`, or the exponential of one through the logarithms
+    of positive values. Few points are marked."""
     with np.errstate(divide="ignore"):
         fine, values = through(x, np.log(y) if by_logarithm else y)
     axes.plot(fine, np.exp(values) if by_logarithm else values, **style)
@@ -135,7 +164,7 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Colours and dashes of several curves, the first darkest, that differ on a black and white print too."""
+    """Colours and dashes of several curves, the first darkest, which also differ in black and white."""
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
@@ -152,7 +181,7 @@ def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array,
 
 
 def labelled(name: str, unit: str) -> str:
-    """A label of few characters a line, Greek names as letters, the unit in brackets."""
+    """Label with few characters per line, Greek letters, and the unit in brackets."""
     lines = textwrap.wrap(greek(name).replace("_", " "), 12)
     if unit and len(lines) == 1 and len(lines[0] + unit) < 9:
         return f"{lines[0]} ({unit})"

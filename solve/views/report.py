@@ -1,4 +1,4 @@
-"""Everything that is asked of a model when it is judged, gathered for one page."""
+"""Report on a model: all studies for one page."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -21,16 +21,15 @@ from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of
 from solve.studies.frequencies import frequencies, turn
-from solve.studies.sweep import sweep
-from solve.studies.validity import validity
-from solve.system import PeriodicSystem, of_system
+from solve.studies.sweep import sweep, validity
+from solve.system import PeriodicSystem, of_system, require_load
 from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given
 from solve.views.page import OVER_SPEEDS, Part, Report
 
 
-class Asked(NamedTuple):
-    """A part that is still to be made: how its result is found, and what to find where there is none."""
+class Request(NamedTuple):
+    """Section to be calculated: function of its result, and of a substitute if there is none."""
 
     part: Part
     calculate: Callable[[], Result]
@@ -45,16 +44,28 @@ def report(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Report:
-    """Vibration and stability at a speed, natural frequencies and what matters most; over the speeds
-    response, critical speeds, unstable bands and validity.
+    """Report: vibration, stability, natural frequencies and sensitivities at a speed; response, critical
+    speeds, unstable bands and validity over speeds.
 
-    speeds: in rad/s, texts with unit, or one text such as "100:900:81 rpm". speed: in rad/s or a text with
-    unit, by default that of the case. rtol: at the speed; over the speeds 1e-6 where that is more.
+        Parameters ---------- system : PeriodicSystem or str System, or the name of a model. speeds :
+        array_like or str Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". A structure
+        without motion needs none. speed : float or str, optional Speed in rad/s or a text with unit; by
+        default that of the case. method : str or method Method. rtol : float Relative tolerance at the speed;
+        over the speeds at least 1e-6.
 
-    `.save("report.html")` writes the page. A part without a result says why, and the others stand; a
-    structure without motion has its frequencies and modes alone, and needs no speeds. Raises
-    MissingValueError where a model that moves has no speeds or no speed, NoResultError where no part has a
-    result, and other SolveError subclasses for bad input.
+    Returns
+    -------
+    Report
+        Its method `save` writes the page. A section without a result states the reason.
+
+    Raises
+    ------
+    MissingValueError
+        If a model that moves has no speeds or no speed.
+    NoResultError
+        If no section has a result.
+    SolveError
+        For other bad input.
     """
     rule, tolerance = chosen(method), checked_rtol(rtol)
     omegas = [] if speeds is None else speeds_given(speeds)
@@ -75,21 +86,21 @@ def report(
     return Report(system, parts, omegas, tolerance)
 
 
-def _parts(asked: Sequence[Asked]) -> list[Part]:
-    """Each with its result, or with the reason why there is none."""
-    found = []
-    with progress.steps(len(asked)) as step:
-        for part, calculate, instead in asked:
+def _parts(requests: Sequence[Request]) -> list[Part]:
+    """Sections with their results, or with the reasons why there are none."""
+    parts = []
+    with progress.steps(len(requests)) as step:
+        for part, calculate, instead in requests:
             step(part.heading.lower())
             result, reason = _tried(calculate)
             if reason and instead is not None:
                 result, _ = _tried(instead)
-            found.append(replace(part, result=result, reason=reason))
-    return found
+            parts.append(replace(part, result=result, reason=reason))
+    return parts
 
 
 def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
-    """The result, or why there is none."""
+    """Result, or None with the reason."""
     try:
         return calculate(), ""
     except SolveError as reason:
@@ -98,9 +109,9 @@ def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
 
 def _of_motion(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], rule: Rule, rtol: float
-) -> list[Asked]:
-    """The parts of a model that moves."""
-    unit, given = system.speed_unit, {"method": rule, "rtol": rtol}
+) -> list[Request]:
+    """Sections of a model that moves."""
+    unit, options = system.speed_unit, {"method": rule, "rtol": rtol}
     at, linear, other = unit.text(omega), "linear orbit" * system.nonlinear, "nonlinear orbit"
     orbit = Part(
         "Vibration and stability",
@@ -109,76 +120,76 @@ def _of_motion(
     )
     beyond = Part(
         "Vibration by the nonlinear equations",
-        f"The periodic vibration at {at} without linearisation, the linear one beside it.",
+        f"The periodic vibration at {at} without linearisation, compared with the linear one.",
         orbit=other,
     )
     matters = Part(
         "What matters most",
-        f"Derivatives at {at} by the parameters and the speed, exact but for the errors beside them; "
+        f"Derivatives at {at} by the parameters and the speed, exact except for the stated errors; "
         "an elasticity is the relative change by the relative change of the parameter.",
     )
-    nonlinear_one = partial(nonlinear, system, omega, **given)
+    nonlinear_one = partial(nonlinear, system, omega, **options)
 
     @cache
     def solved() -> Orbit:
-        return periodic(system, omega, **given)
+        return periodic(system, omega, **options)
 
     def by_parameters() -> Sensitivities:
-        asked = quantities_by(system, None, None)
-        return of_solution(solved(), *asked)
+        return of_solution(solved(), *quantities_by(system, None, None))
 
     return [
-        Asked(orbit, _loaded(solved, system, omega), lambda: floquet(system, omega, **given)),
-        Asked(beyond, _loaded(nonlinear_one, system, omega)),
+        Request(orbit, _loaded(solved, system, omega), lambda: floquet(system, omega, **options)),
+        Request(beyond, _loaded(nonlinear_one, system, omega)),
         *_modes(system),
-        *_over_speeds(system, omega, omegas, {**given, "rtol": max(rtol, OVER_SPEEDS)}),
-        Asked(matters, by_parameters),
+        *_over_speeds(system, omega, omegas, {**options, "rtol": max(rtol, OVER_SPEEDS)}),
+        Request(matters, by_parameters),
     ]
 
 
 def _over_speeds(
-    system: PeriodicSystem, omega: float, omegas: Sequence[float], given: Mapping[str, Any]
-) -> list[Asked]:
+    system: PeriodicSystem, omega: float, omegas: Sequence[float], options: Mapping[str, Any]
+) -> list[Request]:
     between = f"from {system.speed_unit.span(min(omegas), max(omegas))}"
     response = f"Largest moduli over a period and the spectral radius {between}."
     critical = f"Maxima of the response and of the dominant multiplier, divisions of frequencies, {between}."
     unstable = f"Speeds {between} at which disturbances grow."
-    off = f"How far the linear vibration is from the nonlinear one {between}."
+    off = f"Difference between the linear and the nonlinear vibration {between}."
 
     @cache
     def swept() -> Sweep:
-        found = sweep(system, omegas, **given)
-        found.results.require_any()
-        return found
+        result = sweep(system, omegas, **options)
+        result.results.require_any()
+        return result
 
-    def judged() -> Validity:
-        found = validity(system, omegas, **given)
-        found.require_any()
-        return found
+    def valid() -> Validity:
+        result = validity(system, omegas, **options)
+        result.require_any()
+        return result
 
     def between_swept() -> CriticalSpeeds:
-        return critical_speeds_of(swept(), **given)
+        return critical_speeds_of(swept(), **options)
 
     return [
-        Asked(Part("Response over speed", response), _loaded(swept, system, omega)),
-        Asked(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
-        Asked(Part("Unstable bands", unstable), partial(bands, system, omegas, **given)),
-        Asked(Part("Validity of the linear answer", off), _loaded(judged, system, omega)),
+        Request(Part("Response over speed", response), _loaded(swept, system, omega)),
+        Request(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
+        Request(Part("Unstable bands", unstable), partial(bands, system, omegas, **options)),
+        Request(Part("Validity of the linear answer", off), _loaded(valid, system, omega)),
     ]
 
 
 def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: float) -> Callable[[], Result]:
-    """Refused where there is no load."""
+    """Function that requires a load before the calculation."""
 
-    def found() -> Result:
-        system.require_load(omega)
+    def checked() -> Result:
+        require_load(system, omega)
         return calculate()
 
-    return found
+    return checked
 
 
-def _modes(system: PeriodicSystem) -> list[Asked]:
-    """Over the turn of what moves; with their shapes of what is made of links."""
+def _modes(system: PeriodicSystem) -> list[Request]:
+    """Sections on natural frequencies: mode shapes of structures, frequencies over the revolution of
+    mechanisms."""
     place = " with the drive at the beginning of the turn" if system.moves else ""
 
     def at_rest() -> Findings:
@@ -190,9 +201,9 @@ def _modes(system: PeriodicSystem) -> list[Asked]:
 
     about = f"Undamped natural frequencies and mode shapes{place}."
     over = "Undamped natural frequencies with the drive held still at positions of the turn."
-    found = []
+    requests = []
     if system.links:
-        found.append(Asked(Part("Natural frequencies and modes", about), at_rest))
+        requests.append(Request(Part("Natural frequencies and modes", about), at_rest))
     if system.moves:
-        found.append(Asked(Part("Natural frequencies over the turn", over), over_turn))
-    return found
+        requests.append(Request(Part("Natural frequencies over the turn", over), over_turn))
+    return requests

@@ -1,4 +1,4 @@
-"""Sensitivities at one speed: elasticities as bars and tables."""
+"""Sensitivities at one speed, as bars and tables of elasticities, and over speed."""
 
 import math
 from collections.abc import Sequence
@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from solve.labels import SPEED
-from solve.results.sensitivities import MOST_ROWS, Sensitivities, number
-from solve.views.panels import title_of, titled
+from solve.results.sensitivities import MOST_ROWS, Sensitivities, SensitivitiesOver, number
+from solve.views.panels import panels_over, shades, title_of, titled
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, VERMILION, Figure, page
 from solve.views.tables import RenderableType, table
@@ -17,17 +17,17 @@ _MOST_BARS = 12
 
 
 @figure.register(Sensitivities)
-def sensitivities_figure(found: Sensitivities) -> Figure:
-    """Elasticities of every quantity as bars, the largest uppermost; imaginary parts beside real ones."""
-    count = len(found.found)
-    ranked = {quantity: found.ranked(quantity)[:_MOST_BARS] for quantity in found.found}
+def sensitivities_figure(result: Sensitivities) -> Figure:
+    """Elasticities of every quantity as bars, the largest at the top; real and imaginary parts of complex
+    ones."""
+    ranked = {quantity: result.ranked(quantity)[:_MOST_BARS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
-    name = title_of(found.system) if found.speed is None else titled(found.system, found.speed)
-    title = f"{name}: what matters most"
-    with page(0.6 + sum(heights), title) as figure:
-        panels = figure.subplots(count, 1, squeeze=False, height_ratios=heights)[:, 0]
+    name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
+    with page(0.6 + sum(heights), f"{name}: what matters most") as figure:
+        panels = figure.subplots(len(ranked), 1, squeeze=False, height_ratios=heights)[:, 0]
         for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
-            sizes: Any = np.array([found.elasticities(quantity)[name] for name in names])
+            elasticities = result.elasticities(quantity)
+            sizes: Any = np.array([elasticities[name] for name in names])
             places = np.arange(len(names))
             if np.iscomplexobj(sizes):
                 axes.barh(places - 0.2, sizes.real, 0.4, color=BLUE, label="real part")
@@ -44,29 +44,69 @@ def sensitivities_figure(found: Sensitivities) -> Figure:
 
 
 @tables.register(Sensitivities)
-def sensitivities_tables(found: Sensitivities) -> Sequence[RenderableType]:
-    """For each quantity what matters most, a row a parameter."""
-    return [_table(found, quantity) for quantity in found.found]
+def sensitivities_tables(result: Sensitivities) -> Sequence[RenderableType]:
+    """Table per quantity with a row per parameter, the largest elasticity first."""
+    return [_table(result, quantity) for quantity in result.found]
 
 
 def _table(result: Sensitivities, quantity: str) -> RenderableType:
-    found = result.found[quantity]
-    title = f"{quantity} = {number(found.value, 8)} {found.unit}".removesuffix(" 1")
-    made = table(title, "by", "at", "unit", "derivative", "error", "elasticity", left=1)
-    elasticities = result.elasticities(quantity)
-    order = result.ranked(quantity)
-    for name in order[:MOST_ROWS]:
-        at = list(result.by).index(name)
-        cells = (
-            number(found.derivatives[at], 7),
-            f"{found.errors[at]:.0e}" if math.isfinite(found.errors[at]) else "–",
-            number(elasticities[name], 4),
-        )
-        made.add_row(name, f"{result.by[name]:.6g}", _unit_of(result, name), *cells)
-    if len(order) > MOST_ROWS:
-        made.caption = f"and {len(order) - MOST_ROWS} that matter less"
-    return made
+    found, elasticities = result.found[quantity], result.elasticities(quantity)
+    ranked, names = result.ranked(quantity), list(result.by)
+    rows = []
+    for name in ranked[:MOST_ROWS]:
+        place, unit = names.index(name), "rad/s" if name == SPEED else result.system.unit_of(name).name
+        error = f"{found.errors[place]:.0e}" if math.isfinite(found.errors[place]) else "–"
+        derivative, elasticity = number(found.derivatives[place], 7), number(elasticities[name], 4)
+        rows.append((name, f"{result.by[name]:.6g}", unit, derivative, error, elasticity))
+    return table(
+        f"{quantity} = {number(found.value, 8)} {found.unit}".removesuffix(" 1"),
+        *("by", "at", "unit", "derivative", "error", "elasticity"),
+        rows=rows,
+        caption=f"and {len(ranked) - MOST_ROWS} that matter less" if len(ranked) > MOST_ROWS else None,
+    )
 
 
-def _unit_of(result: Sensitivities, name: str) -> str:
-    return "rad/s" if name == SPEED else result.system.unit_of(name).name
+@figure.register(SensitivitiesOver)
+def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
+    """Panel per quantity with the largest elasticities over speed; moduli of complex ones."""
+    count, speeds = len(result.quantities), result.system.speed_unit.of(result.speeds)
+    with panels_over(
+        result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
+    ) as (page, panels):
+        for place, (axes, quantity) in enumerate(zip(panels, result.quantities, strict=True)):
+            ranked = result.ranked(place)
+            for k, shade in zip(ranked, shades(len(ranked)), strict=True):
+                elasticities = result.elasticities[:, place, k]
+                sizes = np.abs(elasticities) if np.any(np.imag(elasticities)) else np.real(elasticities)
+                axes.plot(speeds, sizes, marker=".", label=result.by[k], **shade)
+            axes.axhline(0.0, color="black", linewidth=0.7)
+            axes.set_title(quantity, loc="left")
+            axes.set_ylabel("elasticity")
+            axes.legend(ncols=3, fontsize="small")
+    return page
+
+
+@tables.register(SensitivitiesOver)
+def sensitivities_over_tables(result: SensitivitiesOver) -> Sequence[RenderableType]:
+    """Table per quantity with the largest elasticities, a row per speed."""
+    return [_over_table(result, place) for place in range(len(result.quantities))]
+
+
+def _over_table(result: SensitivitiesOver, place: int) -> RenderableType:
+    unit, quantity, ranked = result.system.speed_unit, result.quantities[place], result.ranked(place)
+    values, elasticities = result.values[:, place], result.elasticities[:, place][:, ranked]
+    return table(
+        f"Elasticities of {quantity}",
+        *(unit.name, quantity, *(result.by[k] for k in ranked)),
+        left=0,
+        rows=[
+            (f"{unit.of(speed):.6g}", _size(value), *map(_size, row))
+            for speed, value, row in zip(result.speeds, values, elasticities, strict=True)
+        ],
+    )
+
+
+def _size(value: Any) -> str:
+    """Text of a value, or of the modulus of a complex one."""
+    size = abs(value) if value.imag else value.real
+    return f"{size:.4g}" if math.isfinite(size) else "–"

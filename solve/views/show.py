@@ -1,17 +1,18 @@
-"""Functions of a result by its class, which the result itself, commands and reports call."""
+"""Text and HTML of results: functions of a result, selected by its class."""
 
+import itertools
 from collections.abc import Sequence
 from functools import singledispatch
+from html import escape
 from io import StringIO
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from solve.results.result import Result
-from solve.views.markup import html
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, Table, console, heading, stacked, table_of
 
 _LINES, _WIDTH = 15, 80
-"""Most lines of a result as text, and its width."""
+"""Maximum number of lines of a result as text, and its width."""
 
 
 @singledispatch
@@ -41,18 +42,98 @@ def brief(result: Result) -> RenderableType:
 
 def heading_of(result: Result, choices: Sequence[str] = ()) -> Table:
     """Model, speed and facts."""
-    return heading(result.system, result.whole.get("speed"), choices, result.facts())
+    return heading(result.system, result.summary_values.get("speed"), choices, result.header_rows())
 
 
 def as_text(result: Result) -> str:
     """A few lines without styles."""
     stream = StringIO()
-    # In a notebook a console would show the text there, beside what `_repr_html_` gives.
+    # In a notebook a console would also display the text itself.
     console(file=stream, width=_WIDTH, no_color=True, force_jupyter=False).print(brief(result))
     lines = [line.rstrip() for line in stream.getvalue().strip("\n").splitlines()]
     return "\n".join(lines if len(lines) <= _LINES else [*lines[: _LINES - 1], "…"])
 
 
 def as_html(result: Result) -> str:
-    """All tables and texts as HTML, for a notebook and the page of a report."""
+    """All tables and texts as HTML, for a notebook and for reports."""
     return html(printout(result))
+
+
+if TYPE_CHECKING:
+    from rich.table import Table
+else:
+    Table = object
+
+_LEFT = ' style="text-align: left"'
+"""Style of texts: a notebook aligns all cells to the right."""
+
+
+def html(printed: RenderableType) -> str:
+    """HTML of Rich renderables: tables as `<table>`, texts as `<p>`.
+
+    >>> from solve.views.tables import table, text
+    >>> print(html(table("Speeds", "", "Hz", rows=[("slow", "1")])))
+    <table>
+    <caption>Speeds</caption>
+    <thead><tr><th scope="col" class="text" style="text-align: left"></th><th scope="col">Hz</th></tr></thead>
+    <tbody>
+    <tr><th scope="row" style="text-align: left">slow</th><td>1</td></tr>
+    </tbody>
+    </table>
+    >>> print(html(text("1 < 2", "bold")))
+    <p><strong>1 &lt; 2</strong></p>
+    """
+    from rich.console import Group
+    from rich.table import Table
+
+    if isinstance(printed, Group):
+        return "\n".join(html(item) for item in printed.renderables)
+    return _table(printed) if isinstance(printed, Table) else f"<p>{_words(printed)}</p>"
+
+
+def _table(table: Table) -> str:
+    """HTML of a table; the first column contains the headings of the rows."""
+    lines = ["<table>"]
+    title = _words(table.title or "")
+    if title:
+        lines.append(f"<caption>{title}</caption>")
+    if table.show_header:
+        lines.append(f"<thead><tr>{''.join(_heading(column) for column in table.columns)}</tr></thead>")
+    lines.append("<tbody>")
+    kinds = [_kind(column) for column in table.columns[1:]]
+    rows = zip(*(column.cells for column in table.columns), strict=True)
+    for number, ((first, *others), row) in enumerate(zip(rows, table.rows, strict=True), start=1):
+        name = f'<th scope="row"{_LEFT}>{_words(first)}</th>' if first else "<td></td>"
+        cells = zip(kinds, others, strict=True)
+        lines.append(f"<tr>{name}{''.join(f'<td{kind}>{_words(cell)}</td>' for kind, cell in cells)}</tr>")
+        if row.end_section and number < len(table.rows):
+            lines.append("</tbody>\n<tbody>")
+    lines.append("</tbody>")
+    if table.caption:
+        width = len(table.columns)
+        lines.append(f'<tfoot><tr><td colspan="{width}">{_words(table.caption)}</td></tr></tfoot>')
+    return "\n".join([*lines, "</table>"])
+
+
+def _heading(column: Any) -> str:
+    return f'<th scope="col"{_kind(column)}>{_words(column.header)}</th>'
+
+
+def _kind(column: Any) -> str:
+    return f' class="text"{_LEFT}' if column.justify == "left" else ""
+
+
+def _words(content: Any) -> str:
+    """HTML of a text; line feeds become positions where a long name may be broken."""
+    from rich.console import Console
+
+    console = Console(markup=False, emoji=False, no_color=True)
+    text = console.render_str(content, highlight=False) if isinstance(content, str) else content.copy()
+    if text.style:
+        text.stylize(text.style)
+    pieces = itertools.dropwhile(lambda piece: not piece[0].strip(), text.render(console, end=""))
+    parts = [
+        f"<strong>{escape(words)}</strong>" if style is not None and style.bold else escape(words)
+        for words, style, _ in pieces
+    ]
+    return "".join(parts).strip().replace("\n", "<wbr/>")

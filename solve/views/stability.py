@@ -1,25 +1,27 @@
-"""Stability at one speed: multipliers and the verdict."""
+"""Stability at one speed: multipliers, verdict and proofs."""
 
 import math
 from collections.abc import Sequence
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Any
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.period.multipliers import VERDICTS
+from solve.proof.result import Proof
 from solve.results.stability import Stability
 from solve.units import raised
 from solve.views.panels import titled
 from solve.views.show import brief, figure, heading_of, tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFigure, page
-from solve.views.tables import RenderableType, assembled, stacked, table
+from solve.views.tables import RenderableType, assembled, stacked, table, text
 
 CIRCLE_ROW = 2.45
 """Height of the panels of multipliers, in inches."""
 
 _CLOSER = 0.4
-"""Spectral radius below which multipliers get a second, closer view."""
+"""Spectral radius below which multipliers are also drawn magnified."""
 
 _MOST_MULTIPLIERS = 8
 VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "bold magenta"), strict=True))
@@ -28,7 +30,7 @@ VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "b
 
 @figure.register(Stability)
 def stability_figure(result: Stability) -> Figure:
-    """Multipliers on the unit circle, and a closer view of small ones."""
+    """Multipliers and the unit circle; small multipliers also magnified."""
     with page(CIRCLE_ROW + 0.4, titled(result.system, result.speed)) as figure:
         draw_stability(figure, result)
     return figure
@@ -47,13 +49,13 @@ def stability_in_brief(result: Stability) -> RenderableType:
 
 
 def _multiplier_table(result: Stability) -> RenderableType:
-    columns = "Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"
-    title = "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T"
-    made = table(title, *columns, left=0)
-    every = zip(result.multipliers, result.exponents, result.modes, result.multiplier_errors, strict=True)
-    rows = [row[:3] for row in every if not (np.imag(row[0]) < 0 or math.isnan(row[3]))]
-    for rho, exponent, mode in rows[:_MOST_MULTIPLIERS]:
-        made.add_row(
+    """Multipliers with their growth rates and frequencies; one row per pair."""
+    multipliers = zip(
+        result.multipliers, result.exponents, result.modes, result.multiplier_errors, strict=True
+    )
+    pairs = [row[:3] for row in multipliers if not (np.imag(row[0]) < 0 or math.isnan(row[3]))]
+    rows = [
+        (
             f"{rho.real:.6g}",
             f"±{rho.imag:.6g}" if rho.imag else "0",
             f"{abs(rho):.6g}",
@@ -62,12 +64,18 @@ def _multiplier_table(result: Stability) -> RenderableType:
             "–" if mode.unfolded is None else f"{mode.unfolded / (2 * math.pi):.5g}",
             "–" if mode.order is None else f"{mode.order}",
         )
-    smaller = len(rows) - _MOST_MULTIPLIERS
-    rest = [f"{smaller} smaller"] * (smaller > 0)
-    rest += [f"{result.unresolved} without a digit"] * (result.unresolved > 0)
-    if rest:
-        made.caption = "and " + ", ".join(rest)
-    return made
+        for rho, exponent, mode in pairs[:_MOST_MULTIPLIERS]
+    ]
+    smaller = len(pairs) - _MOST_MULTIPLIERS
+    omitted = [f"{smaller} smaller"] * (smaller > 0)
+    omitted += [f"{result.unresolved} without a digit"] * (result.unresolved > 0)
+    return table(
+        "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T",
+        *("Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"),
+        left=0,
+        rows=rows,
+        caption="and " + ", ".join(omitted) if omitted else None,
+    )
 
 
 def _verdict_line(result: Stability) -> RenderableType:
@@ -80,7 +88,7 @@ def _verdict_line(result: Stability) -> RenderableType:
 
 
 def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
-    """Panels of the multipliers, with a closer view of small ones, and of the verdict."""
+    """Draw panels of the multipliers, small ones also magnified, and of the verdict."""
     from matplotlib.patches import Circle
 
     rho, radius = result.multipliers, float(np.abs(result.multipliers).max(initial=0.0))
@@ -129,3 +137,75 @@ def _write_summary(axes: Axes, result: Stability) -> None:
     axes.axis("off")
     axes.text(0.0, 1.0, result.verdict, fontweight="bold", color=color, **place)
     axes.text(0.0, 0.88, "\n".join(lines), linespacing=1.6, **place)
+
+
+_MOST_DISCS = 8
+
+_LONGEST = 60
+"""Number of digits of a bound that fit beside its name in 80 columns."""
+
+
+def proof_printout(proof: Proof) -> RenderableType:
+    """Verdict, discs of the multipliers, bounds on maxima, true errors and assumption."""
+    maxima = [_maxima_table(proof)] if proof.max_abs else []
+    return stacked(
+        _proof_line(proof),
+        _disc_table(proof),
+        *maxima,
+        text(_errors(proof)),
+        text(f"Assumed: {proof.assumed}."),
+    )
+
+
+def _proof_line(proof: Proof) -> RenderableType:
+    low, high = proof.spectral_radius
+    return assembled(
+        "\nproved: " if proof.proved else "\nnot proved: ",
+        (proof.verdict, VERDICT_STYLES[proof.verdict]),
+        f"\nspectral radius ≥\n{low}\nspectral radius ≤\n{high}"
+        if len(high) > _LONGEST
+        else f"\nspectral radius ≥ {low}\n                ≤ {high}",
+    )
+
+
+def _disc_table(proof: Proof) -> RenderableType:
+    """Discs that contain the multipliers; one row per pair."""
+    discs = [*zip(proof.multipliers.tolist(), proof.radii.tolist(), proof.isolated.tolist(), strict=True)]
+    pairs, rows = [disc for disc in discs if disc[0].imag >= 0 or not disc[2]], []
+    for center, radius, isolated in pairs[:_MOST_DISCS]:
+        pair = isolated and center.imag
+        imaginary = f"±{center.imag:.17g}" if pair else f"{center.imag:.17g}"
+        count = "one each" if pair else "one" if isolated else "several"
+        rows.append((f"{center.real:.17g}", imaginary, rounded(radius, 2, ROUND_CEILING), count))
+    caption = f"and {len(pairs) - _MOST_DISCS} smaller" if len(pairs) > _MOST_DISCS else None
+    title, headings = "Discs that contain the multipliers", ("Re ρ", "Im ρ", "radius", "multipliers")
+    return table(title, *headings, left=0, rows=rows, caption=caption)
+
+
+def _maxima_table(proof: Proof) -> RenderableType:
+    units = proof.result.system.units
+    rows = [
+        (name, units[name], rounded(low, 15, ROUND_FLOOR), rounded(high, 15, ROUND_CEILING))
+        for name, (low, high) in proof.max_abs.items()
+    ]
+    return table("Bounds on max|q| over a period", "", "unit", "from", "to", left=2, rows=rows)
+
+
+def _errors(proof: Proof) -> str:
+    errors = [f"multipliers {rounded(proof.true_error['multipliers'], 2, ROUND_CEILING)}"]
+    if not math.isnan(proof.true_error["orbit"]):
+        orbit = rounded(proof.true_error["orbit"], 2, ROUND_CEILING)
+        errors.append(f"orbit at {proof.steps} phases {orbit}")
+    return f"\nTrue relative errors of the result above are at most: {', '.join(errors)}."
+
+
+def rounded(value: float, digits: int, rounding: str) -> str:
+    """Number with some digits, rounded in a direction.
+
+    >>> rounded(1.42e-11, 2, ROUND_CEILING)
+    '1.5e-11'
+    """
+    if not math.isfinite(value):
+        return str(value)
+    number = Context(prec=digits, rounding=rounding).plus(Decimal(value))
+    return f"{number.normalize():e}" if digits == 2 and value else f"{number:g}"

@@ -1,28 +1,28 @@
-"""How figures look: sizes and colours for a printed page, without pyplot's global state."""
+"""Style of figures: sizes and colours for a printed page, without the global state of pyplot."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from solve.results.files import write_whole
-from solve.results.quantities import greek
+from solve.results.files import write_atomic
+from solve.results.formatting import greek
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
 else:
-    # For annotations alone: matplotlib is imported when something is drawn.
+    # For annotations: matplotlib is imported when something is drawn.
     Artist = Axes = Figure = SubFigure = object
 
-# Okabe and Ito's palette, which colour-blind readers can tell apart; dark ones first.
+# Palette of Okabe and Ito, which colour-blind readers can distinguish; dark colours first.
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 BLACK, GREY, LIGHT = "#222222", "#666666", "#DDDDDD"
 MANY = BLUE, VERMILION, GREEN, PURPLE, BLACK, ORANGE, SKY, "#7A4B00", "#5B2A86", GREY, "#8A8D00", "#B00060"
 
 PAGE_WIDTH = 7.2
-"""Inches: two columns of a journal."""
+"""Width of figures in inches: two columns of a journal."""
 
 _STYLE: dict[Any, Any] = {
     "font.size": 8.5,
@@ -55,7 +55,7 @@ _STYLE: dict[Any, Any] = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """The style of this program while a figure is made or drawn."""
+    """Context in which figures are created or drawn in the style of this program."""
     import matplotlib
 
     with matplotlib.rc_context(_STYLE):
@@ -63,7 +63,7 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(height: float) -> Figure:
-    """An empty figure as wide as a page, laid out so that nothing overlaps."""
+    """Empty figure of page width with a layout that avoids overlaps."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -74,8 +74,8 @@ def new_figure(height: float) -> Figure:
 
 @contextmanager
 def page(height: float, title: str) -> Iterator[Figure]:
-    """A new figure under a title, `height` inches high, and the style of this program while it is drawn. A
-    "$" in its texts, which may be a user's, is shown as such."""
+    """New figure with a title, `height` in inches, drawn in the style of this program. A "$" in texts, which
+    may come from a user, is shown unchanged."""
     with styled():
         figure = new_figure(height)
         figure.suptitle(greek(title), fontweight="bold")
@@ -84,7 +84,7 @@ def page(height: float, title: str) -> Iterator[Figure]:
 
 
 def _without_mathematics(artist: Artist) -> None:
-    """Of this artist and all within it, but for powers of ten at ticks, which are not made for it."""
+    """Switch off mathematical text of an artist and its children, except for powers of ten at ticks."""
     from matplotlib.axis import Axis
     from matplotlib.text import Text
     from matplotlib.ticker import FixedFormatter
@@ -94,17 +94,17 @@ def _without_mathematics(artist: Artist) -> None:
     if isinstance(artist, Axis) and not isinstance(artist.get_major_formatter(), FixedFormatter):
         artist.label.set_parse_math(False)
         return
-    for each in artist.get_children():
-        _without_mathematics(each)
+    for child in artist.get_children():
+        _without_mathematics(child)
 
 
 def save_figure(figure: Figure, file: Path) -> None:
-    """Write the figure as the file's ending says, the same bytes every time. Raises FileError."""
-    write_whole(file, drawn(figure, file))
+    """Write the figure in the format of the file's ending, reproducibly to the byte. Raises FileError."""
+    write_atomic(file, drawn(figure, file))
 
 
 def drawn(figure: Figure, file: Path) -> Callable[[BinaryIO], None]:
-    """What fills a stream with the figure as the file's ending says."""
+    """Function that writes the figure to a stream, in the format of the file's ending."""
     metadata = {".pdf": {"CreationDate": None}, ".svg": {"Date": None}}.get(file.suffix.lower(), {})
     kind = file.suffix.lower().removeprefix(".")
 

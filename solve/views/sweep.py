@@ -13,49 +13,50 @@ from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.bands import Bands
 from solve.results.contents import Column, digits, sized, speeds_of
-from solve.results.quantities import greek, headed, prefixed
+from solve.results.formatting import greek, headed, prefixed
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 from solve.views.panels import (
     axis_label,
+    distinct_labels,
     draw_map,
     draw_through,
     label_quantity,
-    label_speeds,
+    panels_over,
     shades,
     title_of,
-    told_apart,
 )
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
-"""Of unstable bands and boundaries by the multiplier that leaves the unit circle."""
+"""Colours of unstable bands and boundaries, by the multiplier that leaves the unit circle."""
 
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
 
 _ALIKE = 1e-6
-"""Distance from 1 below which spectral radii are drawn as a line at 1, since the rest is round-off."""
+"""Distance from 1 below which differences of spectral radii are round-off and not resolved by the axis."""
 
 _FLOOR = -80.0
-"""Decibels at and below which a spectrum shows nothing."""
+"""Lowest amplitude of a spectrum in dB that is drawn."""
 
 _WIDTH = 48
-"""Characters of a line of 80 that columns of quantities may take, beside speed, radius and stability."""
+"""Number of characters for columns of quantities, of 80 with speed, radius and stability."""
 
 _MOST_ROWS = 60
-"""Rows of the table; of more speeds every k-th is shown."""
+"""Maximum number of rows; of more speeds every k-th is shown."""
 
 MOST_LINES = 12
+"""Maximum number of lines that can be distinguished in one figure."""
 
 Edges = Sequence[tuple[float, float, str]]
-"""Unstable bands: from, to (rad/s), kind."""
+"""Unstable bands: lower and upper edge (rad/s), kind."""
 
 
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-    """Response over speed, the spectral radius below; see `Sweep.plot`."""
+    """Response over speed and spectral radius; see `Sweep.plot`."""
     names = sweep.system.known_quantities(names or sweep.shown)
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.vibrates else None
@@ -64,12 +65,12 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
-    """A row a point with the largest moduli of these quantities, by default the coordinates, as many as
-    fit."""
+    """Row per point with the largest moduli of the named quantities, by default the coordinates, as far as
+    they fit."""
     names = names or sweep.shown
     units = sweep.system.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
-    widths = itertools.accumulate(len(each.heading) + 2 for each in moduli.values())
+    widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
     fitting = max(1, sum(width <= _WIDTH for width in widths))
     columns = {
         f"parameter {name}": Column(
@@ -82,8 +83,8 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     if sweep.system.vibrates:
         columns["radius"] = Column(sweep.spectral_radius, heading="|ρ|", text=digits(".6g"))
         columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
-    every, over = math.ceil(len(sweep.points) / _MOST_ROWS), ", ".join([*sweep.parameters, SPEED])
-    title = f"Over {over}" if every == 1 else f"Over {over}: one in {every} of {len(sweep.points)}"
+    step, over = math.ceil(len(sweep.points) / _MOST_ROWS), ", ".join([*sweep.parameters, SPEED])
+    title = f"Over {over}" if step == 1 else f"Over {over}: one in {step} of {len(sweep.points)}"
     caption = "others by --show NAME, all by --json" if fitting < len(names) else None
     return [table_of(title, columns, most=_MOST_ROWS, caption=caption)]
 
@@ -96,50 +97,50 @@ def response_figure(
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """One row per quantity: its statistic over the last varying parameter, values (P,) by name, with a line
-    for each combination of the others; a single line has its maxima marked. The spectral radius is below, if
-    there is vibration. Unstable bands are shaded, and the response is not drawn there because it is never
-    reached. Raises ValueOutOfBoundsError for more lines than can be distinguished."""
+    """Panel per quantity with its statistic over the last varying parameter, and of the spectral radius.
+
+    varied, responses: values (P,) by name. radius: spectral radii (P,); None without vibration. There is a
+    line for each combination of the other parameters; a single line has its maxima marked. Unstable bands are
+    shaded; the response is not drawn there because it is not sustained. Raises ValueOutOfBoundsError for more
+    lines than can be distinguished.
+    """
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
     x = system.unit_of(along).of(varied[along])
     rows = len(responses) + (radius is not None)
-    with page(1.4 + 1.35 * rows, f"{title_of(system)}: response over {along}") as made:
-        axes = made.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-        for place, (name, values) in zip(axes, responses.items(), strict=False):
-            heights = values * label_quantity(place, system, name, values, figure)
+    title = f"response over {along}"
+    with panels_over(system, varied[along], title, 1.4 + 1.35 * rows, rows, along) as (page, panels):
+        for axes, (name, values) in zip(panels, responses.items(), strict=False):
+            heights = values * label_quantity(axes, system, name, values, figure)
             for low, high, _ in bands:
                 heights[(varied[along] >= low) & (varied[along] <= high)] = np.nan
-            named = radius is None and place is axes[0]
-            for (words, index), style in zip(lines.items(), styles, strict=True):
-                draw_through(
-                    place, x[index], heights[index], label=words if named and words else None, **style
-                )
+            named = radius is None and axes is panels[0]
+            for (label, index), style in zip(lines.items(), styles, strict=True):
+                shown = label if named and label else None
+                draw_through(axes, x[index], heights[index], label=shown, **style)
                 if not others:
-                    _mark_maxima(place, x[index], heights[index])
-            _shade(place, system, bands)
+                    _mark_maxima(axes, x[index], heights[index])
+            _shade(axes, system, bands)
         if radius is not None:
-            for (words, index), style in zip(lines.items(), styles, strict=True):
-                _draw_radius(axes[-1], x[index], radius[index], label=words or None, **style)
-        label_speeds(axes[-1], system, np.sort(varied[along]), along)
-        _name_bands(axes[-1], system, bands)
+            for (label, index), style in zip(lines.items(), styles, strict=True):
+                _draw_radius(panels[-1], x[index], radius[index], label=label or None, **style)
+        _name_bands(panels[-1], system, bands)
         if others:
-            made.legend(loc="outside right center")
-        made.align_ylabels(axes)
-    return made
+            page.legend(loc="outside right center")
+    return page
 
 
 def _lines(
     system: PeriodicSystem, varied: Mapping[str, Array], others: Sequence[str], along: str
 ) -> dict[str, list[int]]:
-    """Places of the points of each line, rising along it, by what the others are on it."""
+    """Indices of the points of each line, ascending along it, by label of the other parameters."""
     lines: dict[str, list[int]] = {}
     labels: Sequence[str] = [""] * len(varied[along])
     if others:
         labels = labelled_by(system, {name: varied[name] for name in others})
-    for at in map(int, np.argsort(varied[along], kind="stable")):
-        lines.setdefault(labels[at], []).append(at)
+    for index in map(int, np.argsort(varied[along], kind="stable")):
+        lines.setdefault(labels[index], []).append(index)
     if len(lines) > MOST_LINES:
         raise ValueOutOfBoundsError(
             f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
@@ -148,7 +149,7 @@ def _lines(
 
 
 def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
-    """Those that lie between two lower neighbours: beside a gap the response may rise on."""
+    """Mark maxima between two lower neighbours; beside a gap the response may continue to rise."""
     inner = heights[1:-1]
     top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
     axes.plot(x[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
@@ -162,8 +163,8 @@ def moving(varied: Mapping[str, Array]) -> list[str]:
 
 
 def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence[str]:
-    """Points (P,) in words, by their values of the speed (rad/s) or of parameters by name."""
-    points = list(zip(*(each.tolist() for each in values.values()), strict=True))
+    """Labels (P,) of points by their values of the speed (rad/s) or of parameters."""
+    points = list(zip(*(column.tolist() for column in values.values()), strict=True))
 
     def words(point: tuple[float, ...], form: str) -> str:
         parts = (
@@ -172,11 +173,11 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
         )
         return ", ".join(parts)
 
-    return told_apart(points, words)
+    return distinct_labels(points, words)
 
 
 def waterfall_figure(sweep: Sweep, name: str) -> Figure:
-    """Amplitudes of a quantity over what varies and order of rotation, 0 dB the largest; see
+    """Amplitudes of a quantity over the varying quantity and the order of rotation; 0 dB is the largest. See
     `Sweep.waterfall`."""
     system, varied, amplitudes = sweep.system, sweep.varied, sweep.spectrum(name)
     *others, along = moving(varied)
@@ -209,7 +210,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
 
 @figure.register(Bands)
 def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
-    """The spectral radius over speed with the unstable bands shaded by their kind; see `Bands.plot`."""
+    """Spectral radius over speed with the unstable bands shaded by kind; see `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
             f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
@@ -223,17 +224,15 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
     else:
         speeds, radius = sweep.speeds, sweep.spectral_radius
     order = np.argsort(speeds)
-    with page(2.9, f"{title_of(system)}: unstable bands") as made:
-        axes = made.subplots()
+    with panels_over(system, speeds, "unstable bands", 2.9, 1) as (page, (axes,)):
         _draw_radius(axes, system.speed_unit.of(speeds[order]), radius[order], color=BLUE)
-        label_speeds(axes, system, speeds[order])
         _name_bands(axes, system, edges)
-    return made
+    return page
 
 
 @tables.register(Bands)
 def bands_tables(bands: Bands) -> Sequence[RenderableType]:
-    """A row a band, and the least width that is found."""
+    """Row per band, and the width of bands that may be missed."""
     unit = bands.system.speed_unit
     width = unit.text(bands.spacing, ".3g")
     how = "eigenvalues" if bands.constant_matrices else "solved"
@@ -250,7 +249,7 @@ def _draw_radius(axes: Axes, x: Array, radius: Array, **style: Any) -> None:
     if np.nanmin(positive, initial=1.0) <= 0.1 or np.nanmax(positive, initial=1.0) >= 10:
         axes.set_yscale("log")
     elif np.nanmax(np.abs(positive - 1), initial=0.0) < _ALIKE:
-        # Round-off is not resolved by the scale.
+        # Do not resolve round-off.
         axes.set_ylim(0.99, 1.01)
     axes.set_ylabel("spectral\nradius |ρ|")
 

@@ -1,12 +1,12 @@
-"""Tables for a terminal of 80 columns."""
+"""Tables and texts for a terminal of 80 columns."""
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from solve.results.contents import Columns, Facts
-from solve.results.quantities import greek, prefixed
+from solve.results.contents import Columns, HeaderRows
+from solve.results.formatting import greek, prefixed
 from solve.system import PeriodicSystem
 from solve.units import USUAL, ShownUnit, is_number
 
@@ -14,78 +14,86 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
     from rich.table import Table
 else:
-    # For annotations alone: rich is imported when something is printed.
+    # For annotations: rich is imported when something is printed.
     Console = ConsoleOptions = RenderableType = RenderResult = Table = object
 
+
+MOST_ROWS = 40
+"""Maximum number of rows of long tables, so that they fit on two screens; every k-th row is shown."""
 
 _UNBROKEN = 10_000
 """Terminal width in columns at which no table wraps."""
 
 
-def stacked(*parts: RenderableType) -> RenderableType:
-    """Parts of a report, one below the other."""
+def stacked(*items: RenderableType) -> RenderableType:
+    """Tables and texts, one below the other."""
     from rich.console import Group
 
-    return Group(*parts)
+    return Group(*items)
 
 
-def text(words: str, style: str = "") -> RenderableType:
-    """Words of a report, in a style of rich."""
+def text(content: str, style: str = "") -> RenderableType:
+    """Text in a style of Rich."""
     from rich.text import Text
 
-    return Text(words, style)
+    return Text(content, style)
 
 
-def assembled(*parts: str | tuple[str, str]) -> RenderableType:
-    """Words of a report, some with a style of rich."""
+def assembled(*pieces: str | tuple[str, str]) -> RenderableType:
+    """Text from pieces, some with a style of Rich."""
     from rich.text import Text
 
-    return Text.assemble(*parts)
+    return Text.assemble(*pieces)
 
 
 def console(**options: Any) -> Console:
-    """Terminal that shows names and numbers unchanged, including brackets and colons."""
+    """Console that prints names and numbers unchanged, including brackets and colons."""
     from rich.console import Console
 
     return Console(highlight=False, markup=False, emoji=False, **options)
 
 
-def table(title: str, *columns: str, left: int = 1) -> Table:
-    """A table of this program: the first `left` columns are text, the others numbers; names that spell out
-    Greek letters have them."""
+def table(
+    title: str,
+    *headings: str,
+    left: int = 1,
+    rows: Iterable[Sequence[Any]] = (),
+    caption: str | None = None,
+) -> Table:
+    """Table with the first `left` columns aligned to the left, and spelt-out Greek letters replaced."""
     from rich.box import SIMPLE_HEAD
 
-    made = _number_table()(
+    table = _number_table()(
         title="\n" + greek(title),
+        caption=caption,
         box=SIMPLE_HEAD,
         show_edge=False,
         padding=(0, 1, 0, 1),
         collapse_padding=True,
         pad_edge=False,
     )
-    for index, column in enumerate(columns):
-        made.add_column(
-            greek(column), justify="left" if index < left else "right", no_wrap=index > 0, overflow="fold"
-        )
-    return made
+    for index, heading in enumerate(headings):
+        justify = "left" if index < left else "right"
+        table.add_column(greek(heading), justify=justify, no_wrap=index > 0, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def table_of(
     title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
 ) -> Table:
-    """A table of the columns that have a heading; of more rows than `most` each k-th is shown."""
+    """Table of the columns that have a heading; of more rows than `most` every k-th is shown."""
     shown = [column for column in columns.values() if column.heading]
-    made = table(title, *(column.heading for column in shown), left=left)
     rows = [*zip(*(column.texts for column in shown), strict=True)]
-    for row in rows[:: math.ceil(len(rows) / (most or len(rows) or 1)) or 1]:
-        made.add_row(*row)
-    made.caption = caption
-    return made
+    step = math.ceil(len(rows) / (most or len(rows) or 1)) or 1
+    headings = (column.heading for column in shown)
+    return table(title, *headings, left=left, rows=rows[::step], caption=caption)
 
 
 @functools.cache
 def _number_table() -> type[Table]:
-    """Tables in which no number is cut: where the width is short, names go on in the next line."""
+    """Class of tables that do not truncate numbers: in a narrow terminal, names continue on the next line."""
     import rich.table
     from rich.text import Text
 
@@ -97,13 +105,13 @@ def _number_table() -> type[Table]:
             unbroken = console.measure(self, options=options.update_width(_UNBROKEN)).maximum
             if unbroken > options.max_width:
                 for column in self.columns:
-                    # Units go on a line of their own and are not wrapped.
+                    # Put each unit on its own line.
                     column.header = str(column.header).replace(" (", "\n(")
             for column in self.columns:
                 if column.justify == "right":
                     widths = (console.measure(cell).maximum for cell in column.cells)
                     column.min_width = max(widths, default=0)
-            # Of themselves they would be broken at the table's width.
+            # Rich would wrap title and caption at the table's width.
             above, below = self.title, self.caption
             self.title = self.caption = None
             rows = [*super().__rich_console__(console, options)]
@@ -115,8 +123,10 @@ def _number_table() -> type[Table]:
     return NumberTable
 
 
-def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str], facts: Facts = ()) -> Table:
-    """Which model, at which speed (rad/s), and facts: a word, and what it stands for."""
+def heading(
+    system: PeriodicSystem, speed: float | None, choices: Sequence[str], rows: HeaderRows = ()
+) -> Table:
+    """Heading of model, speed (rad/s), choices of the user, and further rows."""
     from rich.table import Table
     from rich.text import Text
 
@@ -137,20 +147,20 @@ def heading(system: PeriodicSystem, speed: float | None, choices: Sequence[str],
         grid.add_row(
             "speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}"
         )
-    for word, what in facts:
-        grid.add_row(word, what)
+    for row in rows:
+        grid.add_row(*row)
     return grid
 
 
 def _with_unit(system: PeriodicSystem, choice: str) -> str:
-    """Choice NAME=NUMBER of a parameter with the unit of the number."""
+    """Choice NAME=NUMBER of a parameter, with its unit."""
     name, _, value = choice.partition("=")
     unit = system.unit_of(name).name if name in system.parameter_labels else ""
     return choice if unit in ("", "1") or not is_number(value) else f"{choice} {unit}"
 
 
 def in_every_unit(speed: float, first: ShownUnit) -> str:
-    """A speed (rad/s) in the usual units, first in this one.
+    """Speed (rad/s) in the usual units, beginning with `first`.
 
     >>> from solve.units import RPM
     >>> in_every_unit(1.0, RPM)

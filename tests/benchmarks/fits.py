@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 import solve
-from solve.studies.fit import Problem
+from solve.studies.fit_problem import Problem
 from solve.studies.measured import measured
 from tests.benchmarks.timing import median
 

@@ -8,7 +8,7 @@ import statistics
 import numpy as np
 
 import solve
-from solve.derivatives.point import OnGrid, dependence_of, quantities_by
+from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of, quantities_by
 from solve.methods.collocation import Collocated
 from tests.benchmarks.timing import median
 
@@ -35,7 +35,7 @@ def on_its_grid(cam, names):
     orbit = solve.periodic(cam, SPEED)
     rule = orbit.certified.method
     assert isinstance(rule, Collocated)
-    return OnGrid(orbit, rule, orbit.steps, dependence_of(orbit, names), names, True)
+    return GridDerivatives(orbit, rule, orbit.steps, dependence_of(orbit, names), names, True)
 
 
 def curves_at(cam, names, phases):

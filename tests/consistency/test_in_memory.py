@@ -10,7 +10,7 @@ import pytest
 
 import derive
 import solve
-from derive import in_memory
+from derive import public
 from derive.errors import UnitError
 from solve.errors import CaseFileError, MissingValueError, ModelFileError, ValueOutOfBoundsError
 
@@ -43,7 +43,7 @@ def test_the_same_statement_is_derived_once(cam, monkeypatch):
     def derived_again(*_):
         raise AssertionError("derived again")
 
-    monkeypatch.setattr(in_memory, "module_text", derived_again)
+    monkeypatch.setattr(public, "generated_text", derived_again)
     assert cam().code() is first
     other = cam()
     other.potential = other.potential * derive.Rational(10**20 + 1, 10**20)
@@ -63,7 +63,7 @@ def test_the_shapes_of_a_field_are_part_of_the_statement():
         w = beam.field("w", "m", "deflection", length=length, shape=shape, modes=modes)
         beam.kinetic = w.integral(mu * derive.rate(w.deflection) ** 2) / 2
         beam.potential = w.integral(stiffness * w.curvature**2) / 2
-        return "\n".join(in_memory._statement(beam))
+        return "\n".join(public._statement(beam))
 
     whole, half, again = (
         stated(lambda k, xi, c=c: derive.sin((k - c) * derive.pi * xi)) for c in (0, derive.Rational(1, 2), 0)

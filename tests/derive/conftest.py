@@ -1,4 +1,4 @@
-"""The command within the process, and a mechanism's file for it."""
+"""Fixtures: the command, run in the test process, and a mechanism file."""
 
 import shutil
 import sys

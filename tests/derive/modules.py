@@ -1,4 +1,4 @@
-"""Generated modules, without a file or from one: what the tests evaluate."""
+"""Generated modules for the tests, in memory or from a file."""
 
 import importlib.util
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Beam elements: what their definition demands, quadrature, scikit-fem, and the thesis's Appendix A."""
+"""Beam elements against their definition, quadrature, scikit-fem, and Appendix A of the thesis."""
 
 from functools import cache
 from types import ModuleType
@@ -8,8 +8,18 @@ import pytest
 import sympy
 from numpy.polynomial import Polynomial
 
-from derive.beam import AXIAL, BENDING, ELEMENTS, FAMILIES, HERMITE, LINEAR, QUADRATIC, Family, overlap
-from derive.beam_text import beam_elements_text
+from derive.beam import (
+    AXIAL,
+    BENDING,
+    ELEMENTS,
+    FAMILIES,
+    HERMITE,
+    LINEAR,
+    QUADRATIC,
+    Family,
+    beam_elements_text,
+    overlap,
+)
 from models.four_bar import published
 from models.four_bar.published import Misprint
 
@@ -43,7 +53,7 @@ def quadrature(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_each_shape_function_is_one_at_its_freedom_and_zero_at_the_others(name):
+def test_shape_functions_interpolate_their_freedoms(name):
     for i, row in enumerate(table(name, "shapes")):
         at_freedoms = [
             (Polynomial(row).deriv(order) if order else Polynomial(row))(at)
@@ -131,7 +141,7 @@ def test_geometric_stiffness_of_the_cubic_element_is_the_textbooks():
     np.testing.assert_allclose(table("hermite", "geometric"), expected, rtol=1e-14)
 
 
-def test_the_element_with_an_internal_node_is_the_thesis_appendix_a1():
+def test_internal_node_element_equals_appendix_a1():
     shapes, curvatures = published.internal_shapes()
     M, K = published.internal_matrices(1.0)
     np.testing.assert_array_equal(table("quintic_node", "shapes"), shapes)

@@ -1,4 +1,4 @@
-"""The command: what it writes, checks and shows."""
+"""The command `derive`: writing, checking and printing."""
 
 import os
 import re
@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from derive import freshness, loader, stated
+from derive import declarations, freshness, loader
 
 ROOT = Path(__file__).resolve().parents[2]
 ROTOR = (Path(__file__).parent / "rotor.py").read_text(encoding="utf-8")
 
 
-def test_a_users_file_is_written_beside_it_and_is_current(derive, rotor):
+def test_users_module_is_written_beside_its_file(derive, rotor):
     target = rotor.parent / "generated" / "rotor.py"
     assert derive(rotor) == (0, "", f"wrote {target}\n")
     assert freshness.MARK in target.read_text(encoding="utf-8")
@@ -33,7 +33,7 @@ def test_out_overrides_the_folder(derive, rotor, tmp_path):
     assert "is stale: it is missing. Run: python -m derive" in out
 
 
-def test_the_generated_text_does_not_depend_on_where_it_is_made(derive, rotor, tmp_path, monkeypatch):
+def test_generated_text_is_independent_of_the_folder(derive, rotor, tmp_path, monkeypatch):
     derive(rotor)
     first = (tmp_path / "generated" / "rotor.py").read_bytes()
     monkeypatch.chdir(tmp_path)
@@ -53,7 +53,7 @@ def test_check_notices_a_changed_mechanism(derive, rotor):
     assert "\n-            casadi.SX(k),\n+            casadi.SX(2*k),\n" in out
 
 
-def test_line_endings_do_not_count(derive, rotor):
+def test_line_endings_are_irrelevant(derive, rotor):
     derive(rotor)
     rotor.write_bytes(ROTOR.replace("\n", "\r\n").encode())
     assert derive("--check", rotor)[0] == 0
@@ -88,7 +88,7 @@ def test_full_notices_what_no_hash_covers(derive, rotor):
 
 
 @pytest.mark.parametrize("place", ["Rotor on", "do not edit.", "import math\n", 'NAME = "'])
-def test_the_seal_covers_the_whole_file(derive, rotor, place):
+def test_file_hash_covers_the_whole_file(derive, rotor, place):
     derive(rotor)
     target = rotor.parent / "generated" / "rotor.py"
     text = target.read_text(encoding="utf-8")
@@ -98,7 +98,7 @@ def test_the_seal_covers_the_whole_file(derive, rotor, place):
     assert (status, "the generated text was edited" in out) == (1, True)
 
 
-def test_comments_and_docstrings_of_derive_make_nothing_stale():
+def test_comments_and_docstrings_do_not_change_the_hash():
     source = '"""What."""\n\nx = "# no comment"  # said\n# alone\ny = """kept"""\n"""A field."""\n'
     assert freshness.code(source) == '\nx = "# no comment"\ny = """kept"""\n'
     method = 'class A:\n    """Ω: what."""\n    def f(self):\n        "é"; return f"{1}#"\n'
@@ -117,7 +117,7 @@ def test_a_changed_derive_makes_every_module_stale(derive, rotor, monkeypatch):
     assert "derive itself has changed since" in out
 
 
-def test_a_foreign_file_stays(derive, rotor):
+def test_foreign_files_are_not_overwritten(derive, rotor):
     target = rotor.parent / "generated" / "rotor.py"
     target.parent.mkdir()
     target.write_text("precious = 1\n", encoding="utf-8")
@@ -130,11 +130,11 @@ def test_a_foreign_file_stays(derive, rotor):
     assert target.read_text(encoding="utf-8") == "precious = 1\n"
     status, out, _ = derive("--check", rotor)
     assert status == 1
-    assert "it is no generated module" in out
+    assert "it is not a generated module" in out
 
 
 @pytest.mark.parametrize("broken", ["write", "replace"])
-def test_a_write_that_breaks_off_leaves_the_old_module_whole(derive, rotor, monkeypatch, broken):
+def test_interrupted_write_keeps_the_old_module(derive, rotor, monkeypatch, broken):
     derive(rotor)
     target = rotor.parent / "generated" / "rotor.py"
     before = target.read_bytes()
@@ -192,7 +192,7 @@ def test_show_with_the_numbers_of_a_case(derive):
     assert "load" not in out
 
 
-def test_an_installed_package_is_not_written_over(derive, tmp_path, monkeypatch):
+def test_installed_packages_are_not_overwritten(derive, tmp_path, monkeypatch):
     """A package without the checkout's pyproject.toml: `derive cam` needs --out, `--check` does not."""
     home = tmp_path / "site-packages"
     for folder in ("models/cam", "generated"):
@@ -202,7 +202,7 @@ def test_an_installed_package_is_not_written_over(derive, tmp_path, monkeypatch)
     for arguments in (["cam"], ["--all"]):
         status, out, err = derive(*arguments)
         assert (status, out) == (2, "")
-        assert "came with the installed package, whose files stay as they are; give --out DIR" in err
+        assert "belongs to the installed package, whose files are not changed; give --out DIR" in err
     assert (home / "generated" / "cam.py").read_bytes() == before
     assert derive("--check", "cam")[0] == 0
     assert derive("cam", "--out", tmp_path / "mine")[0] == 0
@@ -219,7 +219,7 @@ def test_help_and_check_need_no_sympy():
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True).returncode == 0
 
 
-def test_a_folder_called_models_or_derive_where_the_user_stands(rotor, tmp_path):
+def test_working_folder_with_models_or_derive(rotor, tmp_path):
     """Mechanisms are found from the package, not from the current folder."""
     (tmp_path / "models" / "cam").mkdir(parents=True)
     (tmp_path / "models" / "cam" / "mechanism.py").write_text("raise SystemExit(9)\n", encoding="utf-8")
@@ -229,7 +229,7 @@ def test_a_folder_called_models_or_derive_where_the_user_stands(rotor, tmp_path)
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
 
 
-def test_a_users_folder_may_begin_with_the_name_of_the_package():
-    file, noted = f"{Path(stated.__file__).parent}d/mine.py", {}
-    exec(compile("\n\nnote(noted, 1)", file, "exec"), {"note": stated.note, "noted": noted})
+def test_users_folder_may_begin_with_the_package_name():
+    file, noted = f"{Path(declarations.__file__).parent}d/mine.py", {}
+    exec(compile("\n\nnote(noted, 1)", file, "exec"), {"note": declarations.note, "noted": noted})
     assert noted == {1: 3}

@@ -1,4 +1,4 @@
-"""Units: their texts, the dimension of expressions, and homogeneity of what is generated."""
+"""Units, dimensions of expressions, and homogeneity of generated equations."""
 
 import importlib
 import math
@@ -29,7 +29,7 @@ def test_units_of_one_dimension(one, other):
 
 
 @pytest.mark.parametrize("text", ["bananas", "N/", "", "kg^", "kg^x", "degC", "mol", "cd/m^2", "N m)"])
-def test_what_is_no_unit_of_mechanics_is_refused(text):
+def test_units_outside_mechanics_raise_an_error(text):
     with pytest.raises(UnitError, match=rf'the unit "{re.escape(text)}" is not understood'):
         parse(text)
 
@@ -77,11 +77,11 @@ def test_dimension_of_an_expression():
         (sympy.sin(length), "the argument length of sin is in m; it must be a pure number or an angle"),
         (sympy.exp(force / mass), "of exp is in m/s^2"),
         (length**mass, "the exponent of length**mass is in kg"),
-        (length**angle, "to a power that is no fixed fraction"),
+        (length**angle, "to a power that is not a fraction"),
         (sympy.Max(length, mass), "cannot be added or compared"),
     ],
 )
-def test_unfit_units_are_named(expression, message):
+def test_inconsistent_units_are_named(expression, message):
     with pytest.raises(UnitError, match=re.escape(message)):
         dimension(expression)
 
@@ -103,7 +103,7 @@ def scale(unit: str, base: tuple[float, ...]) -> float:
 @settings(max_examples=10, deadline=None)
 @given(base=st.tuples(*[st.sampled_from([0.25, 0.5, 2.0, 8.0])] * 3), seed=st.integers(0, 2**32 - 1))
 def test_generated_equations_are_homogeneous_in_every_unit(name, base, seed):
-    """A second witness of the units: numbers in other base units give the same mechanics."""
+    """An independent check of the units: numbers in other base units give the same mechanics."""
     module = importlib.import_module(f"generated.{name}")
     generator = np.random.default_rng(seed)
     p = generator.uniform(0.5, 2, len(module.PARAMETERS))

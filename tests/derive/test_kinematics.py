@@ -316,7 +316,7 @@ def test_units_in_a_loop():
 
 def test_unknown_symbols_in_a_loop():
     stray = sympy.Symbol("stray", real=True)
-    with pytest.raises(UnknownSymbolError, match="loop of s, beta holds stray"):
+    with pytest.raises(UnknownSymbolError, match="loop of s, beta contains stray"):
         check(loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - stray)))
 
 

@@ -7,7 +7,7 @@ from modules import module_of, values
 
 import derive
 from derive import Mechanism, cos, rate, sin
-from derive.lagrange import drive_torque, residuals
+from derive.equations import drive_torque, residuals
 from derive.symbols import ACCELERATION, PHASE, SPEED, Moving, steady
 
 

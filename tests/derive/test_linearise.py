@@ -6,10 +6,8 @@ import sympy
 from modules import module_of
 
 from derive import Mechanism, cos, rate, sin, sqrt
+from derive.equations import gathered, linearise, residuals
 from derive.errors import ExpansionError, SingularMassError
-from derive.gather import gathered
-from derive.lagrange import residuals
-from derive.linearise import linearise
 from derive.symbols import SPEED, steady
 
 

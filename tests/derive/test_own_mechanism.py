@@ -1,4 +1,4 @@
-"""The page on a mechanism of one's own: its files are derived as printed."""
+"""The page on a user's own mechanism: its files are derived as printed."""
 
 import re
 import shlex
@@ -52,7 +52,7 @@ def beside_the_pump(pump, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_what_the_linear_answer_leaves_out_is_said(tmp_path, capsys):
+def test_terms_ignored_by_the_linearisation_are_named(tmp_path, capsys):
     module = derived(tmp_path, "duffing")
     said = capsys.readouterr().err.splitlines()
     assert said[:-1] == [f"duffing: {sentence}" for sentence in module.NONLINEAR]

@@ -102,6 +102,59 @@ def test_a_gap_of_unknown_sign_gives_a_condition():
     assert margins == [[-0.5]]
 
 
+def _log_energy(normal):
+    """Energy kr gap² log(r/gap)²/2 beyond the gap, as a function of the argument r/gap."""
+    return by_energy(lambda r, gap: gap**2 * normal(r, gap))
+
+
+INFINITE_AT_REST = {
+    "Max": _log_energy(lambda r, gap: Max(0, log(r / gap)) ** 2),
+    "Min": _log_energy(lambda r, gap: Min(0, log(gap / r)) ** 2),
+    "Heaviside": _log_energy(lambda r, gap: Heaviside(log(r / gap)) * log(r / gap) ** 2),
+    "Piecewise": _log_energy(lambda r, gap: Piecewise((log(r / gap) ** 2, log(r / gap) > 0), (0, True))),
+    "quotient": _log_energy(lambda r, gap: Piecewise((log(r / gap) ** 2, gap / r < 1), (0, True))),
+}
+
+
+@pytest.mark.parametrize("state", INFINITE_AT_REST.values(), ids=INFINITE_AT_REST)
+def test_an_inactive_piece_whose_argument_is_infinite_at_rest(state):
+    """log(r/gap) is -∞ at rest. The ring force is kr gap² log(r/gap)/r beyond the gap."""
+    module = module_of(state())
+    p = [1.0, K, KR, GAP]
+    _, _, stiffness, _ = values(module.linearised(), 0.0, 1.0, p)
+    assert np.array_equal(stiffness, K * np.eye(2))
+    matrices = tangent(module.residual(), np.array(p))
+    for r in (0.0, 0.9 * GAP, 1.4 * GAP):
+        (force,) = values(module.residual(), 0.0, 1.0, [0.6 * r, -0.8 * r], [0, 0], [0, 0], p)
+        ring = KR * GAP**2 * np.log(r / GAP) / r if r > GAP else 0.0
+        assert force.ravel() == pytest.approx((K * r + ring) * np.array([0.6, -0.8]), rel=1e-12, abs=1e-15)
+        (found,) = values(matrices, 0.0, 1.0, [0.6 * r, -0.8 * r], [0, 0], [0, 0])
+        assert np.isfinite(found).all()
+        if r < GAP:
+            assert found.ravel()[8:12] == pytest.approx([K, 0, 0, K])
+
+
+@pytest.mark.parametrize(
+    "energy",
+    [
+        lambda r, gap: gap**2 * Max(0, gap / r - 2) ** 2,
+        lambda r, gap: gap**2 * Max(0, log(gap / r)) ** 2,
+        lambda r, gap: gap**2 * Piecewise((log(r / gap), 1 / r > 1 / gap), (0, True)),
+    ],
+)
+def test_an_active_piece_that_is_infinite_at_rest_is_refused(energy):
+    with pytest.raises(ExpansionError, match="K is not finite"):
+        module_of(by_energy(energy)())
+
+
+def test_a_comparison_with_a_limit_of_unknown_sign_is_refused():
+    """1/x is +∞ on one side of the rest position and -∞ on the other."""
+    made, x, _, kr, gap = rotor()
+    made.potential += kr * gap**2 * Max(0, gap / x - 2) ** 2
+    with pytest.raises(ExpansionError, match="K is not finite"):
+        module_of(made)
+
+
 def test_a_singular_piece_active_at_rest_has_no_linearisation():
     made, x, y, kr, gap = rotor()
     made.potential += kr * Max(0, sqrt(x**2 + y**2) + gap) ** 2 / 2

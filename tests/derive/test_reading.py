@@ -1,4 +1,4 @@
-"""Equations for reading: the same as those that are solved, and legible."""
+"""Printed equations: equality with the solved ones, and layout."""
 
 from xml.etree import ElementTree
 
@@ -8,13 +8,12 @@ import sympy
 from modules import module_of
 
 from derive import Mechanism, Piecewise, cos, emit, loader, pi, rate, sin, sqrt, wrapped
-from derive.case_numbers import case_numbers
 from derive.emit import derive_equations
 from derive.errors import CaseError
+from derive.functions import PeriodicFunction
 from derive.reading import read
-from derive.show import equations, latex
+from derive.show import case_numbers, equations, latex
 from derive.switches import arbitrary_points, in_order
-from derive.transmission import PeriodicFunction
 from solve import load
 
 NAMES = [name for name in loader.names() if name != loader.BEAM_ELEMENTS]
@@ -73,7 +72,7 @@ def test_what_is_read_is_what_is_solved(name):
             )
 
 
-def test_kinematics_written_out_are_named_by_their_units_and_read_in_lines():
+def test_repeated_kinematic_expressions_have_names():
     shown = equations(slider())
     assert "l_b = \\sqrt{L^2 - r^2 \\sin^2(\\varphi)} % m\n" in shown
     assert "M_{12} = M_{21} = - L l_c m / l_b\n" in shown
@@ -127,7 +126,7 @@ def text(element):
     return "".join(ElementTree.fromstring(element).itertext()).replace("\u2062", "").replace("\u2061", "")
 
 
-def test_mathml_says_the_same():
+def test_mathml_agrees_with_latex():
     cam = [text(each) for each in load("cam").module.EQUATIONS]
     assert cam[:3] == ["M11=I1+(m2+m3)U\u20322", "M12=M21=(m2+m3)U\u2032", "M13=M31=m3U\u2032"]
     pieces = [text(each) for each in module_of(shaken()).EQUATIONS]
@@ -142,7 +141,7 @@ def test_a_series_may_be_called_like_a_function():
     assert [text(each) for each in module_of(shaken("Ei")).EQUATIONS][-1] == "d=-4mΩ2Ei\u2033(2φ)"
 
 
-def test_what_is_too_long_to_be_read_is_said(monkeypatch):
+def test_long_equations_are_not_printed_and_why(monkeypatch):
     monkeypatch.setattr(emit, "MOST_TO_READ", 3)
     module = module_of(shaken())
     assert not hasattr(module, "EQUATIONS")

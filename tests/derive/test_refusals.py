@@ -1,4 +1,4 @@
-"""What the command refuses, each in one line: arguments, mechanism files, case files."""
+"""Errors of the command, one line each: arguments, mechanism files, case files."""
 
 from pathlib import Path
 
@@ -14,8 +14,14 @@ ROTOR = (Path(__file__).parent / "rotor.py").read_text(encoding="utf-8")
         ("[case", "rotor.toml cannot be read as a case file: Expected ']'"),
         ("x = 1", "rotor.toml cannot be read as a case file: it has no 'case'"),
         ("[case.b]", 'rotor.toml has no case "a"; it has: b'),
-        ("[case.a.parameters]\nI = {value = 1, unit = 'm'}", "I = 1 is no number of a parameter of rotor"),
-        ("[case.a.parameters]\nJ = {value = 'x', unit = 'kg m^2'}", "J = 'x' is no number of a parameter"),
+        (
+            "[case.a.parameters]\nI = {value = 1, unit = 'm'}",
+            "I = 1 is not the number of a parameter of",
+        ),
+        (
+            "[case.a.parameters]\nJ = {value = 'x', unit = 'kg m^2'}",
+            "J = 'x' is not the number of",
+        ),
         ("[case.a.parameters]\nJ = 3", "J is 3; give a table with value or values, and unit"),
         ("[case.a.parameters]\nJ = {value = 1, unit = 'm'}", 'J is in "m"; it must be in "kg m^2"'),
         ("[case.a.parameters]\nJ = {value = 1, unit = 'ells'}", 'the unit "ells" is not understood'),
@@ -41,9 +47,9 @@ def test_case_files_without_numbers_for_the_equations(derive, rotor, content, me
         (["..\\cam"], "a path must end in .py"),
         (["nowhere/cam.py"], "there is no file nowhere/cam.py"),
         (["x" * 300 + ".py"], "there is no file xxx"),
-        (["cam", "--full"], "--full goes with --check"),
-        (["cam", "--check", "--show"], "--show with neither"),
-        (["cam", "--numbers", "1"], "--numbers goes with --show"),
+        (["cam", "--full"], "--full requires --check"),
+        (["cam", "--check", "--show"], "--show excludes both"),
+        (["cam", "--numbers", "1"], "--numbers requires --show"),
         (["cam", "--frobnicate"], "No such option: --frobnicate"),
         (["cam", "--out"], "--out"),
     ],
@@ -122,9 +128,9 @@ def mechanism():
         ("one.potential += c * q**2", "they cannot be added"),
         ("one.potential += k * q * Symbol('x')", "x, which is not declared; declare it with"),
         ("one.potential += k * q * Symbol('kk')", "kk, which is not declared; did you mean k?"),
-        ("one.potential += c * q * rate(q)", "cannot stand there; drop it, or state the term"),
+        ("one.potential += c * q * rate(q)", "is not allowed there; remove it, or state the term"),
         ("one.potential += k * q**2 / (m - m)", "not finite: "),
-        ("one.potential += Piecewise((k * q**2, one.phase < pi))", "end it with a piece for all else"),
+        ("one.potential += Piecewise((k * q**2, one.phase < pi))", "end it with a default piece"),
         ("one.kinetic += m * rectangle(one.phase, 0, 1) * rate(q) ** 2", "is an impulse there"),
         ("one.kinetic += m * rate(q) * rate(rectangle(one.phase, 0, pi))", "is an impulse there"),
         ("one.force(-F * sign(rate(q)), along=q)", "smooth it by a velocity v0, a parameter"),
@@ -134,14 +140,14 @@ def mechanism():
         ("one.force(F * Heaviside(sin(one.phase) + sin(one.phase * 3)), along=q)", "phases where"),
         ("one.force(k, along=q)", "virtual work of k along q must be in"),
         ("one.force(F, along=rate(q))", "virtual work of F along qd must be in"),
-        ("one.parameter('unused', 'N', 'load')", "is never used; use it or drop it"),
+        ("one.parameter('unused', 'N', 'load')", "is not used; use it or remove it"),
         ("one.output('speed_', q, 'm/s', 'its speed')", "output speed_ must be in"),
         ("one.kinetic = m * one.speed**2 * q**2", "the kinetic energy gives no inertia to q"),
         ("one.damping_ratio = c", "damping ratio must be in"),
         ("rate(one.coordinates(y=('m', 'other')))", "write coordinate(...), or (q,) = coordinates(...)"),
     ],
 )
-def test_a_fault_that_shows_later_names_its_line_too(derive, rotor, fault, message):
+def test_late_errors_name_their_line(derive, rotor, fault, message):
     rotor.write_text(LATE.format(fault=fault), "utf-8")
     status, out, err = derive(rotor)
     assert (status, out) == (2, "")
@@ -155,7 +161,7 @@ def test_more_damping_ratios_than_modes_are_refused(derive, rotor):
     rotor.write_text(ROTOR.replace("    return", "    rotor.damping_ratio = 0.1, 0.2\n    return"), "utf-8")
     status, _, err = derive(rotor)
     assert status == 2
-    assert "2 damping ratios for 1 coordinate; give one a mode at most" in err
+    assert "2 damping ratios for 1 coordinate; give at most one per mode" in err
 
 
 @pytest.mark.parametrize("name", ["math", "casadi", "class", "__init__", "solve", "random"])

@@ -1,4 +1,4 @@
-"""Lines that a mechanism states of its picture: what may stand in them, and what is generated."""
+"""Sketches of a mechanism: allowed expressions and generated code."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_the_points_are_those_of_the_statement_in_coherent_units():
     np.testing.assert_allclose(disc.ravel(), [0.05 * np.cos(turn), 0.05 * np.sin(turn) - 0.25], rtol=1e-14)
 
 
-def test_a_coordinate_is_counted_from_its_fundamental_motion():
+def test_coordinates_are_relative_to_the_fundamental_motion():
     made, q, r, _ = slider()
     made.sketch("mark", [(0, 0), (r * cos(q), r * sin(q))])
     made.fundamental(q=2 * made.phase)
@@ -52,7 +52,7 @@ def equations_of(made):
     return [text.split(f"def {name}(")[1].split("def ")[0] for name in ("linearised", "outputs")]
 
 
-def test_equations_do_not_know_of_the_lines():
+def test_sketches_do_not_change_the_equations():
     plain, sketched = slider()[0], slider()
     sketched[0].sketch("rod", [sketched[3][0], (sketched[3][1], 0)])
     texts = [equations_of(made) for made in (plain, sketched[0])]
@@ -77,7 +77,7 @@ def test_a_structure_states_lines_besides_its_links():
 
 
 @pytest.mark.parametrize(
-    ("points", "error", "says"),
+    ("points", "error", "message"),
     [
         (lambda m, q, r: [(0, 0)], DeclarationError, "two or more"),
         (lambda m, q, r: [], DeclarationError, "two or more"),
@@ -89,19 +89,19 @@ def test_a_structure_states_lines_besides_its_links():
         (lambda m, q, r: [(0, 0), (r * cos(m.around), 0)], DeclarationError, "one point of a curve"),
         (lambda m, q, r: [(0, 0), (r, 0.2)], UnitError, "a number times metre"),
         (lambda m, q, r: [(0, 0), (r, r + 0.2)], UnitError, "sketch line"),
-        (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line holds qd"),
-        (lambda m, q, r: [(0, 0), (sympy.Symbol("R"), 0)], UnknownSymbolError, "holds R, which is not"),
+        (lambda m, q, r: [(0, 0), (r * rate(q), 0)], UnknownSymbolError, "sketch line contains qd"),
+        (lambda m, q, r: [(0, 0), (sympy.Symbol("R"), 0)], UnknownSymbolError, "contains R, which is not"),
         (lambda m, q, r: [(0, 0), (r / 0, 0)], DeclarationError, "sketch line is not finite"),
     ],
 )
-def test_points_that_cannot_be_drawn(points, error, says):
+def test_points_that_cannot_be_drawn(points, error, message):
     made, q, r, _ = slider()
 
     def stated():
         made.sketch("line", points(made, q, r))
         check(made)
 
-    with pytest.raises(error, match=says):
+    with pytest.raises(error, match=message):
         stated()
 
 
@@ -127,5 +127,5 @@ def test_symbols_of_lines_stay_out_of_energies(symbol):
     made, q, *_ = slider()
     made.sketch("line", [(0, 0), (made.metre * cos(made.around * 0), made.metre)])
     made.potential = made.potential + getattr(made, symbol) * q**2
-    with pytest.raises(UnknownSymbolError, match="potential energy holds"):
+    with pytest.raises(UnknownSymbolError, match="potential energy contains"):
         check(made)

@@ -117,31 +117,33 @@ def test_where_the_cams_linearisation_is_not_to_be_trusted(speed, largest, trust
         assert f"max|q1| = {found.statistics('q1').max_abs:.3g} rad, beyond 0.05" in doubts[0]
 
 
-def test_a_coarse_newmark_grid_has_the_orbit_right_and_the_multipliers_wrong_and_says_so():
+def test_coarse_newmark_multipliers_are_wrong_and_flagged():
     coarse = solve.periodic(solve.load("cam"), "100 rpm", "newmark", steps=1000, rtol=2e-2)
     fine = orbit("cam", "100 rpm")
     error = np.abs(coarse.at(TURN) - fine.at(TURN)).max(axis=1) / np.abs(fine.at(TURN)).max(axis=1)
     assert error.max() < 1e-2
     assert coarse.spectral_radius > 1000 * fine.spectral_radius
-    assert any("multipliers may be false though the orbit is right to" in text for text in coarse.warnings)
+    assert any(
+        "multipliers may be wrong, although the error of the orbit is" in text for text in coarse.warnings
+    )
 
 
-def test_an_orbit_that_is_not_known_to_be_right_is_not_called_so():
+def test_unverified_orbits_are_not_reported_as_correct():
     """Steps that see nothing of the slow cam's modes, and multipliers without an orbit."""
     for found in (
         solve.periodic(solve.load("cam"), "100 rpm", "newmark", steps=40, rtol=1e-6),
         solve.floquet(solve.load("cam"), "100 rpm", "newmark", steps=1000, rtol=1e-2),
     ):
-        assert any("the multipliers may be false; use radau" in text for text in found.warnings)
+        assert any("the multipliers may be wrong; use radau" in text for text in found.warnings)
 
 
-def test_the_manipulators_printed_spectral_radii_do_not_follow_from_its_printed_inputs():
+def test_printed_spectral_radii_contradict_the_printed_inputs():
     """0.001992 and 0.001623 are printed; what the inputs give rounds to 0.001997 and 0.001454."""
     found = [round(orbit("manipulator", "50 rpm", case).spectral_radius, 6) for case in "12"]
     assert found == [0.001997, 0.001454]
 
 
-def test_the_manipulators_spectral_radius_leans_on_its_inputs_too_heavily_for_their_digits():
+def test_manipulator_spectral_radius_is_too_sensitive_to_its_inputs():
     """A relative change of k1 or I1 returns 15 to 18 times as large, so that the last digit printed of
     I1 = 1.11 alone moves the third digit of |ρ|."""
     truth = orbit("manipulator", "50 rpm").spectral_radius

@@ -1,4 +1,4 @@
-"""What chapter and paper see in their pictures: orders of spectra, sidebands, profiles, both procedures."""
+"""Claims of chapter and paper about their figures: harmonics, sidebands, profiles, both procedures."""
 
 import functools
 
@@ -31,7 +31,7 @@ def strongest(amplitudes, count):
     return {int(k) + 1 for k in np.argsort(amplitudes)[::-1][:count]}
 
 
-def test_the_couplers_midpoint_moves_with_the_shafts_frequency_and_its_double():
+def test_coupler_midpoint_has_first_and_second_harmonic():
     """Paper § 3; the third order has under 1 % of the first."""
     found = orders("coupler", "62.8 rad/s", None, "midpoint_deflection")
     assert strongest(found, 2) == {1, 2}
@@ -60,7 +60,7 @@ def test_the_fast_cam_moves_with_tens_of_harmonics(case):
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
-def test_the_cams_error_grows_faster_with_the_speed_than_its_load(case):
+def test_cam_error_grows_faster_than_its_load(case):
     """Chapter § 4.1, "more serious at high speeds": six times the speed, 36 times the inertia force."""
     slow, fast = (orbit("cam", speed, case).statistics("q3") for speed in ("100 rpm", "600 rpm"))
     assert (fast.max - fast.min) / (slow.max - slow.min) > 36
@@ -90,7 +90,7 @@ def lines(case):
     return orbit("gear_pair", "1800 rpm", case).harmonics("transmission_error_rate")[0]
 
 
-def test_the_sidebands_of_the_gears_follow_the_errors_of_the_teeth():
+def test_gear_sidebands_follow_tooth_errors():
     """Chapter § 4.2, Fig. 10. The stiffness joins orders that differ by the number of teeth alone, so that
     the sidebands at ±i of every meshing line grow as e_i, and the meshing lines themselves do not."""
     first, second = lines("1"), lines("2")
@@ -101,7 +101,7 @@ def test_the_sidebands_of_the_gears_follow_the_errors_of_the_teeth():
                 assert second[line] / first[line] == pytest.approx(two / one, rel=1e-6)
 
 
-def test_the_gears_sidebands_beside_the_meshing_lines_are_larger_in_case_2():
+def test_gear_sidebands_are_larger_in_case_2():
     """Chapter § 4.2: those at ±30 and ±150 Hz; not at ±60, ±90 and ±180 Hz, where its e_i are smaller."""
     first, second = lines("1"), lines("2")
     for meshing in (TEETH, 2 * TEETH):

@@ -1,4 +1,4 @@
-"""Paper Tables 1 and 2 from the hand-written equations, by a harmonic collocation of its own."""
+"""Paper Tables 1 and 2 from the hand-coded equations by an independent harmonic collocation."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_neither_printed_parameter_of_table_1_gives_table_2(name):
     assert not reproduces_table_2(TABLE_2 | {name: TABLE_1[name]})
 
 
-def test_the_corrected_parameters_are_those_of_a_section_and_of_the_printed_mass():
+def test_corrected_parameters_agree_with_section_and_mass():
     width, height = 0.02, 0.03
     assert TABLE_2["A"] == pytest.approx(width * height)
     assert TABLE_2["I"] == pytest.approx(width * height**3 / 12)

@@ -42,7 +42,7 @@ def test_newmark_with_linear_acceleration_gives_table_2(rpm):
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MM)
-def test_newmark_as_the_paper_prints_it_misses_entries_and_says_why(rpm):
+def test_newmark_in_the_printed_form_lacks_entries(rpm):
     orbit = paper_orbit(rpm, AS_PRINTED)
     missed = np.abs(np.array(maxima_mm(orbit)) - PRINTED_MM[rpm]) > LAST_DIGIT_MM
     assert list(missed) == [rpm >= 1200, False, False]
@@ -70,7 +70,7 @@ def test_table_1_with_its_printed_mass():
     assert maxima_mm(orbit)[0] == pytest.approx(3.0045, abs=LAST_DIGIT_MM)
 
 
-def test_table_1_as_printed_leaves_the_model_s_bounds_at_1500_rpm():
+def test_printed_table_1_exceeds_the_validity_at_1500_rpm():
     orbit = solve.periodic(solve.load("coupler", "table1"), "1500 rpm", "radau")
     assert maxima_mm(orbit)[0] == pytest.approx(35.01, abs=0.005)
     assert len(orbit.warnings) == 2

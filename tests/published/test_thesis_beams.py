@@ -1,11 +1,11 @@
-"""What thesis Chapters 3 to 5 and 8.5 say of links and elements in words."""
+"""Claims of thesis Chapters 3 to 5 and 8.5 about links and elements."""
 
 import numpy as np
 import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
-from solve.results.orbit import QuasiStatic
+from solve.results.periodic_motion import QuasiStatic
 from solve.studies.frequencies import turn
 
 PARAMETERS = solve.case_numbers("four_bar").parameters
@@ -26,7 +26,7 @@ def test_a_small_transmission_angle_brings_high_accelerations():
 
 
 @pytest.mark.parametrize(("speed", "likeness"), [(5.0, 0.99), (17.0, 0.99), (30.0, 0.85)])
-def test_the_follower_bends_as_its_acceleration_varies_and_the_coupler_does_not(speed, likeness):
+def test_follower_deflection_follows_its_rigid_acceleration(speed, likeness):
     """3.5, deflection and stress, by the coefficient of correlation over a turn; the coupler is loaded by
     what its pins do as well."""
     orbit = solve.periodic(solve.load("four_bar", options={"elements": 2}), speed, rtol=1e-4)
@@ -38,7 +38,7 @@ def test_the_follower_bends_as_its_acceleration_varies_and_the_coupler_does_not(
             assert least < abs(found) < most
 
 
-def test_mass_and_stiffness_are_symmetric_and_what_rotation_adds_is_not():
+def test_mass_and_stiffness_are_symmetric_without_rotation():
     """4.2.3, (4.28), without damping; in 2.2.1, (2.1), it is the same two matrices."""
     full, still = (
         solve.load("four_bar", options={"terms": terms}, zeta=0.0).at(TURN[::60], 30.0)
@@ -70,7 +70,7 @@ def mean_errors(**options):
         ({"element": "internal", "elements": 2}, {"elements": 4}),
     ],
 )
-def test_the_p_version_is_more_accurate_than_the_h_version_with_as_many_freedoms(quintic, cubic):
+def test_p_version_is_more_accurate_at_equal_freedoms(quintic, cubic):
     """4.1, 4.4: all four means, with as many freedoms, fewer, or one more."""
     (freedoms, errors), (others, coarser) = mean_errors(**quintic), mean_errors(**cubic)
     assert freedoms <= others + 1
@@ -107,7 +107,7 @@ def pinned(number, **changed):
     return wave**2 * np.sqrt(p["E"] * p[f"I{number}"] / (p["rho"] * p[f"A{number}"]))
 
 
-def test_the_follower_is_the_most_flexible_link_and_with_the_long_coupler_two_are_flexible():
+def test_most_flexible_links_with_short_and_long_coupler():
     """8.5.2, and 9.2: the softest link gives the first mean frequency within 2 %."""
     alone = {}
     for length, softest in ((0.328, "follower"), (0.636, "coupler")):

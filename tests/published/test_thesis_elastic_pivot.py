@@ -43,7 +43,7 @@ def largest(model) -> dict[str, float]:
     return {name: orbit.statistics(name).max_abs for name in STRESSES}
 
 
-def test_it_lowers_the_crank_s_stress_at_the_limiting_critical_speed():
+def test_damping_lowers_crank_stress_at_the_limiting_speed():
     rigid = largest(solve.load("four_bar"))
     stiff, soft = (largest(solve.load(linkage(), k=k, **PARAMETERS)) for k in (1e9, 1e4))
     assert stiff == pytest.approx(rigid, rel=1e-3)

@@ -34,14 +34,14 @@ def test_one_element_errs_against_three_by_10_and_26_percent():
     assert 100 * (one[3] / three[3] - 1) == pytest.approx(25.62, abs=0.05)
 
 
-def test_three_elements_err_by_1_18_percent_at_most_up_to_the_fourth_mode():
+def test_three_elements_have_errors_up_to_1_18_percent():
     """Thesis 5.4.2: a maximum relative error of 1.18 %, over modes and positions."""
     model, exact = (solve.load("four_bar", options=o) for o in ({"elements": 3}, {"element": "dynamic"}))
     errors = [solve.frequencies(each, turn(each), 4).values for each in (model, exact)]
     assert 100 * (errors[0] / errors[1] - 1).max() == pytest.approx(1.182, abs=0.005)
 
 
-def test_the_curvature_element_does_not_beat_the_internal_node_in_all_cases():
+def test_curvature_element_is_not_always_more_accurate():
     """Thesis 4.3 says so; at equal numbers of elements the internal node is nearer in all four modes."""
     exact, curvature, internal = mean(element="dynamic"), mean(element="curvature"), mean(element="internal")
     assert (abs(internal - exact) < abs(curvature - exact)).all()
@@ -57,7 +57,7 @@ def test_the_curvature_element_has_ten_freedoms():
     assert solve.frequencies(solve.load("four_bar", options={"element": "curvature"})).freedoms == 10
 
 
-def test_the_pinned_coupler_meets_the_pinned_follower_at_0_547_m():
+def test_pinned_coupler_and_follower_frequencies_coincide_at_0_547_m():
     """Thesis 9.2: a shorter coupler leaves the first frequency to the follower, a longer one takes it."""
 
     def difference(L2):

@@ -37,7 +37,7 @@ def peak(quantity, L4, speed, elements=3):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [17.0, 30.0])
-def test_the_followers_stress_over_l4_is_least_near_0_65_m_where_its_peak_jumps(speed):
+def test_follower_stress_is_smallest_near_l4_of_0_65_m(speed):
     """Not at 0.66 m, as 8.5.1 has it; thesis Figs. 7.13 (30 rad/s) and 8.24 (17 rad/s)."""
     lengths = [0.547, 0.60, 0.62, 0.64, 0.65, 0.66, 0.68]
     stress, angle = np.transpose([peak("follower_midpoint_stress", L4, speed) for L4 in lengths])
@@ -61,13 +61,13 @@ def test_damping_lowers_even_the_couplers_smallest_peak():
     assert list(heavy < light) == [False, True, True, False]
 
 
-def test_at_0_662_m_the_followers_stress_is_largest_near_a_crank_angle_of_180_degrees():
+def test_follower_stress_at_0_662_m_peaks_near_180_degrees():
     """8.5.1, Fig. 8.24: where the transmission angle is largest."""
     _, angle = peak("follower_midpoint_stress", 0.662, 17.0)
     assert angle == pytest.approx(180, abs=15)
 
 
-def test_the_cranks_stress_has_its_least_peak_between_0_64_and_0_65_m():
+def test_crank_stress_is_smallest_between_0_64_and_0_65_m():
     """One element a link at 30 rad/s."""
     lengths = [0.63, 0.64, 0.645, 0.65, 0.66]
     stress, angle = np.transpose([peak("crank_root_stress", L4, 30.0, 1) for L4 in lengths])
@@ -76,7 +76,7 @@ def test_the_cranks_stress_has_its_least_peak_between_0_64_and_0_65_m():
     assert (angle[3:] > 170).all()
 
 
-def test_mean_frequencies_and_so_critical_speeds_are_nearly_independent_of_l4():
+def test_mean_frequencies_are_nearly_independent_of_l4():
     """7.3: the first mean frequency changes by less than 0.5 % while L4 goes from 0.5 m to 0.65 m."""
     means = [
         solve.frequencies(model, np.linspace(0, 2 * np.pi, 36, endpoint=False), 1).mean[0]
@@ -86,7 +86,7 @@ def test_mean_frequencies_and_so_critical_speeds_are_nearly_independent_of_l4():
 
 
 @pytest.mark.slow
-def test_the_critical_speeds_themselves_are_nearly_independent_of_l4_and_the_peaks_are_not():
+def test_critical_speeds_but_not_peaks_are_nearly_independent_of_l4():
     """The peak near 46 rad/s (order 4), found by the deflection: within 1 % for L4 from 0.5 m to 0.65 m,
     while its height falls to less than half, and no further from 0.6 m on."""
     speeds = np.linspace(44.0, 48.0, 41)

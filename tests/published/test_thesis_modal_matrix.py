@@ -47,7 +47,7 @@ def test_without_the_coupling_both_deflections_are_lost(model, position):
     assert min(errors(model, Phi, coupled=False)) > 0.9
 
 
-def test_entries_off_the_diagonal_are_as_large_as_those_on_it(model):
+def test_off_diagonal_entries_are_as_large_as_diagonal_ones(model):
     """Beside the geometric mean of their diagonal entries, among the four lowest modes."""
     _, _, K, _ = model.at(PHASE, SPEED)
     for position in (0.0, 2.0, 4.0):

@@ -50,7 +50,7 @@ def test_exact_column(exact):
             assert found == pytest.approx(entry, rel=2e-6), f"entry {k}"
 
 
-def test_entry_4_is_the_first_frequency_of_a_bar_clamped_at_both_ends(exact):
+def test_entry_4_is_the_frequency_of_a_clamped_bar(exact):
     """Symmetric bending of all three bars with the corners at rest and their moments in balance."""
     root = brentq(lambda x: np.cos(x) * np.cosh(x) - 1, 4.5, 5.0, xtol=1e-14)
     assert root == pytest.approx(4.73004, abs=1e-5)

@@ -1,11 +1,11 @@
-"""What thesis Chapters 5, 7 and 9 say in words of the running four-bar and of Mathieu's equation."""
+"""Claims of thesis Chapters 5, 7 and 9 about the running four-bar and Mathieu's equation."""
 
 import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
-from solve.results.orbit import QuasiStatic
+from solve.results.periodic_motion import QuasiStatic
 
 TURN = np.arange(180) * (2 * np.pi / 180)
 LINKS = ("coupler", "follower")
@@ -104,7 +104,7 @@ def cycles(speed, zeta):
     return np.log(1e-4) / np.log(found.spectral_radius)
 
 
-def test_marching_is_slow_with_little_damping_and_hardly_slower_at_a_critical_speed():
+def test_damping_determines_the_convergence_of_marching():
     """2.2.2, 6.2, 7.2: 61.33 rad/s beside quiet speeds on either side, and with a tenth of the damping."""
     critical, *quiet = (cycles(speed, 0.02) for speed in (61.33, 56.0, 67.0))
     assert max(quiet) < critical < 1.25 * min(quiet)
@@ -141,7 +141,7 @@ def half_trace(frequencies, speeds):
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
-def test_two_to_four_parts_of_a_turn_tell_the_critical_speeds(parts):
+def test_two_to_four_intervals_give_the_critical_speeds(parts):
     """7.2.3, Fig. 7.3: maxima of J2, J3 and J4 within 1.5 % of the peaks of the deflection, computed by an
     independent program, with the first frequency in the middle of each part."""
     peaks = np.array([26.37, 30.73, 36.87, 46.14, 61.33, 92.59])

@@ -1,4 +1,4 @@
-"""What thesis 2.2.2 and Chapter 6 say of their methods in words and in formulas without a number."""
+"""Claims of thesis 2.2.2 and Chapter 6 about their methods."""
 
 from itertools import accumulate
 
@@ -26,7 +26,7 @@ def printed_sum(turns, forces):
 
 
 @pytest.mark.parametrize("cycles", [1, 2, 3, 7])
-def test_the_state_after_m_cycles_has_the_mth_power_and_not_the_next(cycles):
+def test_state_after_m_cycles_contains_the_mth_power(cycles):
     """6.8, below Table 6.1: [I - R⁻¹]⁻¹ [I - R^(m+1)] Σ is printed, which is the state after m + 1 cycles."""
     turns, forces = random_chain()
     y = np.zeros(STATES)
@@ -45,7 +45,7 @@ def test_the_state_after_m_cycles_has_the_mth_power_and_not_the_next(cycles):
     assert np.abs(printed - y).max() > 1e-2 * np.abs(y).max()
 
 
-def test_the_sum_of_6_24_from_behind_takes_products_with_vectors_alone():
+def test_sum_6_24_needs_matrix_vector_products_only():
     """6.6: "much more efficient" in reverse order. As printed every term has a product of matrices of its
     own; from behind it is one product with a vector for each interval."""
     turns, forces = random_chain()
@@ -96,7 +96,7 @@ def radius(gamma, beta, angle, ratio):
 
 @pytest.mark.parametrize(("gamma", "beta"), [(0.5, 0.0), (0.5, 1 / 6), (0.6, 0.2), (0.7, 0.0)])
 @pytest.mark.parametrize("ratio", [0.01, 0.2, 0.9])
-def test_structural_damping_lets_newmarks_steps_be_longer_unless_gamma_is_one_half(gamma, beta, ratio):
+def test_structural_damping_extends_newmark_steps_unless_gamma_is_half(gamma, beta, ratio):
     """6.2.3, of steps with a limit: Hughes's ω Δt = [ζ(γ - ½) + sqrt(γ/2 - β + ζ²(γ - ½)²)]/(γ/2 - β)."""
     room, lean = gamma / 2 - beta, ratio * (gamma - 0.5)
     limit = (lean + np.sqrt(room + lean**2)) / room
@@ -115,7 +115,7 @@ def test_marching_never_settles_without_damping():
     assert found.distances[10:].max() > 0.5 * found.distances[0].max()
 
 
-def test_runge_kutta_needs_far_smaller_steps_than_newmark_for_stiff_equations():
+def test_runge_kutta_needs_smaller_steps_for_stiff_equations():
     """2.2.2: at 30 rad/s two thousand steps a turn are too few for it, by its limit of 2.83 for the highest
     frequency; Newmark's average acceleration gives the deflection to 5 % with 180."""
     model, name = solve.load("four_bar"), "follower_midpoint_deflection"
@@ -136,7 +136,7 @@ def test_bahgat_and_willmerts_inverse_does_not_exist_somewhere_in_the_turn(stiff
     assert len(set(signs)) == 2
 
 
-def test_n_instants_do_not_fix_the_n_plus_1_coefficients_of_a_series():
+def test_n_samples_do_not_determine_n_plus_1_coefficients():
     """6.4, (6.13): the sine of order N/2 vanishes at all N instants, so that N of the coefficients are found;
     (N + 1)n equations take harmonic balance."""
     N = 12
@@ -149,7 +149,7 @@ def test_n_instants_do_not_fix_the_n_plus_1_coefficients_of_a_series():
 
 
 @pytest.mark.slow
-def test_a_slow_speed_needs_more_orders_of_a_fourier_series_than_a_fast_one():
+def test_slow_speeds_need_more_harmonics():
     """6.4, 2.2.2, "the speed has no effect on the computation": none for a given number of orders."""
     model, turn = solve.load("four_bar"), np.linspace(0.0, 2 * np.pi, 1001)
     errors = []
@@ -161,7 +161,7 @@ def test_a_slow_speed_needs_more_orders_of_a_fourier_series_than_a_fast_one():
     assert errors[1] < 0.01
 
 
-def test_marginal_stability_leaves_i_minus_r_well_conditioned_unless_a_multiplier_nears_one():
+def test_conditioning_of_i_minus_r_at_marginal_stability():
     """6.5: an undamped oscillator with a load, condition of the closed system where ρ = exp(±2πi ω/Ω)."""
 
     def condition(omega):
@@ -181,7 +181,7 @@ def critical_cycles(N, n, stored):
 
 
 @pytest.mark.parametrize("n", [3, 9, 10, 27, 50])
-def test_marching_is_cheaper_below_a_number_of_cycles_that_drops_with_the_freedoms(n):
+def test_cycles_up_to_which_marching_is_cheaper(n):
     """6.8, from Table 6.1: with storage 4n(1 + 1/N) + 2/(2n + 1) cycles, without it three."""
     N = 90
     assert critical_cycles(N, n, stored=True) == int(4 * n * (1 + 1 / N) + 2 / (2 * n + 1)) + 1
@@ -193,14 +193,14 @@ def critical_harmonics(N, n):
 
 
 @pytest.mark.parametrize("n", [10, 50])
-def test_fourier_series_are_cheaper_below_a_number_of_harmonics_that_grows_with_the_intervals(n):
+def test_harmonics_up_to_which_fourier_series_are_cheaper(n):
     """6.8, Table 6.3: between 6 and 10 for 90 intervals, between 10 and 15 for 720."""
     few, many = (critical_harmonics(N, n) for N in (90, 720))
     assert 6 < few <= 10 < many <= 15
 
 
 @pytest.mark.parametrize("N", [90, 720])
-def test_one_element_a_link_takes_a_fiftieth_of_the_operations_of_four(N):
+def test_operations_of_one_and_of_four_elements(N):
     """9.1, "a drastic saving in CPU time" by the corrected element: 9 freedoms beside 36, by Table 6.1; the
     correction itself is not counted."""
     assert algorithm_1(N, 36) > 50 * algorithm_1(N, 9)

@@ -25,7 +25,9 @@ _LONG, _TICK = 20, 10
 """Seconds after which a command that tells it is interrupted, and between two looks."""
 
 _CHECKOUT = Path(__file__).resolve().parents[2]
-_BESIDE = re.compile(r"wrote |compiling |(?!solve: |derive: )[a-z]\w*: |solve: what is finished is kept in ")
+_BESIDE = re.compile(
+    r"wrote |compiling |(?!solve: |derive: )[a-z]\w*: |solve: finished points are stored in "
+)
 """Beginnings of lines that are allowed besides a refusal."""
 
 _USUAL = re.compile(r"warning: |wrote |compiling |[a-z]\w*: ")

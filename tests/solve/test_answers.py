@@ -1,4 +1,4 @@
-"""What every periodic system answers about itself, so that nobody asks what kind of system it is."""
+"""Members of periodic systems of every kind: labels, variation, copies, and evaluation at many points."""
 
 import copy
 import pickle
@@ -9,10 +9,11 @@ import pytest
 import solve
 from solve.batch.family import SPEED, SystemFamily
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
+from solve.system import structure_of
 
 
 def spring(phase, speed):
-    """An oscillator with natural frequency 2 rad/s, that has no matrices beyond 10 rad/s."""
+    """Matrices of an oscillator with natural frequency 2 rad/s; none above 10 rad/s."""
     if speed > 10:
         raise MatricesError("too fast")
     one = np.ones((len(phase), 1, 1))
@@ -24,7 +25,7 @@ def own():
     return solve.PeriodicSystem(spring, ["q"])
 
 
-def test_a_system_of_a_users_own_has_neither_case_nor_parameters_nor_links(own):
+def test_user_system_has_no_case_parameters_or_links(own):
     assert (own.case, own.case_speed, own.title) == (None, None, "")
     assert (dict(own.parameters), dict(own.options), own.links) == ({}, {}, ())
     assert own.moves
@@ -32,11 +33,11 @@ def test_a_system_of_a_users_own_has_neither_case_nor_parameters_nor_links(own):
     with pytest.raises(UnknownNameError, match="parameter or option of system 'k'"):
         own.varied({"k": 1.0})
     with pytest.raises(ValueOutOfBoundsError, match="has no links to draw"):
-        own.mode_shapes(0.0, np.ones(1))
-    assert own.pinned_frequencies() == {}
+        structure_of(own)
+    assert own.structure is None
 
 
-def test_its_frequencies_and_entries_over_speeds(own):
+def test_frequencies_and_entries_of_a_user_system(own):
     np.testing.assert_allclose(solve.frequencies(own, [0.0, 1.0], 1).values, 2.0, rtol=1e-14)
     phase = np.array([0.0, 0.5])
     found = own.entries_over(phase, np.array([3.0, 20.0]))
@@ -44,14 +45,14 @@ def test_its_frequencies_and_entries_over_speeds(own):
     assert np.isnan(found[1]).all()
 
 
-def test_it_varies_in_its_speed_alone(own):
+def test_user_system_varies_in_speed_only(own):
     family = SystemFamily(own, [SPEED])
     assert family.system(np.array([3.0])) == (own, 3.0)
     with pytest.raises(UnknownNameError, match="quantity of system 'k'"):
         SystemFamily(own, [SPEED, "k"])
 
 
-def test_a_structure_tells_its_links_and_how_their_ends_are_held():
+def test_a_structure_lists_links_and_their_supports():
     frame, linkage = solve.load("portal_frame"), solve.load("four_bar")
     assert (frame.moves, linkage.moves) == (False, True)
     assert linkage.links[0] == ("crank", ("clamped", "joined"))

@@ -1,4 +1,4 @@
-"""Case files: what they say, and each way of saying it wrongly."""
+"""Case files: their content, and every invalid form."""
 
 from types import SimpleNamespace
 
@@ -44,7 +44,7 @@ def test_cases_in_their_order_with_common_values_and_si_units(read):
     assert cases["light"] == Case("light", None, {"m": 0.5, "a1": 4.0, "a2": 4.0, "a3": 4.0})
 
 
-def test_each_number_has_its_source_until_it_is_replaced(read):
+def test_replaced_numbers_lose_their_source(read):
     cases = read(GOOD)
     table = dict.fromkeys(("a1", "a2", "a3"), "Table 2")
     assert cases["slow"].sources == {"m": "Table 1", **table, "k1": "measured"}

@@ -96,7 +96,7 @@ def test_an_estimate_above_the_tolerance_is_warned_of():
 def test_a_precision_out_of_reach_is_warned_of_with_the_one_achieved():
     orbit = periodic(cam(), "600 rpm", rtol=1e-14)
     assert 1e-14 < orbit.error_estimate.orbit < 1e-11
-    assert any("at the precision in reach gives the orbit to" in text for text in orbit.warnings)
+    assert any("at the attainable accuracy gives the orbit to" in text for text in orbit.warnings)
 
 
 def stiff(growth):

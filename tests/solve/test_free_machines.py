@@ -24,6 +24,7 @@ from tests.solve.free_machines import (
 )
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.period.test_rigid_body import block, chain
+from tests.solve.witnesses import multiplier_error
 
 
 @pytest.mark.parametrize("engine", ["auto", "numpy"])
@@ -58,6 +59,35 @@ def test_approximations_are_those_of_the_machine():
     for method, error in (("modal", 1e-3), ("bahgat-willmert", 1e-12)):
         found = orders(solve.periodic(train(), SPEED, method))
         np.testing.assert_allclose(found, amplitudes(SPEED), rtol=error)
+
+
+def _two_chains():
+    """Constant symmetric matrices that couple all coordinates and leave two rigid-body modes."""
+    random = np.random.default_rng(1)
+    mass, stiffness, modes = (
+        random.normal(size=(5, 5)),
+        random.normal(size=(5, 5)),
+        random.normal(size=(5, 2)),
+    )
+    elastic = np.eye(5) - modes @ np.linalg.pinv(modes)
+    return mass @ mass.T + 5 * np.eye(5), 50 * elastic @ stiffness @ stiffness.T @ elastic
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-5])
+@pytest.mark.parametrize(("M", "stiffness", "speed"), [(J, K, SPEED), (*_two_chains(), 3.0)])
+def test_modal_multipliers_of_free_constant_machines_are_exact(M, stiffness, speed, damping):
+    C, n = damping * stiffness, len(M)
+    found = solve.floquet(train(C, M=M, stiffness=stiffness), speed, method="modal")
+    state = np.block(
+        [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, stiffness), -np.linalg.solve(M, C)]]
+    )
+    truth = np.exp(np.linalg.eigvals(state) * 2 * np.pi / speed)
+    rigid = 2 * len(found.rigid_body_modes)
+    elastic = found.multipliers[np.argsort(np.abs(found.multipliers - 1))][rigid:]
+    truth = truth[np.argsort(np.abs(truth - 1))][rigid:]
+    assert multiplier_error(elastic, truth) < 2e-11
+    assert found.error_estimate.multipliers < 1e-8
+    assert found.verdict == ("asymptotically stable" if damping else "stable")
 
 
 @pytest.mark.parametrize(

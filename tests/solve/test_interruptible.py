@@ -1,4 +1,4 @@
-"""What LAPACK does for long can be interrupted."""
+"""Long LAPACK calls can be interrupted."""
 
 import signal
 import subprocess

@@ -1,4 +1,4 @@
-"""Models by name and by path: options, parameters, cases, and generated code that is none."""
+"""Loading of models by name and by path: options, parameters, cases, and invalid generated code."""
 
 import hashlib
 import math
@@ -19,7 +19,7 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.model.files import model_names
+from solve.model.generated import model_names
 from tests.solve.systems import cam_matrices
 
 MECHANISM = "# what this mechanism is\n"
@@ -136,7 +136,7 @@ def test_outputs_validity_and_limits_follow_the_orbit(ready):
     assert tight == []
 
 
-def test_a_limit_that_is_passed_says_what_is_true_then(ready):
+def test_exceeded_limit_raises_its_warning(ready):
     warned = solve.periodic(ready.load(), 0.1).warnings
     assert any(
         text.startswith("the spring yields: force reaches ") and "bound <= 1.2" in text for text in warned
@@ -190,7 +190,7 @@ def test_parameters_in_a_unit_of_another_kind(ready, given):
         ready.load(k=given)
 
 
-def test_unknown_parameters_and_cases_are_answered_with_the_nearest(ready):
+def test_unknown_parameters_and_cases_suggest_the_nearest_name(ready):
     with pytest.raises(UnknownNameError, match="unknown parameter of mine 'kk'; did you mean 'k'"):
         ready.load(kk=1.0)
     with pytest.raises(UnknownNameError, match="unknown case of mine 'sotf'; did you mean 'soft'"):
@@ -286,10 +286,10 @@ def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where)
         "last": text + planted,
     }[where]
     ready.generate(text=changed)
-    with pytest.raises(ModelFileError, match=r"was edited|no seal"):
+    with pytest.raises(ModelFileError, match=r"was edited|no hash"):
         ready.load()
     ready.generate(text=changed.replace(seal, ""))
-    with pytest.raises(ModelFileError, match="no seal"):
+    with pytest.raises(ModelFileError, match="no hash"):
         ready.load()
     assert not (tmp_path / "ran").exists()
 
@@ -314,7 +314,7 @@ def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path,
     folder.mkdir(parents=True)
     ready.mechanism.rename(folder / "mechanism.py")
     ready.cases.rename(folder / "cases.toml")
-    monkeypatch.setattr(sys.modules["solve.model.files"], "ROOT", tmp_path)
+    monkeypatch.setattr(sys.modules["solve.model.generated"], "ROOT", tmp_path)
     assert solve.load("mine").name == "mine"
     (folder / "mechanism.py").write_text(MECHANISM + "# more\n", encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"'mine' has changed .*; run: python -m derive mine"):
@@ -371,7 +371,7 @@ def test_names_that_are_no_model(name, error, message):
         solve.load(name)
 
 
-def test_models_are_found_wherever_the_user_stands(tmp_path, monkeypatch):
+def test_models_are_found_from_any_folder(tmp_path, monkeypatch):
     (tmp_path / "models").mkdir()
     (tmp_path / "generated").mkdir()
     monkeypatch.chdir(tmp_path)

@@ -178,5 +178,5 @@ def test_an_output_that_counts_turns_is_told(angle, warned):
         return one, 0.4 * one, 4.0 * one, np.cos(phase)[:, None]
 
     found = periodic(Shaft(matrices, ["q"]), 3.0)
-    said = "swing is not periodic: each period changes it by 6.28"
+    said = "swing is not periodic: it changes by 6.28 per period"
     assert any(text.startswith(said) for text in found.warnings) == warned

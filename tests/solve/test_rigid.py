@@ -171,6 +171,8 @@ def test_its_animation(crank, tmp_path):
         lambda model: solve.report(model, OMEGA),
         lambda model: solve.state_space(model, OMEGA),
         lambda model: solve.periodic(model, OMEGA).quasi_static,
+        lambda model: solve.prove(model, OMEGA),
+        lambda model: solve.prove(solve.periodic(model, OMEGA)),
     ],
 )
 def test_vibration_requests_are_refused(crank, work):
@@ -202,3 +204,17 @@ def test_only_outputs():
     made.output("lift", h * (1 - cos(made.phase)) / 2, "mm", "of the follower")
     assert solve.periodic(solve.load(made, h=8), 1.0).statistics("lift").max == pytest.approx(8, rel=1e-14)
     assert issubclass(NoVibrationError, SolveError)
+
+
+def test_no_figure_is_negative_zero():
+    """A torque that is zero over the whole revolution has figures 0, not -0."""
+    made = Mechanism("still", "Fixed slider")
+    x = made.parameter("x", "m", "place", "> 0")
+    made.output("place", -(x - x * (cos(made.phase) ** 2 + sin(made.phase) ** 2)), "m", "change of the place")
+    made.output("position", x * cos(made.phase), "m", "position")
+    found = solve.sweep(solve.load(made, x=1.0), [OMEGA])
+    figures = np.array(
+        [found.figures("drive_torque", name) for name in ("max", "min", "max_abs", "mean", "rms")]
+    )
+    assert np.array_equal(figures, np.zeros((5, 1)))
+    assert not np.signbit(figures).any()

@@ -1,4 +1,4 @@
-"""What a system is made of, and every way of giving matrices that are not a system's."""
+"""Periodic systems: samples, checks, and every kind of invalid matrices."""
 
 import numpy as np
 import pytest
@@ -132,7 +132,7 @@ def test_lists_and_whole_numbers_are_matrices_too():
         ("C", lambda p: square(["soft"] * len(p)), "no four real arrays M, C, K, d"),
     ],
 )  # fmt: skip
-def test_matrices_that_are_none(part, value, message):
+def test_invalid_matrices_are_refused(part, value, message):
     with pytest.raises(MatricesError, match=message):
         periodic(altered(**{part: value}), 1.0)
     with pytest.raises(MatricesError, match=message):
@@ -140,18 +140,18 @@ def test_matrices_that_are_none(part, value, message):
 
 
 @pytest.mark.parametrize("given", [None, (1.0, 2.0), oscillator(PHASES, 1.0)[:3], 3.0])
-def test_functions_that_give_something_else(given):
+def test_invalid_return_values_are_refused(given):
     with pytest.raises(MatricesError, match="the matrices are no four real arrays M, C, K, d: "):
         periodic(system(lambda phase, speed: given, 1), 1.0)
 
 
-def test_a_function_of_one_phase_learns_that_it_is_asked_for_many():
+def test_a_function_of_one_phase_gets_a_note_on_many_phases():
     def matrices(phase, speed):
         return np.eye(2), np.eye(2), (4 + np.cos(phase)) * np.eye(2), np.array([np.cos(phase), 1.0])
 
     with pytest.raises(ValueError, match="broadcast") as raised:
         periodic(system(matrices, 2), 1.0)
-    assert any("at 4 phases at once" in note and "(4, 2, 2)" in note for note in raised.value.__notes__)
+    assert any("for 4 phases at once" in note and "(4, 2, 2)" in note for note in raised.value.__notes__)
 
 
 @pytest.mark.parametrize("part", ["K", "d"])
@@ -242,7 +242,7 @@ def bladed(phase, speed):
     return one, cancels[:, None, None], 4.5 * one, cancels[:, None]
 
 
-def test_what_cancels_but_for_rounding_is_periodic():
+def test_cancelling_terms_are_periodic_up_to_roundoff():
     found = periodic(PeriodicSystem(bladed, ["q"]), 1.0, "gauss", steps=16, rtol=0.9)
     assert np.abs(found.q).max() < 1e-12
 
@@ -260,7 +260,7 @@ def test_a_narrow_pulse_between_declared_breaks_is_periodic(width):
     PeriodicSystem(pulsed, ["q"], breaks=(width, -width)).checked(1.0)
 
 
-def test_what_is_not_periodic_is_refused_however_small_its_part():
+def test_small_nonperiodic_terms_are_refused():
     def aperiodic(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 1e-8 * phase[:, None, None] * one, 4.0 * one, np.cos(phase)[:, None]

@@ -9,7 +9,7 @@ import scipy.linalg  # noqa: F401 - SciPy's library of BLAS is one of those that
 from threadpoolctl import threadpool_info, threadpool_limits
 
 import solve
-from solve.sizes import SMALL
+from solve.arguments import SMALL
 from solve.threads import one_thread
 from tests.solve import systems
 
@@ -26,7 +26,7 @@ def two_threads():
         yield
 
 
-def test_the_last_to_leave_gives_the_threads_back():
+def test_last_overlapping_call_restores_the_threads():
     with one_thread(SMALL):
         assert threads() == {1}
     assert threads() == {2}
@@ -39,7 +39,7 @@ def test_the_last_to_leave_gives_the_threads_back():
     assert threads() == {2}
 
 
-def test_large_systems_keep_them():
+def test_large_systems_use_all_threads():
     with one_thread(SMALL + 1):
         assert threads() == {2}
 
@@ -47,7 +47,7 @@ def test_large_systems_keep_them():
 @pytest.mark.parametrize(
     "study", [lambda it: solve.periodic(it, 1.0), lambda it: solve.sweep(it, [1.0, 1.1])]
 )
-def test_solves_take_one_and_give_the_others_back(study):
+def test_solves_use_one_thread_and_restore_the_others(study):
     found = set()
 
     def matrices(phase, speed):
@@ -60,7 +60,7 @@ def test_solves_take_one_and_give_the_others_back(study):
     assert threads() == {2}
 
 
-def test_a_failure_gives_them_back():
+def test_a_failure_restores_the_threads():
     resonant = systems.constant([[1.0]], [[0.0]], [[1.0]], lambda phase: np.cos(phase)[:, None])
     with pytest.raises(solve.SolveError):
         solve.periodic(resonant, 1.0)

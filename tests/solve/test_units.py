@@ -1,4 +1,4 @@
-"""Numbers with units at the edge."""
+"""Conversion of numbers with units."""
 
 import math
 import re
@@ -109,7 +109,7 @@ def test_lists_of_speeds():
     "text",
     ["", "rpm", "600:900:4", "600:900 rpm", "a:b:3 rpm", "600:900:2.5 rpm", "600:900:1 rpm", "1:2:3:4 rpm"],
 )
-def test_speeds_that_are_no_range_say_how_one_is_written(text):
+def test_invalid_ranges_of_speeds_are_refused_with_an_example(text):
     with pytest.raises(
         (UnitError, ValueOutOfBoundsError), match=r"give 'A:B:N unit' or numbers with one unit"
     ):
@@ -122,7 +122,7 @@ def test_a_range_through_zero_is_refused():
 
 
 @pytest.mark.parametrize("rtol", [0.0, -1e-8, 1.0, 1e-15, math.nan, math.inf, None, "1e-8"])
-def test_tolerances_that_mean_nothing_are_refused(rtol):
+def test_invalid_tolerances_are_refused(rtol):
     with pytest.raises(ValueOutOfBoundsError, match=rf"rtol is {rtol}; allowed: 1e-14 up to"):
         checked_rtol(rtol)
 
@@ -174,6 +174,6 @@ def test_units_with_one_pair_of_brackets(given, unit, size):
 
 
 @pytest.mark.parametrize("speed", [1e61, 1e-61, 5e-324, "1e300 rpm", "1e-300 Hz"])
-def test_speeds_that_cannot_be_calculated_with_are_refused(speed):
+def test_speeds_beyond_the_numeric_range_are_refused(speed):
     with pytest.raises(ValueOutOfBoundsError, match=r"allowed: 0, or 1e-60 … 1e\+60 in size"):
         speed_in_si(speed)

@@ -13,17 +13,15 @@ from solve.kernel.library import trouble
 PAGE = (Path(__file__).parents[2] / "docs" / "walk.md").read_text("utf-8")
 PARTS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_dir() or path.suffix == ".py"}
 BOTTOM = {
-    "argument",
+    "approximation",
+    "arguments",
     "arrays",
     "contracts",
-    "differences",
     "errors",
     "labels",
-    "sizes",
-    "statistics",
+    "matrices",
     "terminal",
     "threads",
-    "trigonometric",
     "units",
 }
 STOPS = [

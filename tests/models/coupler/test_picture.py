@@ -1,4 +1,4 @@
-"""The picture of the bent coupler: read back from the drawn figure, and what its command refuses."""
+"""Figure of the deformed coupler: its data, and errors of its command."""
 
 import re
 import shlex
@@ -76,7 +76,7 @@ def test_the_title_states_the_magnification(given, stated):
 
 
 @pytest.mark.parametrize("speed", ["600 rpm", "900 rpm", "1500 rpm"])
-def test_the_automatic_magnification_is_round_and_the_next_would_bend_too_much(speed):
+def test_automatic_magnification_is_the_largest_round_factor(speed):
     model, orbit = solved(speed)
     factor = round_magnification(model, orbit)
     deflection = np.abs(model.field("w", np.linspace(0, 1, 101)) @ orbit.at(np.linspace(0, 6.3, 999))).max()
@@ -91,7 +91,7 @@ def test_a_deflection_that_needs_no_magnification_is_drawn_as_it_is():
     assert round_magnification(model, orbit) == 1
 
 
-def test_the_command_writes_the_picture_and_says_what_is_doubtful(tmp_path, capsys):
+def test_command_writes_the_figure_and_prints_warnings(tmp_path, capsys):
     file = tmp_path / "bent.png"
     assert run(["--case", "table1", "--speed", "1500 rpm", "--positions", "2", "--plot", str(file)]) == 0
     assert file.read_bytes().startswith(b"\x89PNG")
@@ -127,7 +127,7 @@ def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, monkeypa
     assert not list(tmp_path.iterdir())
 
 
-def test_a_speed_is_asked_for(capsys):
+def test_missing_speed_raises_an_error(capsys):
     assert run(["--plot", "bent.png"]) == 2
     assert "names no speed; give one, such as --speed" in capsys.readouterr().err
 

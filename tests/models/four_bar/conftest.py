@@ -1,4 +1,4 @@
-"""Commands of the four-bar, run inside the process."""
+"""Fixtures: commands of the four-bar, run in the test process."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Linkages for the tests: the thesis's, and random ones whose crank turns fully."""
+"""Linkages for the tests: that of the thesis, and random ones with a full revolution of the crank."""
 
 from hypothesis import strategies as st
 

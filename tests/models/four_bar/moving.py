@@ -1,6 +1,6 @@
 """A four-bar of one beam element a link by hand, whose speed and ground pivot change, integrated by SciPy.
 
-A witness: it shares no code with the program. Freedoms: A_x, A_y, rotation of the crank at A, of the
+Reference without code of the program. Freedoms: A_x, A_y, rotation of the crank at A, of the
 coupler at A and at B, B_x, B_y, rotation of the follower at B and at C; then the held ones: O_x, O_y,
 rotation at O, C_x, C_y.
 """

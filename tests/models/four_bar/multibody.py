@@ -1,4 +1,4 @@
-"""A witness that shares no code with the package: three free bodies in absolute coordinates.
+"""Reference without code of the package: three free bodies in absolute coordinates.
 
 Their joints and the drive are constraints g(q, time) = 0 that CasADi differentiates. Velocities,
 accelerations and multipliers follow from g' = 0, M q'' + g_qᵀ λ = Q and g'' = 0; the multipliers are
@@ -13,7 +13,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Witness:
+class FreeBodies:
     """q, qd, qdd: x, y (m) of the mass centre and angle (rad) of each body (3, 3), and derivatives by
     time; forces F01, F12, F23, F03 (4, 2) in N; torque in N m."""
 
@@ -24,7 +24,7 @@ class Witness:
     torque: float
 
 
-def witness(lengths, bodies, crank, load, start) -> Witness:
+def free_bodies(lengths, bodies, crank, load, start) -> FreeBodies:
     """lengths L1 … L4; bodies (mass, centre X, centre Y, J); crank (t1, omega1, alpha1); load: torque
     that opposes the follower; start: angles of the links from which Newton's iteration sets out."""
     constraints, matrices = _functions()
@@ -42,7 +42,7 @@ def witness(lengths, bodies, crank, load, start) -> Witness:
     qdd, multipliers = solved[:9], solved[9:]
     # Minus the multiplier acts on the body that its constraint counts positive.
     forces = multipliers[:8].reshape(4, 2) * np.array([-1.0, 1.0, 1.0, -1.0])[:, None]
-    return Witness(*(x.reshape(3, 3) for x in (q, qd, qdd)), forces, -multipliers[8])
+    return FreeBodies(*(x.reshape(3, 3) for x in (q, qd, qdd)), forces, -multipliers[8])
 
 
 @lru_cache

@@ -1,4 +1,4 @@
-"""Unstable bands of the undamped four-bar, whose axial modes live on and turn too far to be followed."""
+"""Unstable bands of the undamped four-bar, whose axial modes are undamped and unresolved."""
 
 from itertools import pairwise
 

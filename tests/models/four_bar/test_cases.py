@@ -1,4 +1,4 @@
-"""The case file and the parameters' checks."""
+"""The case file and the checks of the parameters."""
 
 import math
 from pathlib import Path
@@ -37,7 +37,7 @@ def test_table_32_has_sections_of_its_widths_and_thicknesses():
     assert values["mA"] == values["mB"] == 0.0
 
 
-def test_the_printed_second_moment_of_the_crank_is_not_that_of_its_section():
+def test_printed_second_moment_differs_from_the_section():
     """Thesis Table 4.1 prints 520.47e-12 m⁴ where Table 3.2 gives 529.17e-12; the others agree."""
     printed, derived = (case_numbers("four_bar", case).parameters for case in ("table41", "table32"))
     assert printed["I1"] / derived["I1"] == pytest.approx(0.98357, abs=1e-5)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import models.four_bar
+from models.four_bar.forces import bodies, joint_forces
 from models.four_bar.linkage import Linkage
-from models.four_bar.rigid.forces import bodies, joint_forces
 from solve import case_numbers
 
 CASES = Path(models.four_bar.__path__[0]) / "cases.toml"
@@ -112,7 +112,7 @@ def test_report(answer):
     gamma, advantage = record["transmission_angle"], record["mechanical_advantage"]
     stretched, folded = record["follower"]["dead_points"]
     assert max(len(line) for line in out.splitlines()) <= 80
-    assert "a flywheel takes and gives back 11.013 J in a turn" in out
+    assert "energy stored and released by a flywheel per revolution: 11.013 J" in out
     for text in (
         "GCRR (2 of 14)",
         "s + l < p + q; mobility 1",
@@ -134,7 +134,7 @@ def test_report(answer):
     assert err == ""
 
 
-def test_report_without_a_speed_says_how_to_get_forces(answer):
+def test_report_without_a_speed_explains_how_to_get_forces(answer):
     out, _ = answer()
     assert '--speed "300 rpm"' in out
     assert "Joint forces" not in out
@@ -181,7 +181,7 @@ def test_pictures_are_written(answer, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (("--set", "L1=0"), "L1 (length of the crank) is 0 m; allowed: > 0"),
         (("--set", "L9=2"), "unknown parameter of four_bar 'L9'; did you mean"),
@@ -208,9 +208,9 @@ def test_pictures_are_written(answer, tmp_path):
         (("more",), "unexpected extra argument"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, says, refusal, tmp_path, monkeypatch):
+def test_bad_input_is_one_line_and_status_2(arguments, message, refusal, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert says in refusal("linkage", *arguments)
+    assert message in refusal("linkage", *arguments)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,10 +1,10 @@
-"""Contributions of the modes (thesis Fig. 6.4): their sum, the modes' continuity, what the thesis sees."""
+"""Contributions of the modes (thesis Fig. 6.4): sum, continuity, and claims of the thesis."""
 
 import numpy as np
 import pytest
 
 import solve
-from solve.beams.observations import followed
+from solve.beams.observations import tracked_modes
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 
 SPEED = 35.0
@@ -23,7 +23,7 @@ def test_all_modes_together_give_the_output(orbit, output):
     np.testing.assert_allclose(found.total, truth, atol=1e-12 * np.abs(truth).max())
 
 
-def test_the_first_mode_rules_the_follower_and_the_next_two_the_coupler(orbit):
+def test_dominant_modes_of_follower_and_coupler(orbit):
     size = {
         link: np.abs(found.values).max(axis=1) / np.abs(found.total).max()
         for link in ("follower", "coupler")
@@ -41,7 +41,7 @@ def test_modes_are_followed_through_a_crossing_with_their_signs():
     turned = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in phase])
     stiffness = np.stack([1.0 + phase, np.full(62, 2.5)], axis=1)
     K = np.einsum("kij,kj,klj->kil", turned, stiffness, turned)
-    found = followed(np.broadcast_to(np.eye(2), K.shape), K, 2)
+    found = tracked_modes(np.broadcast_to(np.eye(2), K.shape), K, 2)
     np.testing.assert_allclose(found.frequencies[:, 0] ** 2, 1.0 + phase, rtol=1e-12)
     along = np.einsum("ki,ki->k", found.vectors[:, :, 0], turned[:, :, 0])
     np.testing.assert_allclose(along, along[0], rtol=1e-9)

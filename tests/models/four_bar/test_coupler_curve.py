@@ -1,4 +1,4 @@
-"""Coupler curves of the flexible linkage beside the rigid ones, and the commands `curve` and `modes`."""
+"""Coupler curves of the flexible and the rigid linkage, and the commands `curve` and `modes`."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
-from models.four_bar.results.curve import coupler_curve
+from models.four_bar.studies.curve import coupler_curve
 
 PHASE = np.linspace(0, 2 * np.pi, 25)
 
@@ -17,7 +17,7 @@ def orbit():
     return solve.periodic(solve.load("four_bar"), 30.0, rtol=1e-6)
 
 
-def test_at_the_joints_the_deviation_is_theirs(orbit):
+def test_deviation_at_the_joints_is_that_of_the_joints(orbit):
     q = dict(zip(orbit.coordinates, orbit.at(PHASE), strict=True))
     for along, joint in ((0.0, "A"), (1.0, "B")):
         found = coupler_curve(orbit.system, orbit, along, 0.0, PHASE)
@@ -67,7 +67,7 @@ def test_the_command_modes(answer, tmp_path):
     assert max(map(len, out.splitlines())) <= 80
 
 
-def test_the_command_modes_tells_what_uncoupling_errs_by(answer, tmp_path):
+def test_command_modes_prints_the_error_of_uncoupling(answer, tmp_path):
     picture, data = tmp_path / "modes.png", tmp_path / "modes.csv"
     given = ("--uncoupled", "--option", "elements=3", "--of", "coupler_midpoint_deflection")
     out, _ = answer("modes", *given, "--json", "--plot", str(picture), "--save", str(data))

@@ -1,4 +1,4 @@
-"""The design method: what it finds, the command, its refusals."""
+"""The design method: results, command, and errors."""
 
 import dataclasses
 import json
@@ -12,7 +12,7 @@ import solve
 from models.four_bar.design import damping_effects, designed, plan_to_last
 from models.four_bar.design_map import DesignError, allowed_lengths, checked_allowable, design_map
 from models.four_bar.linkage import Linkage
-from models.four_bar.results.design import carry_out
+from models.four_bar.studies.design import carry_out
 from solve.errors import MissingValueError, UnknownNameError, ValueOutOfBoundsError
 from solve.terminal import progress
 
@@ -46,7 +46,7 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
     low, high = allowed_lengths(Linkage(0.170, 0.328, 0.525, 0.547))
     assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
     assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
-    with pytest.raises(DesignError, match="nowhere to go"):
+    with pytest.raises(DesignError, match="no range for the pivot"):
         made(lengths=(0.547, 0.547))
     with pytest.raises(DesignError, match="no L4 keeps"):
         allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
@@ -69,7 +69,7 @@ def test_peaks_and_bands_are_those_of_the_stress_over_speed(design):
     assert len(design.limiting) == 2
 
 
-def test_damping_changes_stress_as_a_second_solution_says(design):
+def test_effect_of_damping_agrees_with_finite_differences(design):
     (found,) = damping_effects(design.map, np.array([26.1]))
     orbits = [
         solve.periodic(design.map.model.varied({"zeta": zeta}), 26.1, rtol=1e-6) for zeta in (0.0195, 0.0205)
@@ -126,7 +126,7 @@ def test_a_need_within_the_error_of_the_map_is_no_proof(design):
     assert "no plan exists" not in near.text
 
 
-def test_progress_is_told_while_the_map_is_made():
+def test_progress_is_reported_during_the_map():
     reported = []
 
     def listen(tracker):
@@ -142,7 +142,7 @@ def test_progress_is_told_while_the_map_is_made():
 
 
 @pytest.mark.slow
-def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
+def test_worst_link_determines_the_effect_of_damping(design):
     """Against the allowable stresses, not the stresses: a weak coupler is the worst link."""
     model = design.map.model
     weak = design_map(
@@ -153,7 +153,7 @@ def test_the_worst_link_of_a_quiet_speed_decides_whether_damping_helps(design):
 
 
 @pytest.mark.slow
-def test_the_default_goal_is_beyond_a_limiting_speed_where_it_can_be_reached():
+def test_default_target_is_above_a_limiting_speed_if_reachable():
     """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
     found = carry_out(made(118e6, speeds=(8.0, 28.0)), duration=4.0)
     assert found.returns
@@ -203,7 +203,7 @@ def test_files_of_every_kind_hold_what_a_run_up_needs(design, tmp_path):
 
 
 @pytest.mark.slow
-def test_compression_beyond_what_a_link_bears_is_told():
+def test_buckling_compression_raises_a_warning():
     """A slender coupler; its Euler load is π²EI/L²."""
     model = solve.load("four_bar", options={"stiffening": "on"}, I2=3e-12)
     start = np.geomspace(20.0, 28.0, 12)

@@ -9,7 +9,7 @@ import pytest
 
 import solve
 from models.four_bar.__main__ import run
-from models.four_bar.run_up.stress_map import StressMap
+from models.four_bar.stress_map import StressMap
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "four_bar_design.md").read_text(encoding="utf-8")
 COMMANDS = [line for line in PAGE.splitlines() if line.startswith("python -m models.four_bar ")]
@@ -75,7 +75,7 @@ def test_the_page_shows_what_its_commands_give(line, capsys, tmp_path, monkeypat
 
 
 @pytest.mark.slow
-def test_the_page_says_what_more_elements_change():
+def test_page_states_the_effect_of_more_elements():
     said = re.findall(r"(\d+\.\d) MPa where seven give (\d+\.\d) \((\d+\.\d) rad/s, L4 = (0\.\d+) m", PAGE)
     assert len(said) == 2
     for *stresses, speed, L4 in (map(float, each) for each in said):

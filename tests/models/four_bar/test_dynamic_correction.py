@@ -1,4 +1,4 @@
-"""One element a link corrected by dynamic stiffness (thesis 7.4.1): its figures, its parts otherwise."""
+"""One element per link with corrected dynamic stiffness (thesis 7.4.1): numbers and independent checks."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from solve.errors import UnknownNameError
 
 PHASE = np.array([0.3, 1.7, 4.0])
 CONVERGED = 123.0
-"""MPa at the follower's midpoint at 30 rad/s, + surface, with ever more elements; ± 0.5."""
+"""Stress at the follower's midpoint at 30 rad/s, + surface, for more and more elements; MPa, ± 0.5."""
 
 LINKS = {"crank": ("", "A", "", "crank_A"), "coupler": ("A", "B", "coupler_A", "coupler_B")}
 LINKS["follower"] = ("", "B", "follower_C", "follower_B")
@@ -108,7 +108,7 @@ def consistent_load(model, phase, speed, omega):
     return np.array(list(load.values()))
 
 
-def test_the_consistent_load_is_the_work_of_the_rigid_motions_inertia(model):
+def test_consistent_load_is_the_work_of_rigid_inertia(model):
     corrected = Corrected(model)
     _, _, _, d = corrected.at(PHASE, 30.0)
     for phase, omega, found in zip(PHASE, corrected.lowest(PHASE), d, strict=True):
@@ -133,7 +133,7 @@ def test_stresses_are_the_curvature_of_the_deflection(model):
     assert values["crank_tip_deflection"] == pytest.approx(corrected.deflection("crank", 1.0, PHASE, q))
 
 
-def test_what_the_correction_is_not_made_for():
+def test_options_outside_the_correction_raise_an_error():
     with pytest.raises(UnknownNameError, match="did you mean 'consistent'"):
         Corrected(solve.load("four_bar"), "constent")
     with pytest.raises(UnknownNameError, match="terms"):

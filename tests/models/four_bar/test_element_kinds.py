@@ -1,4 +1,4 @@
-"""Frequencies by several kinds of elements side by side (thesis Figs. 4.6 and 5.3)."""
+"""Natural frequencies by element type (thesis Figs. 4.6 and 5.3)."""
 
 import json
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.results.element_kinds import element_kinds
+from models.four_bar.studies.elements import element_kinds
 from solve.errors import ValueOutOfBoundsError
 
 
@@ -21,7 +21,7 @@ def test_every_kind_is_the_model_with_that_option(made):
     assert made.freedoms == (9, 27, 9)
 
 
-def test_finite_elements_lie_above_the_exact_ones_and_more_of_them_nearer(made):
+def test_finite_element_frequencies_converge_from_above(made):
     errors = made.mean_errors
     assert (errors[0] > errors[1]).all()
     assert (errors[1] > 0).all()

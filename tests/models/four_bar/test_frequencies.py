@@ -1,4 +1,4 @@
-"""The flexible four-bar as a model: its links, its parameters, and the rigid linkage that it rests on."""
+"""The flexible four-bar as a model: links, parameters, and agreement with the rigid linkage."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_the_crank_is_clamped_to_its_flywheel():
 
 
 @pytest.mark.parametrize("lengths", [(0.4, 0.3, 0.5, 0.5), (0.17, 0.1, 0.525, 0.547), (0.5, 0.5, 0.2, 0.6)])
-def test_linkages_whose_crank_cannot_turn_are_refused_where_the_rigid_linkage_refuses_them(lengths):
+def test_elastic_and_rigid_linkage_require_the_same_full_turn(lengths):
     named = dict(zip(("L1", "L2", "L3", "L4"), lengths, strict=True))
     assert not Linkage(*lengths).turns_fully
     with pytest.raises(SolveError, match="the crank cannot turn fully"):

@@ -6,7 +6,7 @@ import pytest
 
 import solve
 from solve.errors import UnknownNameError
-from tests.models.four_bar.multibody import witness
+from tests.models.four_bar.multibody import free_bodies
 
 PHASE = np.array([0.3, 1.9, 3.1, 5.2])
 SPEED = 30.0
@@ -21,7 +21,7 @@ def bar(density, area, length, tip_mass):
     return total, centre, 0.0, J
 
 
-def test_of_stiff_links_they_are_those_of_three_rigid_bodies():
+def test_joint_forces_of_stiff_links_equal_rigid_bodies():
     stiff = solve.load("four_bar", E=2.1e18)
     found = solve.periodic(stiff, SPEED, steps=64)
     outputs = stiff.output_values(PHASE, SPEED, *found.quasi_static.state(PHASE))
@@ -33,7 +33,7 @@ def test_of_stiff_links_they_are_those_of_three_rigid_bodies():
         bar(p["rho"], p["A3"], p["L3"], 0.0),
     ]
     for k, phase in enumerate(PHASE):
-        rigid = witness(lengths, bodies, (phase, SPEED, 0.0), 0.0, angles[k])
+        rigid = free_bodies(lengths, bodies, (phase, SPEED, 0.0), 0.0, angles[k])
         scale = np.abs(rigid.forces).max()
         for joint, force in zip("OABC", rigid.forces, strict=True):
             ours = [outputs[f"{joint}_force_{axis}"][k] for axis in "xy"]
@@ -43,7 +43,7 @@ def test_of_stiff_links_they_are_those_of_three_rigid_bodies():
 
 @pytest.mark.parametrize("element", ["cubic", "internal", "curvature"])
 @pytest.mark.parametrize("options", [{}, {"terms": "full", "stiffening": "on"}])
-def test_what_meets_at_a_joint_and_the_damping_there_accelerate_its_mass(element, options):
+def test_joint_and_damping_forces_accelerate_the_joint_mass(element, options):
     model = solve.load("four_bar", options={"element": element, "elements": "1,2,1", **options})
     found = solve.periodic(model, SPEED, rtol=1e-7)
     _, qd, qdd = found.state(PHASE)
@@ -83,7 +83,7 @@ def rigid_acceleration_of_B(model, phase):
 
 @pytest.mark.parametrize("link", [0, 1, 2])
 @pytest.mark.parametrize("options", [{}, {"terms": "full"}])
-def test_the_forces_on_both_ends_of_a_link_move_its_mass(link, options):
+def test_end_forces_accelerate_the_link(link, options):
     """Sum of forces and moment about the start, against inertia integrated over the Hermite cubics. In the
     instantaneous structure accelerations are interpolated along the link's present axes."""
     model = solve.load("four_bar", options=options)
@@ -140,7 +140,7 @@ def deflection(model, q, phase, link, xi):
     return (u + 1j * v) * np.exp(1j * angle)
 
 
-def test_the_drive_gives_what_inertia_and_damping_take():
+def test_drive_power_balances_inertia_and_damping():
     """Power along the rigid motion, by the phase: O's moment against accelerations integrated over the
     links, joint masses and damping forces."""
     model = solve.load("four_bar", options={"terms": "full"})

@@ -7,18 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.four_bar.linkage import BRANCHES, Linkage, LinkageError
-from models.four_bar.rigid.record import transmission_warnings
+from models.four_bar.linkage import BRANCHES, Linkage, LinkageError, transmission_warnings
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from tests.models.four_bar.cranks import THESIS, cranks
-from tests.models.four_bar.multibody import witness
+from tests.models.four_bar.multibody import free_bodies
 
 OFF = np.array([0.0, 0.003, -0.003])
-"""What the witness's iteration is started off by."""
+"""Offset of the initial guess of the reference."""
 
 TURN = np.arange(360) * (2 * math.pi / 360)
 ANGLES = st.floats(-10.0, 10.0)
-# Mass, centre and J do not matter for the motion, but tell where the witness looks.
+# Mass, centre and J do not matter for the motion, but select the points of the reference.
 BODIES = ((1.0, 0.05, 0.02, 0.1), (1.0, 0.1, -0.03, 0.1), (1.0, 0.2, 0.01, 0.1))
 
 
@@ -65,7 +64,7 @@ def test_mirrored_in_the_ground_line_one_branch_is_the_other(linkage, t1):
 @given(cranks(), ANGLES, st.floats(-50, 50), st.floats(-500, 500))
 def test_velocities_and_accelerations_are_the_derivatives(linkage, t1, omega1, alpha1):
     motion = linkage.motion(t1, omega1, alpha1)
-    found = witness(linkage.lengths, BODIES, (t1, omega1, alpha1), 0.0, motion.t + OFF)
+    found = free_bodies(linkage.lengths, BODIES, (t1, omega1, alpha1), 0.0, motion.t + OFF)
     np.testing.assert_allclose(np.exp(1j * motion.t), np.exp(1j * found.q[:, 2]), atol=1e-11)
     scale = omega1**2 + abs(alpha1) + 1.0
     for k, (_, X, Y, _) in enumerate(BODIES):

@@ -40,9 +40,7 @@ def run(command, capsys):
 
 
 @pytest.mark.slow
-def test_the_figures_of_7_3_are_rms_deflection_and_then_largest_stress_and_energy(
-    tmp_path, monkeypatch, capsys
-):
+def test_figures_of_section_7_3(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     printed = [command for command in COMMANDS if "--over L4=" in command]
     first, second = (json.loads(run(f"{command} --json", capsys)) for command in printed)

@@ -5,7 +5,7 @@ import pytest
 import solve
 
 
-def test_a_speed_whose_doubt_is_settled_on_a_finer_grid():
+def test_doubtful_speed_is_resolved_on_a_finer_grid():
     """At 32.4 rad/s two grids agree while a hidden multiplier is still in doubt: no point is settled then."""
     model, speed = solve.load("four_bar"), 32.3728813559322
     swept = solve.sweep(model, [speed], rtol=1e-6, quantities=["A_x"]).points[0]

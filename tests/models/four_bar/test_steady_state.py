@@ -10,7 +10,7 @@ import pytest
 
 import solve
 from solve.errors import NoMotionError, UnknownNameError, ValueOutOfBoundsError
-from solve.results.orbit import QuasiStatic
+from solve.results.periodic_motion import QuasiStatic
 
 PHASE = np.linspace(0, 2 * np.pi, 3601)
 
@@ -82,7 +82,7 @@ def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
 
 
 @pytest.mark.slow
-def test_without_damping_full_terms_conserve_and_the_instantaneous_structure_does_not():
+def test_full_terms_conserve_energy_without_damping():
     """M′q̇ is missing from the instantaneous structure, so that its |ρ| says nothing of stability."""
     radius = {
         terms: solve.floquet(solve.load("four_bar", options={"terms": terms}, zeta=0.0), 30.0, rtol=1e-7)
@@ -159,7 +159,7 @@ def test_exact_elements_have_no_equations_of_motion():
         solve.periodic(solve.load("four_bar", options={"element": "dynamic"}), 30.0)
 
 
-def test_modal_uncoupling_is_good_at_the_follower_and_bad_at_the_coupler():
+def test_uncoupled_modes_are_accurate_for_the_follower_only():
     """Thesis 6.3: largest error over the turn at 35 rad/s, in percent of the largest deflection."""
     model = model_with(elements=3)
     truth = solve.periodic(model, 35.0, rtol=1e-7)
@@ -192,7 +192,7 @@ def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
     assert not any("coupler" in each for each in model.warnings(0.98 * limit))
 
 
-def test_a_sweep_has_the_doubts_of_its_speeds():
+def test_sweeps_contain_the_warnings_of_their_speeds():
     model = model_with(stiffening="on")
     found = solve.sweep(model, [30.0, 90.0], rtol=1e-4, quantities=["A_x"])
     for speed, point in zip((30.0, 90.0), found.points, strict=True):
@@ -213,7 +213,7 @@ def test_numbers_that_make_no_linkage_are_refused(parameters, said):
         solve.load("four_bar", **parameters)
 
 
-def test_a_ratio_that_was_meant_in_percent_is_doubted_and_rest_is_refused():
+def test_damping_ratios_in_percent_raise_a_warning():
     assert any("percent" in each for each in solve.load("four_bar", zeta=2.0).warnings(30.0))
     with pytest.raises(ValueOutOfBoundsError, match="speed"):
         solve.periodic(solve.load("four_bar"), 0.0)
@@ -235,4 +235,4 @@ def test_false_multipliers_of_newmark_are_flagged(steps, radius):
     found = solve.floquet(model, 30.0, method="newmark", steps=steps)
     assert found.spectral_radius == pytest.approx(radius, rel=5e-4 if radius < 1 else 5e-3)
     assert found.error_estimate.multipliers > abs(found.spectral_radius - 0.48504) / found.spectral_radius
-    assert any("multipliers may be false" in each for each in found.warnings)
+    assert any("multipliers may be wrong" in each for each in found.warnings)

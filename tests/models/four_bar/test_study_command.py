@@ -36,10 +36,10 @@ def test_a_study_over_an_option_and_the_corrected_model(answer):
 
 
 @pytest.mark.slow
-def test_doubts_about_the_equations_are_told_for_every_system(answer):
+def test_equation_warnings_are_printed_for_every_system(answer):
     given = ("study", "--speeds", "30 90 rad/s", "--option", "stiffening=on", "--rtol", "1e-4")
     _, err = answer(*given, "--over", "zeta=0,0.02")
-    assert "0: terms=instantaneous leaves out M'q'" in err
+    assert "0: terms=instantaneous neglects M'q'" in err
     assert "0.02: stiffening: at 38 deg link follower" in err
     assert "(at 90 rad/s)" in err
 
@@ -102,7 +102,7 @@ def test_refusals_are_one_line(arguments, message, refusal):
 
 
 @pytest.mark.parametrize("command", [("bands",), ("critical", "--of", "A_x")])
-def test_doubts_about_the_equations_are_told_by_commands_over_speed(command, capsys):
+def test_equation_warnings_are_printed_by_commands_over_speed(command, capsys):
     """A damping ratio that was meant in percent."""
     name, *of = command
     given = ("--set", "zeta=2", "--speeds", "30:31:2 rad/s", "--rtol", "1e-3", "--json")

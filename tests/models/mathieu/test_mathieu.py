@@ -79,7 +79,7 @@ def test_boundaries_over_delta_are_scipys_characteristic_values(epsilon):
         assert [each.value for each in found[: len(truth)]] == pytest.approx(truth, abs=1e-8)
 
 
-def test_it_has_neither_torque_nor_outputs_and_says_why():
+def test_mathieu_has_no_torque_and_states_why():
     model = load("mathieu")
     assert model.outputs == ()
     assert "no torque" in model.module.NO_DRIVE_TORQUE

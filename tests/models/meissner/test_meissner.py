@@ -32,13 +32,13 @@ def test_other_shares_and_speeds(w1, w2, share, speed):
     assert found.multipliers.sum().real / 2 == pytest.approx(half, rel=1e-7, abs=1e-7)
 
 
-def test_its_cases_are_what_their_titles_say():
+def test_cases_agree_with_their_titles():
     assert solve.floquet(solve.load("meissner", "stable"), np.pi).verdict == "stable"
     assert solve.floquet(solve.load("meissner", "unstable"), np.pi).verdict == "unstable"
 
 
 @pytest.mark.slow
-def test_the_boundaries_of_fig_7_2_are_where_j2_is_one_or_minus_one():
+def test_boundaries_of_fig_7_2_have_j2_of_plus_minus_one():
     """Those of a chart, at which J2 has the value of their multiplier."""
     chart = solve.chart(solve.load("meissner"), x={"w1": np.linspace(0.2, 6.2, 25)}, y={"w2": [1.9, 2.0]})
     assert sum(len(points) for _, points in chart.boundaries) >= 6

@@ -1,4 +1,4 @@
-"""The portal frame: how its frequencies depend on its numbers, and its half against the whole."""
+"""The portal frame: dependence of the frequencies on parameters, and half frame against whole frame."""
 
 import numpy as np
 import pytest

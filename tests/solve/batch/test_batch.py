@@ -11,8 +11,9 @@ from solve.batch import tables
 from solve.batch.family import BuiltFamily, over_speed
 from solve.batch.tables import Separated, Separation
 from solve.errors import UnknownNameError
-from solve.period.frozen import Frozen
-from solve.period.multipliers import VERDICTS, Multipliers, rounding_errors, verdicts
+from solve.period.eigenvalues import multiplier_roundoff
+from solve.period.frozen import FrozenModes
+from solve.period.multipliers import VERDICTS, Multipliers, verdicts
 from solve.period.points import Tables
 from solve.terminal import progress
 from tests.solve import systems
@@ -111,7 +112,7 @@ def test_entries_that_do_not_separate_are_sampled_point_by_point():
         agrees(point, system, speed)
 
 
-def test_a_point_unlike_those_learnt_from_is_found_out():
+def test_points_outside_the_training_region_are_detected():
     ordinary = np.column_stack((np.zeros(50), np.linspace(1, 2, 50)))
 
     def build(kink, delta):
@@ -123,7 +124,7 @@ def test_a_point_unlike_those_learnt_from_is_found_out():
     assert fits.tolist() == [True, False]
 
 
-def test_rounding_is_represented_and_what_is_small_by_its_unit_is_not_rounding():
+def test_roundoff_is_represented_and_small_units_are_not_roundoff():
     """A load of cancelling sums, in a coordinate whose unit is large."""
     unit = 1e-9
 
@@ -152,21 +153,21 @@ def kinked(kink, delta):
     return matrices
 
 
-def test_tables_are_made_once_and_the_oldest_make_room(monkeypatch):
+def test_tables_are_cached_up_to_a_memory_limit(monkeypatch):
     separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
     coarse, fine, finest = (np.linspace(0, end, 1000) for end in (4, 5, 6))
     asked, made = [], separation.table(coarse)
-    monkeypatch.setattr(tables, "_MOST_KEPT", 2 * made.nbytes)
+    monkeypatch.setattr(tables, "_CACHE_BYTES", 2 * made.nbytes)
     monkeypatch.setattr(Separation, "_terms", lambda self, phase: asked.append(phase[-1]) or made)
     for phase in (coarse, fine, coarse, fine, finest, fine, coarse):
         assert separation.table(phase) is made
     assert asked == [5, 6, 4]
-    monkeypatch.setattr(tables, "_MOST_KEPT", 0)
+    monkeypatch.setattr(tables, "_CACHE_BYTES", 0)
     assert separation.table(np.linspace(0, 7, 1000)) is made
 
 
 @pytest.mark.parametrize("small", [1e-3, 1e-8, 1e-11])
-def test_a_small_term_costs_no_digits(small):
+def test_small_terms_do_not_reduce_accuracy(small):
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))
         stiffness = 3 + speed * small * np.sin(phase) + speed**2 * np.cos(2 * phase)
@@ -207,7 +208,7 @@ class NothingDrifts:
     def __init__(self, n):
         self.n = n
 
-    def drifts(self, points, Phi, errors):
+    def rigid_body_drift(self, points, Phi, errors):
         return np.zeros(len(points), dtype=bool)
 
     def units(self, points):
@@ -220,7 +221,7 @@ def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
     rng = np.random.default_rng(seed)
     Phi = rng.standard_normal((12, N, N)) @ np.diag(10.0 ** -np.linspace(0, decades, N))
     ours, finer = Multipliers.of(Phi), Multipliers.of(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape)))
-    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), NothingDrifts(N // 2)), rounding_errors(Phi)
+    judged, errors = verdicts(Phi, ours, np.full(12, 1e-9), NothingDrifts(N // 2)), multiplier_roundoff(Phi)
     differences = ours.difference(finer)
     for k, matrix in enumerate(Phi):
         alone = Multipliers.of(matrix)
@@ -236,7 +237,7 @@ def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
         assert judged[k] == verdicts(Phi[one], ours[one], np.full(1, 1e-9), NothingDrifts(N // 2))[0]
         assert VERDICTS[judged[k]] in VERDICTS
         assert differences[k] == alone.difference(finer[k])
-        assert errors[k] == rounding_errors(matrix)
+        assert errors[k] == multiplier_roundoff(matrix)
 
 
 def eigenvalue_condition(matrix):
@@ -263,12 +264,12 @@ def eigenvalue_condition(matrix):
 )
 def test_rounding_of_defective_and_semisimple_multipliers(matrix):
     alone = eigenvalue_condition(matrix)
-    assert 0.3 * alone <= rounding_errors(matrix) <= 3 * alone
+    assert 0.3 * alone <= multiplier_roundoff(matrix) <= 3 * alone
 
 
 @settings(max_examples=25, deadline=None)
 @given(seed=systems.seeds, n=st.integers(1, 4), scale=st.floats(0.2, 5.0))
-def test_bounds_of_frozen_modes_are_never_wrong(seed, n, scale):
+def test_bounds_of_frozen_modes_hold(seed, n, scale):
     system, speeds = systems.random_system(seed, n), np.array([0.5, 1.0, 2.0])
     phase = (np.arange(32) + 0.5) * (system.period / 32)
     family = over_speed(system)
@@ -283,11 +284,11 @@ def test_bounds_of_frozen_modes_are_never_wrong(seed, n, scale):
     shared = Separated(separation, coefficients).tables(phase)
     found = []
     for made in (Tables.of(family.entries(phase, speeds[:, None]), n), shared):
-        modes = Frozen(made, system.period)
-        assert modes.faster(rate).tolist() == (fastest > rate).tolist()
-        found.append(modes.within(rate))
+        modes = FrozenModes(made, system.period)
+        assert modes.exceeds_rate(rate).tolist() == (fastest > rate).tolist()
+        found.append(modes.is_within(rate))
         assert not (found[-1] & (alone > rate * (1 + 1e-12))).any()
-        np.testing.assert_allclose(modes.reach, alone * system.period, rtol=1e-9)
+        np.testing.assert_allclose(modes.phase_advance, alone * system.period, rtol=1e-9)
     assert (found[0] == found[1]).all(), "ranges of shared terms tell more or less than the phases"
 
 
@@ -298,7 +299,7 @@ def fastest_of(system, phase, speed):
     return max(np.sqrt(stiffness), damping)
 
 
-def test_the_points_that_are_done_are_told():
+def test_solved_points_are_reported_as_progress():
     seen = []
     with progress.listen(lambda tracker: seen.append(tracker.tasks[0].done)):
         solve.sweep(solve.load("mathieu"), np.linspace(0.5, 3, 30))
@@ -345,7 +346,7 @@ def test_points_whose_jumps_move(engine):
             assert chart.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
 
 
-def test_what_acts_between_two_near_jumps_alone_is_not_missed():
+def test_load_between_two_close_jumps_is_included():
     """Two jumps so near that samples all over the turn would fall beside both, and a parameter that acts
     between them alone."""
     amplitudes = np.linspace(0.0, 400.0, 5)

@@ -27,7 +27,7 @@ def turned(angle, scale):
     return solve.PeriodicSystem(matrices, ["a", "b", "c"])
 
 
-def test_monodromy_matrices_do_not_depend_on_those_beside_them():
+def test_monodromy_matrices_are_independent_of_the_batch():
     """To the last bit, though some of the points exchange rows and others do not."""
     points = np.column_stack((np.linspace(0.0, 1.5, 9), np.logspace(-3, 3, 9)))
     every = Sampled(BuiltFamily(turned, ("angle", "scale"), points, 1.0), points, "compiled")
@@ -41,7 +41,7 @@ def test_monodromy_matrices_do_not_depend_on_those_beside_them():
 
 
 @pytest.mark.parametrize("scales", [[1e-6, 1e-3, 1.0, 1e3, 1e6], [0.1, 1.0, 10.0]])
-def test_a_point_is_as_exact_beside_others_as_alone(scales):
+def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
     """Units change no multiplier; each point eliminates the coordinates in an order of its own."""
     angles = [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2]
     found = solve.chart(turned, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)

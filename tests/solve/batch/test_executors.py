@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.batch.executors import cluster, processes
+from solve.batch.task import cluster, processes
 from solve.errors import ValueOutOfBoundsError, WorkersError
 from solve.terminal import progress
 from tests.solve.batch import test_store
@@ -56,7 +56,7 @@ def test_processes_give_the_same_and_end_with_the_block():
 
 
 @pytest.mark.slow
-def test_a_worker_that_is_killed_is_said_and_the_store_goes_on(tmp_path):
+def test_killed_worker_is_reported_and_the_store_resumes(tmp_path):
     model, speeds = solve.load("cam"), np.linspace(12, 60, 640)
     with processes(2) as executor:
         Children().start()
@@ -106,7 +106,7 @@ def alive(process):
 
 
 @pytest.mark.slow
-def test_no_scheduler_is_said_in_one_line():
+def test_missing_scheduler_is_reported_in_one_line():
     pytest.importorskip("distributed", reason="needs the extra `cluster`")
     for address in ("tcp://127.0.0.1:1", "nonsense://x", "tcp://"):
         with pytest.raises(WorkersError, match="no scheduler answers"), cluster(address):
@@ -131,7 +131,7 @@ def scheduler():
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_though_one_of_two_workers_is_killed_midway(tmp_path, scheduler):
+def test_cluster_result_is_unchanged_by_a_killed_worker(tmp_path, scheduler):
     address, workers = scheduler
     model, speeds = solve.load("cam"), np.linspace(12, 60, 640)
 
@@ -146,9 +146,9 @@ def test_a_cluster_gives_the_same_though_one_of_two_workers_is_killed_midway(tmp
 
 
 @pytest.mark.slow
-def test_a_chart_in_parts_is_the_same(monkeypatch):
+def test_chart_in_chunks_is_identical(monkeypatch):
     """Small parts in other processes, with points that fail among them."""
-    monkeypatch.setattr("solve.batch.task._MOST", 7)
+    monkeypatch.setattr("solve.batch.task._MAX_CHUNK", 7)
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 6)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     alone, seen = solve.chart(model, *axes), []
@@ -165,8 +165,8 @@ def test_a_chart_in_parts_is_the_same(monkeypatch):
     assert 24 in seen
 
 
-def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
-    monkeypatch.setattr("solve.batch.task._MOST", 1)
+def test_interruption_cancels_pending_chunks(monkeypatch):
+    monkeypatch.setattr("solve.batch.task._MAX_CHUNK", 1)
 
     def interrupted(tracker):
         if tracker.tasks[-1].done:
@@ -179,7 +179,7 @@ def test_what_is_interrupted_waits_for_nothing_more(monkeypatch):
     assert ended
 
 
-def test_an_executor_gets_parts_and_gives_the_same():
+def test_executor_result_is_identical():
     model, speeds = solve.load("manipulator"), np.linspace(3, 30, 9)
     alone = solve.sweep(model, speeds)
     seen = []
@@ -193,7 +193,7 @@ def test_an_executor_gets_parts_and_gives_the_same():
     assert seen[-1] == len(speeds)
 
 
-def test_models_travel_to_other_processes_and_threads():
+def test_models_are_sent_to_other_processes_and_threads():
     model = solve.load("cam", k1=7e4)
     for twin in (pickle.loads(pickle.dumps(model)), copy.copy(model)):
         assert twin.parameters == model.parameters

@@ -1,4 +1,4 @@
-"""What stopped goes on from its folder, bit for bit, and nothing that is damaged is believed."""
+"""Stores: interrupted work resumes bit for bit, and damaged chunks are detected."""
 
 import json
 import shutil
@@ -44,7 +44,7 @@ def solved_points(monkeypatch):
     return counts
 
 
-def test_a_store_changes_no_result_and_is_read_the_next_time(tmp_path, solved_points):
+def test_store_does_not_change_results_and_is_reused(tmp_path, solved_points):
     plain = swept()
     solved_points.clear()
     same(swept(tmp_path / "s"), plain)
@@ -74,7 +74,7 @@ def test_without_zarr_a_store_is_refused_in_one_line_and_no_folder_is_made(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_was_interrupted_goes_on_and_solves_no_finished_part_again(tmp_path, solved_points):
+def test_interrupted_work_resumes_without_solving_finished_chunks(tmp_path, solved_points):
     def interrupt(tracker):
         if tracker.tasks[0].done >= 24:
             raise KeyboardInterrupt
@@ -90,7 +90,7 @@ def test_what_was_interrupted_goes_on_and_solves_no_finished_part_again(tmp_path
     assert sum(solved_points) - before - 60 in (60 - finished, 0 - finished)
 
 
-def test_failures_and_warnings_are_kept(tmp_path):
+def test_failures_and_warnings_are_stored(tmp_path):
     model = solve.load("coupler", alpha=0, cx=0, cy=0)
     axes = {"speed": np.linspace(400.0, 560.0, 4)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     plain = solve.chart(model, *axes, boundaries=False)
@@ -113,7 +113,7 @@ def whole(tmp_path_factory):
 
 @pytest.mark.parametrize("damage", [b"", b"\x00" * 40, None])
 @pytest.mark.parametrize("name", ["multipliers", "figures", "texts", "checksum"])
-def test_a_damaged_part_is_solved_again(tmp_path, name, damage, solved_points, whole):
+def test_damaged_chunk_is_solved_again(tmp_path, name, damage, solved_points, whole):
     folder, plain = whole
     shutil.copytree(folder, tmp_path / "s")
     (chunk, *_) = sorted(each for each in (tmp_path / "s" / name / "c").rglob("*") if each.is_file())
@@ -125,7 +125,7 @@ def test_a_damaged_part_is_solved_again(tmp_path, name, damage, solved_points, w
     assert sum(solved_points) == 8
 
 
-def test_the_store_of_another_calculation_is_refused_and_stays(tmp_path):
+def test_store_of_another_calculation_is_refused(tmp_path):
     swept(tmp_path / "s")
     model = solve.load("mathieu")
     for given, pattern in (
@@ -143,7 +143,7 @@ def test_the_store_of_another_calculation_is_refused_and_stays(tmp_path):
     same(swept(tmp_path / "s"), swept())
 
 
-def test_systems_of_ones_own_are_told_apart_by_their_matrices(tmp_path):
+def test_user_systems_are_distinguished_by_their_matrices(tmp_path):
     def oscillator(k):
         one = np.ones(1)
         return solve.PeriodicSystem(
@@ -163,7 +163,7 @@ def test_systems_of_ones_own_are_told_apart_by_their_matrices(tmp_path):
 
 @pytest.mark.parametrize("there", [(2.7, 3.3), (3.0, 3.01)])
 @pytest.mark.parametrize("here", [{"height": 0.0}, {"breaks": ()}])
-def test_systems_of_ones_own_that_differ_in_a_part_of_the_turn_are_told_apart(tmp_path, there, here):
+def test_user_systems_that_differ_at_some_phases_are_distinguished(tmp_path, there, here):
     def pushed(height=5.0, breaks=there):
         def matrices(phase, speed):
             one = np.ones((len(phase), 1, 1))
@@ -187,7 +187,7 @@ def test_two_writers_are_refused(tmp_path):
     same(swept(tmp_path / "s"), swept())
 
 
-def test_folders_of_others_are_left_alone(tmp_path):
+def test_folders_with_other_files_are_refused(tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     (tmp_path / "file").write_text("")
@@ -238,7 +238,7 @@ def test_a_chart_killed_twice_equals_one_that_was_not(tmp_path, blow):
         said = process.communicate(timeout=30)[1].decode()
         sizes.append(finished(tmp_path / "s"))
         assert process.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL), said
-        assert blow != signal.SIGINT or "what is finished is kept" in said
+        assert blow != signal.SIGINT or "finished points are stored" in said
     assert 0 < sizes[0] < sizes[1] < 32
     resumed = subprocess.run(stored, capture_output=True, check=True).stdout
     alone = subprocess.run(command, capture_output=True, check=True).stdout
@@ -249,7 +249,7 @@ def finished(folder):
     return len(list((folder / "checksum" / "c").glob("*"))) if folder.exists() else 0
 
 
-def test_a_folder_whose_making_was_interrupted_is_made_anew(tmp_path):
+def test_interrupted_creation_of_a_store_is_repeated(tmp_path):
     swept(tmp_path / "s")
     shutil.rmtree(tmp_path / "s" / "steps")
     group = json.loads((tmp_path / "s" / "zarr.json").read_text())

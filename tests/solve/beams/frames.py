@@ -1,4 +1,4 @@
-"""Structures made by hand, and witnesses that share no code with the package's."""
+"""Structures assembled by hand, and references that share no code with the package."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Assembled matrices against loops over elements, and what rigid motions must cost."""
+"""Assembled matrices against loops over elements, and energies of rigid motions."""
 
 import numpy as np
 import pytest
@@ -80,7 +80,7 @@ def looped(model, phase):
 
 
 @pytest.mark.parametrize("elements", [1, 2, "3,1,2"])
-def test_all_positions_at_once_equal_a_loop_over_elements(elements):
+def test_assembly_at_all_positions_equals_a_loop_over_elements(elements):
     model = solve.load("four_bar", options={"elements": elements})
     M, K = model.at_positions(PHASES).matrices()
     for phase, m, k in zip(PHASES, M, K, strict=True):
@@ -114,7 +114,7 @@ def rigid(positions):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("count", [1, 3])
-def test_moving_the_whole_structure_costs_no_energy_and_weighs_its_mass(kind, count):
+def test_rigid_motions_have_no_strain_energy_and_the_total_mass(kind, count):
     positions = Positions(free_frame(kind, count), PHASES)
     vectors = rigid(positions)
     M, K = positions.matrices()
@@ -177,7 +177,7 @@ def test_welded_links_share_their_rotation_and_keep_their_own_curvatures():
     }  # fmt: skip
 
 
-def test_displacement_inside_an_element_is_that_of_its_shape_functions():
+def test_displacement_in_an_element_follows_its_shape_functions():
     axial, transverse = element("cubic").shapes(0.5, np.array([0.0, 0.5, 1.0]))
     np.testing.assert_allclose(axial[:, :2], [[1, 0], [0.5, 0.5], [0, 1]])
     np.testing.assert_allclose(axial[:, 2:], 0)
@@ -206,7 +206,7 @@ def test_an_inextensible_link_is_the_limit_of_a_very_stiff_one(kind):
 
 
 def _frequencies(positions):
-    from solve.beams.frozen import lowest
+    from solve.beams.frequencies import lowest
 
     return lowest(positions, 6)
 
@@ -223,7 +223,7 @@ def test_a_held_joint_that_the_angles_move_is_refused():
         Positions(beams(links, ["A", "B"], 1.0, [lambda p: p]), PHASES)
 
 
-def test_a_position_at_which_ties_depend_on_each_other_is_refused():
+def test_dependent_inextensible_links_are_refused():
     """A parallelogram of inextensible links, flattened at phase 0."""
     links = [
         ("one", "A", "B", "a", "b", True),

@@ -128,7 +128,7 @@ def test_each_misprint_of_the_mass_functions_changes_just_its_entries(misprint):
     assert changed(functions, misprint) == MASS_MISPRINTS[misprint]
 
 
-def test_as_printed_no_function_is_right_unless_it_is_free_of_length():
+def test_printed_functions_are_wrong_except_dimensionless_ones():
     for functions in (published.stiffness_functions, published.mass_functions):
         printed, true = functions(3.1, 1.7, LENGTH, AS_PRINTED), functions(3.1, 1.7, LENGTH)
         assert (np.abs(printed / true - 1) > 1e-3).all()
@@ -144,14 +144,14 @@ def test_at_rest_the_stiffness_and_consistent_mass_of_a_beam():
     np.testing.assert_allclose(exact.bending_mass(np.array(0.0)), consistent, rtol=1e-7)
 
 
-def test_the_clamped_function_keeps_its_digits_for_small_arguments():
+def test_clamped_function_is_accurate_for_small_arguments():
     for l in (1e-5, 1e-3, 0.1, 0.9, 1.9, 2.1, 4.6):  # noqa: E741
         with mpmath.workdps(40):
             expected = float(mpmath.cosh(l) * mpmath.cos(l) - 1)
         assert float(exact.clamped(np.array(l))) == pytest.approx(expected, rel=1e-14)
 
 
-def test_nothing_overflows_at_high_frequencies():
+def test_no_overflow_at_high_frequencies():
     l = np.array([299.0, 301.0, 5000.0])  # noqa: E741
     functions = exact.bending(l)
     # A long beam's ends know each other only through cos l: sinh and cosh are alike.

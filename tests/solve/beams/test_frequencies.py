@@ -1,4 +1,4 @@
-"""Frequencies against characteristic equations; none is missed; how fast each element converges."""
+"""Frequencies against characteristic equations, their number, and rates of convergence of the elements."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from solve.beams.assembly import Positions
-from solve.beams.frozen import count_below, exact_frequencies, lowest_frequencies, modes
+from solve.beams.frequencies import count_below, exact_frequencies, lowest_frequencies, modes
 from tests.solve.beams.frames import beam, beams
 
 STILL = np.zeros(1)
@@ -96,7 +96,7 @@ def test_modes_are_orthogonal_and_of_unit_mass():
     np.testing.assert_allclose(lowest_frequencies(M, K, 7)[0], omega, rtol=1e-12)
 
 
-def test_frequencies_that_occur_twice_are_found_twice():
+def test_double_frequencies_are_found_twice():
     """Two equal cantilevers that have nothing in common but the wall."""
     links = [("one", "A", "B", "", "b"), ("two", "A", "C", "", "c")]
     positions = Positions(beams(links, ["A"], 1.0, [0.0, 1.0], "dynamic"), STILL)
@@ -152,7 +152,7 @@ def of(stated, kind, count=1):
 
 @settings(max_examples=25, deadline=None)
 @given(frames())
-def test_the_count_is_that_of_a_fine_mesh_and_every_frequency_is_among_its(stated):
+def test_frequency_count_agrees_with_a_fine_mesh(stated):
     exact, fine = of(stated, "dynamic"), of(stated, "internal", 6)
     many = lowest_frequencies(*fine.matrices(), 12)[0]
     found = exact_frequencies(exact, 8)[0]

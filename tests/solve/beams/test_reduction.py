@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 import solve
 from solve.beams.assembly import Positions
 from solve.beams.motion import Motion
-from solve.beams.reduced_motion import ReducedMotion
+from solve.beams.reduced import ReducedMotion
 from solve.beams.reduction import basis
 from solve.commands.app import run
 from solve.errors import SolveError
@@ -34,7 +34,7 @@ def four_bar(elements, reduce=None, **options):
         {"element": "cubic,curvature,internal"},
     ],
 )
-def test_with_all_modes_the_orbit_and_the_multipliers_are_those_of_the_full_system(options):
+def test_basis_of_all_modes_reproduces_the_full_system(options):
     full = four_bar(1, **options)
     with pytest.raises(SolveError, match="allowed: 1 to") as refusal:
         four_bar(1, 99, **options)
@@ -170,7 +170,7 @@ def test_a_mode_of_amplitude_one_deflects_its_link_by_one():
     np.testing.assert_allclose(along, np.sin(2 * np.pi * np.linspace(0, 1, 201)), atol=0.02)
 
 
-def test_results_keep_the_error(tmp_path):
+def test_saved_results_contain_the_reduction_error(tmp_path):
     model = pickle.loads(pickle.dumps(four_bar(2, 2)))
     assert model.varied({"zeta": 0.05}).n == model.n == 10
     orbit = solve.periodic(model, 30.0, rtol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from solve.beams.assembly import Positions
-from solve.beams.frozen import exact_frequencies, shapes
+from solve.beams.frequencies import exact_frequencies, shapes
 from tests.solve.beams.frames import beam, beams
 
 
@@ -60,7 +60,7 @@ def test_exact_shapes_and_masses_are_those_of_a_fine_mesh():
             assert peaks[0] == pytest.approx(peaks[1], abs=2e-3), f"link {link}"
 
 
-def test_a_mode_that_moves_no_joint_is_drawn_all_the_same():
+def test_modes_without_joint_motion_are_drawn():
     """The portal frame's fourth mode: three beams clamped at both ends."""
     model = solve.load("portal_frame", options={"element": "dynamic"})
     fourth = solve.frequencies(model, count=4).shapes()[3]
@@ -70,7 +70,7 @@ def test_a_mode_that_moves_no_joint_is_drawn_all_the_same():
         np.testing.assert_allclose(transverse, transverse[::-1], atol=1e-6)
 
 
-def test_modes_of_a_frequency_that_occurs_twice_are_different():
+def test_modes_of_double_frequencies_are_different():
     links = [("one", "A", "B", "", "b"), ("two", "A", "C", "", "c")]
     frame = beams(links, ["A"], 1.0, [0.0, 1.0], "dynamic")
     first, second = exact_shapes(frame, 2)

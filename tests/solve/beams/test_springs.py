@@ -102,12 +102,12 @@ def test_an_unbalance_on_springs_and_dashpots():
 @pytest.mark.parametrize(
     ("held", "words"),
     [
-        ((("support", "L"), ("spring", "L", "y")), ("joint L is held rigidly and elastically (y)",)),
-        ((("clamp", "L"), ("dashpot", "L", "turn")), ("held rigidly and elastically (turn)",)),
-        ((("dashpot", "L", "y"),), ("held nowhere", "spring(joint, ...)")),
+        ((("support", "L"), ("spring", "L", "y")), ("joint L is supported rigidly and elastically (y)",)),
+        ((("clamp", "L"), ("dashpot", "L", "turn")), ("supported rigidly and elastically (turn)",)),
+        ((("dashpot", "L", "y"),), ("has no support", "spring(joint, ...)")),
     ],
 )
-def test_what_contradicts_itself_is_refused(held, words):
+def test_contradictory_supports_are_refused(held, words):
     with pytest.raises(DeclarationError) as caught:
         check(bar(*held))
     assert all(each in str(caught.value) for each in words)

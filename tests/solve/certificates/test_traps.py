@@ -222,7 +222,7 @@ def test_every_method_states_up_to_where_it_follows(name):
     given = constant(
         np.eye(2), 0.1 * np.eye(2), np.diag([1.7, fast**2]), lambda phase: np.ones((len(phase), 2))
     )
-    enough = int(np.ceil(frozen_modes(given, 1.0).reach[0] / chosen(name).follows)) | 1
+    enough = int(np.ceil(frozen_modes(given, 1.0).phase_advance[0] / chosen(name).follows)) | 1
     assert not any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough, rtol=0.9).warnings)
     assert any(UNRESOLVED in text for text in floquet(given, 1.0, name, steps=enough - 3, rtol=0.9).warnings)
 

@@ -84,7 +84,7 @@ def test_modes_that_given_steps_do_not_follow_have_no_digit():
 
 
 def test_methods_without_maps_say_so():
-    with pytest.raises(StepsError, match=r"fourier has no maps of steps .* use radau or gauss"):
+    with pytest.raises(StepsError, match=r"fourier has no step maps.* use radau or gauss"):
         solve.floquet(decaying(), 1.0, "fourier", rtol=1e-6, all_multipliers=True)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solve import Gauss, Newmark, PeriodicSystem, Radau
-from solve.certify.first_grid import first_steps
+from solve.certify.resolution import first_steps
 from solve.period.frozen import frozen
 from solve.period.points import OnePoint
 from tests.solve.systems import constant

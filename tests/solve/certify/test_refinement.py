@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solve import Gauss, periodic
-from solve.certify.refinement import grid_sizes
+from solve.certify.resolution import grid_sizes
 from tests.solve.certificates.test_narrow import kinked
 
 

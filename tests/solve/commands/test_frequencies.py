@@ -184,7 +184,7 @@ def test_many_positions_are_taken_in_parts(monkeypatch):
     monkeypatch.setattr(
         type(model), "at_positions", lambda self, p: (looked_at.append(len(p)), at_positions(self, p))[1]
     )
-    monkeypatch.setattr(structure, "_MOST_ENTRIES", 3 * solve.frequencies(model).freedoms ** 2)
+    monkeypatch.setattr(structure, "_CHUNK_ENTRIES", 3 * solve.frequencies(model).freedoms ** 2)
     looked_at.clear()
     in_parts = solve.frequencies(model, phases).values
     assert max(looked_at) <= 3

@@ -334,7 +334,7 @@ def test_bounds_of_a_fit_take_a_unit(command, tmp_path):
 
 
 def test_values_of_a_study_take_one_unit_behind():
-    from models.four_bar.commands.study import _values
+    from models.four_bar.studies.study import _values
 
     assert _values("L4=500,600 mm") == ("L4", ["500 mm", "600 mm"])
     assert _values("L4=0.5,600 mm,0.7") == ("L4", ["0.5", "600 mm", "0.7"])

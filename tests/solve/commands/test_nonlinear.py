@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import solve
-from solve.results import lasting
+from solve.results import serialization
 
 CAM = ("periodic", "cam", "--speed", "300 rpm", "--rtol", "1e-6", "--nonlinear")
 
@@ -62,7 +62,7 @@ def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path
 def test_a_start_of_another_kind_is_named(command, tmp_path, monkeypatch):
     """Also where the command that reads it does not load the results of that kind."""
     assert command("sweep", "cam", "--speeds", "300:301:2 rpm", "--save", "s.npz").status == 0
-    monkeypatch.delitem(lasting._KNOWN, "Sweep")
+    monkeypatch.delitem(serialization.CLASSES, "Sweep")
     ran = command("periodic", "cam", "--speed", "300 rpm", "--nonlinear", "--start", "s.npz")
     assert (ran.status, ran.err) == (
         2,

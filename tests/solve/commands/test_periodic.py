@@ -144,7 +144,7 @@ def test_a_coarse_newmark_grid_is_warned_of(command):
         command("floquet", "cam", "--speed", "100 rpm", "--method", "newmark", "--steps", "1000", "--json")
     )
     assert found["spectral_radius"] > 100 * 1.466125e-7, "the case shows nothing: the radius is nearly right"
-    assert any("multipliers may be false" in text for text in found["warnings"])
+    assert any("multipliers may be wrong" in text for text in found["warnings"])
 
 
 def test_newmark_below_one_half_is_warned_of(command):

@@ -67,7 +67,7 @@ import importlib, sys, time, typer
 
 class Waits:
     def find_spec(self, name, *_):
-        if name.endswith((".groups", ".command", "four_bar.commands")):
+        if name.endswith((".groups", ".command", "four_bar.studies")):
             print("reading", flush=True)
             time.sleep(0.5)
 

@@ -262,3 +262,62 @@ def test_a_number_that_is_given_is_not_that_of_the_range(command):
         found = record(command("frequencies", "cam", "--over", "k1=6e4:9e4:2", "--json", *flags))
         alone = record(command("frequencies", "cam", "--json", *flags))
         assert found["frequencies"] == alone["frequencies"]
+
+
+STIFFNESS_OF_PHASE = WITHOUT_CASE.replace(
+    "import Mechanism, cos, rate", "import Mechanism, cos, rate, sqrt"
+).replace(
+    "made.potential = k * q**2 / 2",
+    "b = made.parameter('b', '1', 'variation')\n"
+    "    made.potential = k * q**2 / 2 * sqrt(1 + b * cos(made.phase) ** 3)",
+)
+
+
+@pytest.fixture
+def spring(command, tmp_path, capsys):
+    """Run a study of this mechanism without a value of b. If |b| > 1, 1 + b cos³φ is negative at some
+    phases."""
+    (tmp_path / "spring.py").write_text(STIFFNESS_OF_PHASE)
+    derive_run(["spring.py"])
+    capsys.readouterr()
+
+    def ran(name, *flags):
+        return command(name, "spring.py", *NUMBERS, *flags)
+
+    return ran
+
+
+@pytest.mark.parametrize("values", ["1.5:0.5:5", "0.5:1.5:5"])
+def test_the_order_of_values_does_not_matter(spring, values):
+    swept = record(spring("sweep", "--set", "k=20", "--speed", "3 rad/s", "--over", f"b={values}", "--json"))
+    failed = ["error" in point for point in swept["points"]]
+    still = record(spring("frequencies", "--set", "k=20", "--over", f"b={values}", "--json"))["over"]
+    assert (
+        failed == [value > 1 for value in still["values"]] == [error is not None for error in still["errors"]]
+    )
+    assert sum(failed) == 2
+
+
+def test_a_chart_may_begin_where_there_is_no_motion(spring):
+    flags = "--x", "k=20:30:2", "--y", "b=-1.5:0.5:5", "--speed", "3 rad/s"
+    found = record(spring("chart", *flags, "--json"))
+    assert [row[0] == "failed" for row in found["verdicts"]] == [True, False, False, False, False]
+
+
+def test_a_study_is_refused_if_all_values_are(spring):
+    for name, *flags in (("frequencies",), ("sweep", "--speed", "3 rad/s")):
+        ran = spring(name, *flags, "--set", "k=20", "--over", "b=1.5:1.1:3")
+        assert (ran.status, ran.out, ran.err.count("\n")) == (2, "", 1)
+        assert "is -0.4998 at phase 3.132" in ran.err
+
+
+def test_frequencies_state_a_value_from_the_range(spring):
+    """Their first table has the first possible value if none is given."""
+    flags = "frequencies", "--set", "k=20", "--over", "b=1.5:0.5:5"
+    assert "at        b=1, the first possible value of the range" in spring(*flags).out
+    assert "the first possible" not in spring(*flags, "--set", "b=0.3").out
+
+
+def test_a_range_ends_exactly_at_its_last_value(spring):
+    found = record(spring("sweep", "--set", "k=20", "--speed", "3 rad/s", "--over", "b=0.2:0:4", "--json"))
+    assert [point["parameters"]["b"] for point in found["points"]][::3] == [0.2, 0.0]

@@ -232,7 +232,7 @@ def test_what_cannot_be_asked_is_said_in_a_line():
     ):
         with pytest.raises(error):
             solve.sensitivities(cam, 60.0, of, by)
-    with pytest.raises(NoDerivativeError, match="whole number"):
+    with pytest.raises(NoDerivativeError, match="is an integer"):
         solve.sensitivities(solve.load("gear_pair"), 60.0, "q.max", "z1")
     with pytest.raises(NoDerivativeError, match="no generated equations"):
         solve.sensitivities(random_system(1, 2), 1.0)

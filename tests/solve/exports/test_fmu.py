@@ -113,7 +113,7 @@ def test_a_parameter_that_is_set_changes_the_motion(shaken):
         assert found["q"][-1] == pytest.approx(expected, rel=1e-4)
 
 
-def test_inputs_push_the_mass_and_drive_faster(shaken):
+def test_fmu_inputs_act_on_mass_and_drive(shaken):
     file, start = shaken
     end = 3 * 2 * np.pi / SPEED
     for u, acceleration in ((5.0, 0.0), (0.0, 8.0), (5.0, -8.0)):
@@ -123,7 +123,7 @@ def test_inputs_push_the_mass_and_drive_faster(shaken):
         assert found["q"][-1] == pytest.approx(by_hand(end, start, u, acceleration), rel=1e-4)
 
 
-def test_errors_are_measured_by_the_size_of_the_states(tmp_path):
+def test_fmu_nominals_are_the_sizes_of_the_states(tmp_path):
     """A motion of micrometres by a tolerance of 1e-6: absolute errors of 1e-6 m would be as large as it."""
     model = solve.load(shaker, **{**SHAKER, "e": 1e-6})
     solve.export(model, tmp_path / "small.fmu", SPEED)
@@ -168,7 +168,7 @@ def test_jumps_of_the_matrices_are_events(tmp_path):
     assert len(fmpy.read_model_description(file).eventIndicators) == 2
 
 
-def test_it_holds_its_sources(cam):
+def test_fmu_contains_its_sources(cam):
     with zipfile.ZipFile(cam) as archive:
         names = archive.namelist()
     assert "sources/cam.c" in names

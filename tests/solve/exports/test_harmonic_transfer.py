@@ -135,7 +135,7 @@ def test_the_real_form_is_the_complex_one():
     assert lifted.A.dtype == float
 
 
-def test_a_truncation_that_is_too_short_is_not_silent():
+def test_insufficient_truncation_raises_a_warning():
     few = solve.harmonic_transfer(MATHIEU, 0.1, 2, orders=3)
     (warning,) = few.warnings
     assert "3 orders" in warning
@@ -148,7 +148,7 @@ def test_a_truncation_that_is_too_short_is_not_silent():
 
 
 @pytest.mark.slow
-def test_a_large_structure_says_how_far_its_orders_reach():
+def test_large_structure_warns_about_limited_harmonics():
     """Its modes are faster than the orders that a dense balance takes."""
     beams = solve.load("four_bar")
     (warning,) = solve.harmonic_transfer(beams, "30 rad/s", 10).warnings
@@ -156,7 +156,7 @@ def test_a_large_structure_says_how_far_its_orders_reach():
     assert warning.endswith("give a larger rtol")
 
 
-def test_jumps_converge_slowly_and_say_so():
+def test_slow_convergence_at_jumps_raises_a_warning():
     transfer = solve.harmonic_transfer(solve.load("meissner"), 1.0, 2, orders=20, rtol=1e-10)
     assert "the matrices jump" in transfer.warnings[0]
     finer = solve.harmonic_transfer(solve.load("meissner"), 1.0, 2, orders=200).at(0.3 + 0.1j)
@@ -178,7 +178,7 @@ def test_what_is_refused():
             solve.harmonic_transfer(MATHIEU, 1.0, 1).at(wrong)
 
 
-def test_a_few_lines_say_what_it_is():
+def test_repr_lists_signals():
     text = repr(solve.harmonic_transfer(MATHIEU, "1 rad/s", 2, orders=30))
     assert text.splitlines()[0].endswith("orders -2 … 2")
     assert "with 30 orders of the states" in text

@@ -11,7 +11,7 @@ def read(system, folder, *speed):
     return loadmat(folder / "made.mat", squeeze_me=True)
 
 
-def test_the_phase_counts_last_and_the_matrices_are_those_of_the_system(tmp_path):
+def test_mat_file_contains_the_matrices_with_phase_as_last_index(tmp_path):
     model, speed = solve.load("cam"), 60.0
     found = read(model, tmp_path, speed)
     parts = dict(zip(("M", "Cq", "K", "d"), model.at(found["phase"], speed), strict=True))

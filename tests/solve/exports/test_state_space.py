@@ -68,7 +68,7 @@ def test_names_and_units_of_the_signals():
     assert names.output_units[3:] == ("N m", "N m", "N", "m")
 
 
-def test_a_sample_at_a_jump_is_of_what_follows():
+def test_sample_at_a_jump_is_the_value_after_it():
     """Meissner's equation jumps at 0 and at half the turn."""
     made = solve.state_space(solve.load("meissner", w1=3.0, w2=1.0), 1.0, samples=4)
     np.testing.assert_allclose(-made.A[:, 1, 0], [9.0, 9.0, 1.0, 1.0])
@@ -81,7 +81,7 @@ def test_a_structure_of_beams_has_its_coordinates_alone():
     assert made.A.shape == (2, 18, 18)
 
 
-def test_a_frozen_system_is_one_of_python_control():
+def test_frozen_system_is_a_python_control_system():
     pytest.importorskip("control", reason="python-control is not installed")
     made = solve.state_space(solve.load("cam"), "600 rpm", samples=4)
     frozen = made.frozen(made.phase[3])
@@ -96,7 +96,7 @@ def test_a_frozen_system_is_one_of_python_control():
             made.frozen(wrong)
 
 
-def test_a_system_frozen_at_a_jump_is_what_follows():
+def test_frozen_system_at_a_jump_is_that_after_it():
     pytest.importorskip("control", reason="python-control is not installed")
 
     def matrices(phase, speed):
@@ -108,7 +108,7 @@ def test_a_system_frozen_at_a_jump_is_what_follows():
         np.testing.assert_array_equal(made.frozen(phase).A, A)
 
 
-def test_names_with_dots_are_taken_by_python_control():
+def test_names_with_dots_are_converted_for_python_control():
     pytest.importorskip("control", reason="python-control is not installed")
     given = solve.PeriodicSystem(random_system(0, 1).at, ["q.1"])
     assert solve.state_space(given, 1.0, samples=2).frozen(0.0).output_labels == ["q_1"]
@@ -128,7 +128,7 @@ def test_what_is_refused(monkeypatch):
         solve.state_space(solve.load("cam"), 1.0, samples=2).frozen(0.0)
 
 
-def test_a_few_lines_say_what_it_is():
+def test_repr_lists_signals():
     text = repr(solve.state_space(solve.load("mathieu"), "1 rad/s"))
     assert text.splitlines()[1:] == ["states  q, q_dot", "inputs  force_q", "outputs q"]
 

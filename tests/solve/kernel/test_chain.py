@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solve.kernel.chain import closed, followed
-from solve.period.multipliers import EPS, accumulated
+from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.period_map import Steps, periodic_states, states_from
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.systems import swelling
@@ -49,7 +49,7 @@ def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
     assert found is not None
     states, condition = found
     errors = np.abs(states[:-1, :, 1] + 2 * truth).max(axis=0) / np.abs(2 * truth).max(axis=0)
-    assert errors.max() < min(1e-11, 10 * condition * EPS * accumulated(m))
+    assert errors.max() < min(1e-11, 10 * condition * EPS * roundoff_growth(m))
 
 
 @needs_compiler

@@ -20,10 +20,10 @@ def both(name, names, count):
     )
     found = []
     for compiled in (columns, None):
-        dependence = model.dependence(names, compiled)
+        dependence = model.derivatives.by(names, compiled)
         at = phase, 31.0, states
         by_entries, _ = dependence.matrices(*at, entries)
-        residual, summed = dependence.residual(*at), dependence.residual_along(*at, along)
+        residual, summed = dependence.residual(*at), dependence.weighted_residual(*at, along)
         assert np.allclose(summed, np.einsum("knr,knc->rc", residual, along))
         found.append((residual, summed, by_entries))
     return found
@@ -38,7 +38,7 @@ def same(ours, theirs):
 @needs_compiler
 @pytest.mark.parametrize("name", MODELS)
 def test_every_model(name):
-    smooth = solve.load(name).smooth_parameters
+    smooth = solve.load(name).derivatives.names
     same(*both(name, [smooth[-1], SPEED, smooth[0]], 13))
 
 

@@ -8,10 +8,10 @@ from scipy.linalg import eigvals
 from scipy.optimize import linear_sum_assignment
 
 import solve
+from solve.arguments import SMALL
 from solve.kernel.eigenvalues import eigenvalues
 from solve.period.frozen import frozen
 from solve.period.points import OnePoint
-from solve.sizes import SMALL
 from tests.solve.kernel.test_lanes import needs_compiler
 
 pytestmark = needs_compiler

@@ -6,9 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solve import floquet
+from solve.arguments import SMALL
 from solve.kernel.multipliers import conditioned, eigenvalues
-from solve.period.multipliers import Multipliers, rounding_errors, scaled_alike
-from solve.sizes import SMALL
+from solve.period.eigenvalues import balance_matrices, multiplier_roundoff
+from solve.period.multipliers import Multipliers
 from tests.solve.kernel.test_eigenvalues import apart
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.systems import random_system
@@ -20,7 +21,7 @@ SIZES = [2, 4, 6, 10, 2 * SMALL]
 
 def solved(matrices):
     """Those of matrices (P, N, N), their units found in NumPy."""
-    made = conditioned(matrices, scaled_alike(matrices)[1])
+    made = conditioned(matrices, balance_matrices(matrices)[1])
     assert made is not None
     return made
 
@@ -52,7 +53,7 @@ def test_any_matrices(N, count, width):
         assert (np.imag(pairs[::2]) > 0).all()
         np.testing.assert_array_equal(pairs[1::2], pairs[::2].conj())
     if N > 2:
-        balanced = scaled_alike(matrices)[0]
+        balanced = balance_matrices(matrices)[0]
         np.testing.assert_allclose(found.sizes, np.linalg.norm(balanced, axis=(1, 2)), rtol=1e-14)
 
 
@@ -71,7 +72,7 @@ def test_the_size_of_two_rows_is_the_least_in_any_units(entries, power):
 @pytest.mark.parametrize("N", SIZES[1:])
 def test_norms_and_conditions_are_those_of_eigenvectors(N, width):
     matrices = np.random.default_rng(N).standard_normal((9, N, N))
-    found, balanced = solved(matrices), scaled_alike(matrices)[0]
+    found, balanced = solved(matrices), balance_matrices(matrices)[0]
     np.testing.assert_allclose(found.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
     for matrix, values, conditions in zip(balanced, found.values, found.conditions, strict=True):
         exact, right = np.linalg.eig(matrix)
@@ -92,7 +93,7 @@ def test_multipliers_that_are_known(pairs, seed):
     matrix = made_of(values, numbers) * units / units[:, None]
     if np.abs(values).max() > 1e-3:
         found = solved(matrix[None])
-        (rounding,) = rounding_errors(matrix[None], scaled_alike(matrix[None])[1], "compiled")
+        (rounding,) = multiplier_roundoff(matrix[None], balance_matrices(matrix[None])[1], "compiled")
         assert apart(found.values[0], values) < 1e-12 + 10 * rounding
         gaps = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
         # Those of equal ones are a matter of rounding.
@@ -105,7 +106,7 @@ def test_multipliers_that_are_known(pairs, seed):
 def test_a_defective_pair_is_known_to_half_of_the_digits(engine, size):
     matrix = np.diag([0.5, 0.5, 0.1, -0.2][:size])
     matrix[0, 1] = 1.0
-    errors = rounding_errors(matrix[None], np.ones((1, size)), engine)
+    errors = multiplier_roundoff(matrix[None], np.ones((1, size)), engine)
     assert 1e-8 < errors[0] < 1e-6
 
 
@@ -143,12 +144,12 @@ def test_what_is_large_or_has_no_units_is_left_to_others():
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_multipliers_and_their_errors_are_alike_by_both_engines(n):
     Phi = np.random.default_rng(n).standard_normal((40, 2 * n, 2 * n))
-    units = scaled_alike(Phi)[1]
+    units = balance_matrices(Phi)[1]
     compiled, numpy = (Multipliers.of(Phi, units, engine) for engine in ("compiled", "numpy"))
     assert (compiled.distance(numpy) < 1e-12 * numpy.spectral_radius).all()
     np.testing.assert_array_equal(compiled.resolved, numpy.resolved)
     np.testing.assert_allclose(
-        *(rounding_errors(Phi, units, engine) for engine in ("compiled", "numpy")), rtol=1e-6
+        *(multiplier_roundoff(Phi, units, engine) for engine in ("compiled", "numpy")), rtol=1e-6
     )
     one, other = (floquet(random_system(n, n), 1.0, engine=engine) for engine in ("compiled", "numpy"))
     np.testing.assert_allclose(one.multipliers, other.multipliers, atol=1e-12 * one.spectral_radius)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solve.derivatives.stages import InvertedStages, stages
+from solve.derivatives.stage_systems import InvertedStageSystems, stage_systems
 from solve.kernel.collocation import Samples
 from solve.kernel.stages import factorised
 from solve.methods.gauss import Gauss
@@ -24,7 +24,10 @@ def same(method, n, steps, inertia=1.0):
     samples = Samples(
         entries.reshape(1, steps * s, -1), np.ones((1, entries.shape[2])), np.arange(entries.shape[2])
     )
-    ours, theirs = factorised(rule.weights, h, samples, slice(None), n), InvertedStages(rule, h, entries, n)
+    ours, theirs = (
+        factorised(rule.weights, h, samples, slice(None), n),
+        InvertedStageSystems(rule, h, entries, n),
+    )
     assert ours is not None
     unit = np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
     for one, other in (
@@ -63,7 +66,7 @@ def test_units_of_equations_cost_no_digit(engine):
     entries[..., : n**2] += 3 * np.eye(n).ravel()
     tables, unit = Tables.of(entries, n), np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
     found, again = (
-        stages(rule, h, each, slice(None), engine) for each in (tables, tables.multiplied(units[None]))
+        stage_systems(rule, h, each, slice(None), engine) for each in (tables, tables.multiplied(units[None]))
     )
     every = np.tile(units, s)
     for one, other in (

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from solve import Newmark
 from solve.methods.newmark import oscillation_limit, spectral_radius, stability_limit
 from solve.period.grid import Grid
-from solve.views.newmark_region import newmark_region_figure
+from solve.views.comparison import newmark_region_figure
 from tests.solve.systems import chain_of, constant
 
 gammas, betas = st.floats(0.0, 1.0), st.floats(0.0, 1.0)

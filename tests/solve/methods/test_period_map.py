@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from solve.period.multipliers import EPS, accumulated
+from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.period_map import (
     BLOCKS,
     Steps,
@@ -103,7 +103,7 @@ def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
     states, condition = periodic_states(steps)
     errors = np.abs(states[:-1] - truth).max(axis=0) / np.abs(truth).max(axis=0)
     assert errors.max() < 1e-11
-    assert errors.max() < 10 * condition * EPS * accumulated(m)
+    assert errors.max() < 10 * condition * EPS * roundoff_growth(m)
     columns, _ = periodic_states(Steps(steps.A, np.stack((steps.b, -2 * steps.b), axis=-1)))
     np.testing.assert_allclose(columns[:-1, :, 1], -2 * truth, rtol=0, atol=1e-11 * np.abs(truth).max())
 

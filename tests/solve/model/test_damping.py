@@ -50,7 +50,7 @@ def test_one_ratio_for_all_modes_at_every_position():
         np.testing.assert_allclose(c, 2 * 0.04 * m @ sqrtm(np.linalg.solve(m, k)).real, rtol=1e-12)
 
 
-def test_many_points_have_the_damping_of_each():
+def test_damping_at_many_points_equals_single_points():
     model = solve.load(chain(), e=0.4, zeta1=0.02, zeta2=0.05, **NUMBERS)
     sweep = solve.sweep(model, [2.0, 3.0], over={"zeta2": [0.01, 0.2], "k": [40.0, 60.0]})
     for point in sweep.points:
@@ -58,7 +58,7 @@ def test_many_points_have_the_damping_of_each():
         assert point.spectral_radius == pytest.approx(alone.spectral_radius, rel=1e-9)
 
 
-def test_nonlinear_orbits_and_transients_have_it_too():
+def test_modal_damping_in_nonlinear_orbits_and_transients():
     model = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **NUMBERS)
     linear, nonlinear = solve.periodic(model, 3.0), solve.nonlinear(model, 3.0)
     np.testing.assert_allclose(nonlinear.at(1.0), linear.at(1.0), rtol=1e-7)
@@ -67,7 +67,7 @@ def test_nonlinear_orbits_and_transients_have_it_too():
     np.testing.assert_allclose(ends[1], ends[0], rtol=1e-6)
 
 
-def test_duffing_has_the_orbit_of_the_dissipation_that_the_ratio_means():
+def test_duffing_with_a_damping_ratio_equals_equivalent_dissipation():
     def duffing(stated):
         made = Mechanism("duffing", "Duffing's oscillator")
         q = made.coordinate("q", "m", "deflection")
@@ -88,7 +88,7 @@ def test_duffing_has_the_orbit_of_the_dissipation_that_the_ratio_means():
     np.testing.assert_allclose(other.at(2.0), one.at(2.0), rtol=1e-8)
 
 
-def test_the_drive_gives_the_power_that_the_modes_lose():
+def test_drive_power_equals_modal_dissipation():
     made = Mechanism("shaft", "Elastic shaft that drives a slider")
     q = made.coordinate("q", "rad", "twist")
     J, m, r, k = made.parameters(
@@ -124,6 +124,6 @@ def test_a_negative_stiffness_has_no_modes():
         solve.periodic(solve.load(chain(), e=2.5, zeta1=0.02, zeta2=0.05, **NUMBERS), 3.0)
 
 
-def test_a_ratio_in_percent_is_warned_of():
+def test_a_damping_ratio_above_one_raises_a_warning():
     model = solve.load(chain(), e=0.2, zeta1=0.02, zeta2=2.0, **NUMBERS)
     assert any("beyond 1 no mode vibrates" in each for each in solve.periodic(model, 3.0).warnings)

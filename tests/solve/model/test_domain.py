@@ -259,3 +259,12 @@ def test_a_stiffness_that_is_infinite_at_a_phase_is_named():
     with pytest.raises(DesiredMotionError, match=r"e \+ cos\(phase\) \+ 1 != 0, which is 0 at phase 3\.142"):
         solve.floquet(solve.load(made, m=1.0, k=2.0, e=0.0), 1.0)
     assert solve.floquet(solve.load(made, m=1.0, k=2.0, e=0.5), 1.0).multipliers.shape == (2,)
+
+
+def test_natural_frequencies_are_refused_where_speed_0_has_no_motion(hoop):
+    """cos q = g/(a Ω²) has no solution. A motion that does not depend on the speed has frequencies."""
+    expected = r"at speed 0, .* motion of q .* acos\(g/\(a\*speed\*\*2\)\) needs .* solve critical"
+    with pytest.raises(DesiredMotionError, match=expected):
+        solve.frequencies(hoop)
+    with pytest.raises(NoResultError, match=expected):
+        solve.frequencies_over(hoop, "a", [0.1, 0.3], np.zeros(1))

@@ -1,4 +1,4 @@
-"""Tables of cases: series that they give back, and each way in which a table is none."""
+"""Tables of cases: fitted series, and every kind of invalid table."""
 
 import numpy as np
 import pytest
@@ -44,7 +44,7 @@ def rows(function, degrees=UNEVEN):
     return zip(degrees, function(np.radians(degrees)), strict=True)
 
 
-def test_a_series_gives_itself_back_in_its_unit(read):
+def test_fitted_series_equals_the_tabulated_series(read):
     def pressure(x):
         return 20 + 3 * np.cos(x) - 0.5 * np.sin(x) + 0.25 * np.sin(3 * x)
 
@@ -59,7 +59,7 @@ def test_a_series_gives_itself_back_in_its_unit(read):
     assert fit.sentence.startswith("P is fitted to mine.csv by 3 harmonics: off by up to ")
 
 
-def test_a_transmission_from_its_lift_and_from_its_slope_is_the_same(read):
+def test_lift_and_slope_tables_yield_the_same_series(read):
     """Of 5 + 2 cos x + sin 2x, whose derivative is −2 sin x + 2 cos 2x; the mean does not count."""
     lift = read(entry("U", "mm"), rows(lambda x: 5 + 2 * np.cos(x) + np.sin(2 * x)), "angle (deg),value (mm)")
     slope = read(
@@ -83,7 +83,7 @@ def test_amplitudes_and_phase_angles_and_a_series_without_mean(read):
     assert (error.parameters["e1"], error.parameters["alpha1"]) == (pytest.approx(1), pytest.approx(-2))
 
 
-def test_the_error_is_that_of_what_is_left_out(read):
+def test_fit_error_equals_the_omitted_harmonics(read):
     """At even angles harmonics do not disturb each other: what is not fitted is the error."""
     degrees = np.arange(0.0, 360, 10)
     case = read(entry("P", "Pa", 1), rows(lambda x: np.sin(x) + 0.1 * np.cos(4 * x), degrees))
@@ -113,11 +113,17 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             entry("P", "Pa"),
             [(x, 1.0) for x in range(0, 230, 10)],
             CaseFileError,
-            "does not cover the turn: no row between 220 deg and 360 deg, half a wave of harmonic 3 or more",
+            "does not cover the revolution: no row between 220 deg and 360 deg, half a wave of harmonic "
+            "3 or more",
         ),
-        (entry("P", "Pa"), [(x, 1.0) for x in range(0, 190, 10)], CaseFileError, "does not cover the turn"),
+        (
+            entry("P", "Pa"),
+            [(x, 1.0) for x in range(0, 190, 10)],
+            CaseFileError,
+            "does not cover the revolution",
+        ),
         (entry("P", "Pa"), [*GOOD, (90, 2)], CaseFileError, "has the angle 90 deg twice; give each once"),
-        (entry("P", "Pa"), [*GOOD, (390, 2)], CaseFileError, "covers 390 deg; give one turn, 360 deg"),
+        (entry("P", "Pa"), [*GOOD, (390, 2)], CaseFileError, "covers 390 deg; give one revolution, 360 deg"),
         (
             entry("P", "Pa"),
             [*GOOD, (345, "nan")],

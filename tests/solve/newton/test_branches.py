@@ -130,7 +130,16 @@ def test_a_branch_that_is_cut_says_so():
         ({"speeds": "2:3 rad/s", "rtol": 2.0}, "rtol"),
         ({"speeds": "2:3 rad/s", "start": "rest"}, "start is 'rest'; allowed: an orbit"),
         ({"speeds": "2:3 rad/s", "start": ([1j], [0])}, "allowed: an orbit"),
-        ({"speeds": "2:3 rad/s", "start": lambda phase: np.exp(1j * phase)[None]}, "it must return q"),
+        ({"speeds": "2:3 rad/s", "start": lambda phase: np.exp(1j * phase)[None]}, "it must return finite q"),
+        ({"speeds": "2:3 rad/s", "start": lambda phase: None}, "start returns None; it must return finite q"),
+        (
+            {"speeds": "2:3 rad/s", "start": lambda phase: np.nan * np.tile(phase, (2, 1))},
+            "start returns NaN or infinite",
+        ),
+        (
+            {"speeds": "2:3 rad/s", "start": ([np.nan, 0], [0, 0])},
+            "the start has NaN or infinite values; give",
+        ),
     ],
 )
 def test_bad_input_is_refused(given, words):

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import solve
-from solve.certify.scale import CoordinateScale
+from solve.certify.correction import CoordinateScale
 from solve.newton.iteration import at_rest
 from solve.period.grid import Grid
 from tests.solve.newton.mechanisms import (

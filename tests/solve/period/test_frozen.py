@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from solve.period import frozen as module
-from solve.period.frozen import Frozen
+from solve.period import pencils
+from solve.period.frozen import FrozenModes
 from solve.period.points import Tables
 
 
@@ -13,14 +14,14 @@ def frozen_system(n, seed):
     rng = np.random.default_rng(seed)
     M = np.eye(n) + 0.3 * rng.uniform(-1, 1, (2, 6, n, n)) / n
     C, K, d = (rng.standard_normal((2, 6, columns)) for columns in (n * n, n * n, n))
-    return Frozen(Tables.of(np.concatenate((M.reshape(2, 6, -1), C, K, d), axis=-1), n), 1.0), M
+    return FrozenModes(Tables.of(np.concatenate((M.reshape(2, 6, -1), C, K, d), axis=-1), n), 1.0), M
 
 
 @pytest.mark.parametrize("n", [2, 12])
 def test_ratios_to_the_inertia(n, monkeypatch):
     found = {}
     for most in (0, 100):
-        monkeypatch.setattr(module, "_LOOPED", most)
+        monkeypatch.setattr(pencils, "LOOPED", most)
         found[most] = frozen_system(n, n)[0]._ratios()
     for ours, theirs in zip(found[0], found[100], strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
@@ -28,19 +29,19 @@ def test_ratios_to_the_inertia(n, monkeypatch):
 
 @pytest.mark.parametrize("most", [0, 100])
 def test_inertia_that_dips_or_changes_its_sign_is_not_steady(most, monkeypatch):
-    monkeypatch.setattr(module, "_LOOPED", most)
+    monkeypatch.setattr(module, "LOOPED", most)
     modes, M = frozen_system(12, 3)
     entries = np.concatenate((M.reshape(2, 6, -1), np.ones((2, 6, 2 * 144 + 12))), axis=-1)
     for factor in (1e-3, -1.0, 0.0):
         changed = entries.copy()
         changed[1, 4, :12] *= factor
-        steady = Frozen(Tables.of(changed, 12), 1.0).inertia_steady(0.02)
+        steady = FrozenModes(Tables.of(changed, 12), 1.0).has_steady_inertia(0.02)
         np.testing.assert_array_equal(steady, [True, False])
-    assert modes.inertia_steady(0.02).all()
+    assert modes.has_steady_inertia(0.02).all()
 
 
 def test_determinants_that_underflow_are_steady():
     n = 120
     entries = np.zeros((1, 6, 3 * n * n + n))
     entries[..., : n * n] = 1e-4 * np.eye(n).ravel()
-    assert Frozen(Tables.of(entries, n), 1.0).inertia_steady(0.02).all()
+    assert FrozenModes(Tables.of(entries, n), 1.0).has_steady_inertia(0.02).all()

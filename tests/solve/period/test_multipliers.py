@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from solve.period.multipliers import Multipliers, matched, scaled_alike
+from solve.period.eigenvalues import balance_matrices
+from solve.period.multipliers import Multipliers, matched
 
 
 def _of(*values: complex) -> Multipliers:
@@ -56,16 +57,16 @@ def test_balancing_takes_units_back(seed, size):
     units = 10.0 ** random.uniform(-9, 9, size)
     matrices = random.uniform(0.1, 1.0, (3, size, size))
     matrices[1] = matrices[1] * units / units[:, None]
-    balanced, found = scaled_alike(matrices)
+    balanced, found = balance_matrices(matrices)
     rows, columns = np.linalg.norm(balanced, axis=2), np.linalg.norm(balanced, axis=1)
     assert (np.maximum(rows / columns, columns / rows) <= 8).all()
     assert (np.frexp(found)[0] == 0.5).all()
     np.testing.assert_allclose(balanced, matrices * found[:, None, :] / found[:, :, None])
-    np.testing.assert_array_equal(scaled_alike(matrices[1:2])[1], found[1:2])
+    np.testing.assert_array_equal(balance_matrices(matrices[1:2])[1], found[1:2])
 
 
 def test_balancing_leaves_zeros():
     for matrix in (np.zeros((3, 3)), [[0.0, 1.0], [0.0, 0.0]]):
-        balanced, found = scaled_alike(np.array(matrix))
+        balanced, found = balance_matrices(np.array(matrix))
         np.testing.assert_array_equal(balanced, matrix)
         np.testing.assert_array_equal(found, 1.0)

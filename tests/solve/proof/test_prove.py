@@ -15,7 +15,7 @@ from derive import Mechanism, cos, exp, rate, sin
 from solve.errors import LinearModelError, MissingValueError, StepsError, ValueOutOfBoundsError
 from solve.proof import step as of_step
 from solve.proof.balls import arb, precision
-from solve.proof.enclosure import _enclosed, _equation, _period
+from solve.proof.enclosure import _enclosed, equation_of, period_of
 from solve.proof.prove import prove
 from solve.proof.turn import turn
 
@@ -62,12 +62,14 @@ def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
         (0.9, 1.5, 0.02, "unstable"),
     ],
 )
-def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, said):
+def test_the_trace_of_mathieusequation_of(delta, epsilon, zeta, said):
     found = prove(mathieu(delta=delta, epsilon=epsilon, zeta=zeta), 1.0, digits=25)
     assert found.verdict == said
     trace = exact_trace(delta, epsilon, zeta)
     with precision(300):
-        Phi = _enclosed(found.result.system, _equation(found.result.system, 1.0, False), 120, 24.0, False).Phi
+        Phi = _enclosed(
+            found.result.system, equation_of(found.result.system, 1.0, False), 120, 24.0, False
+        ).Phi
         enclosure, exact = Phi[0, 0] + Phi[1, 1], arb(mpmath.nstr(trace, 38))
         assert abs(enclosure - exact) < 1e-30
     low, high = found.spectral_radius
@@ -103,7 +105,7 @@ def test_jumps_have_the_closed_form():
 def test_an_undeclared_jump_is_refused():
     system = solve.load("meissner")
     with precision(200), pytest.raises(StepsError, match=r"beyond phase 3\.1415.*declare it as a break"):
-        turn(_equation(system, 1.0, False), _period(system.period, False), (), 100, 24.0)
+        turn(equation_of(system, 1.0, False), period_of(system), (), 100, 24.0)
 
 
 def test_the_ordinary_result_is_within_its_estimate_of_the_proof():
@@ -173,7 +175,7 @@ def test_every_phase_of_a_period_is_covered():
     (at,) = [each for each in system.breaks if each]
     assert at < 1 < at + 1e-15
     with precision(300):
-        found = turn(_equation(system, 1.0, False), _period(system.period, False), system.breaks, 60, 24.0)
+        found = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, 60, 24.0)
         for start, length, following in zip(found.starts, found.lengths, found.starts[1:], strict=False):
             assert start + length == following
         assert (found.starts[-1] + found.lengths[-1]).overlaps(found.period)

@@ -9,12 +9,12 @@ import numpy as np
 import solve
 from models.four_bar.design import designed
 from models.four_bar.design_map import design_map
-from models.four_bar.results.corrected import corrections
-from models.four_bar.results.curve import curve_of_point
-from models.four_bar.results.design import carry_out
-from models.four_bar.results.element_kinds import element_kinds
-from models.four_bar.results.linkage import rigid_motion
-from models.four_bar.results.modes import modes
+from models.four_bar.studies.corrected import corrections
+from models.four_bar.studies.curve import curve_of_point
+from models.four_bar.studies.design import carry_out
+from models.four_bar.studies.elements import element_kinds
+from models.four_bar.studies.linkage import rigid_motion
+from models.four_bar.studies.modes import mode_contributions
 
 
 @cache
@@ -103,8 +103,8 @@ MADE = {
         lambda: rigid_motion("table41", four_bar().parameters, speed=30.0, position=1.0),
         '--speed "5 Hz" --position "1 rad"',
     ),
-    "modes": (
-        lambda: modes(four_bar(), 35.0, "follower_midpoint_deflection", 4, False, 1e-6),
+    "mode_contributions": (
+        lambda: mode_contributions(four_bar(), 35.0, "follower_midpoint_deflection", 4, False, 1e-6),
         '--speed "35 rad/s"',
     ),
     "curve_of_point": (

@@ -10,7 +10,7 @@ import pytest
 from solve.commands.app import run
 from solve.errors import FileError
 from solve.results import files as module
-from solve.results.files import PICTURES, Whole, checked, write_whole
+from solve.results.files import PICTURES, AtomicFiles, checked, write_atomic
 
 CSV = (".csv",)
 
@@ -20,7 +20,7 @@ def text(words):
 
 
 def write_together(folder, writers):
-    with Whole() as files:
+    with AtomicFiles() as files:
         for name, write in writers.items():
             files.write(folder / name, write)
 
@@ -30,7 +30,7 @@ def held(folder):
 
 
 def test_two_files_appear_together(tmp_path):
-    with Whole() as files:
+    with AtomicFiles() as files:
         files.write(tmp_path / "a.csv", text("one"))
         files.write(tmp_path / "b.csv", text("two"))
         assert held(tmp_path) == {}
@@ -63,8 +63,8 @@ def test_the_rights_of_a_replaced_file_stay_and_new_ones_follow_the_mask(tmp_pat
     old.chmod(0o640)
     mask = os.umask(0o027)
     try:
-        write_whole(old, text("after"))
-        write_whole(new, text("after"))
+        write_atomic(old, text("after"))
+        write_atomic(new, text("after"))
     finally:
         os.umask(mask)
     assert [stat.S_IMODE(file.stat().st_mode) for file in (old, new)] == [0o640, 0o640]
@@ -75,7 +75,7 @@ def test_the_target_of_a_link_is_written(tmp_path):
     (tmp_path / "there" / "real.csv").write_text("before")
     link = tmp_path / "link.csv"
     link.symlink_to(tmp_path / "there" / "real.csv")
-    write_whole(checked(link, CSV, "data"), text("after"))
+    write_atomic(checked(link, CSV, "data"), text("after"))
     assert link.is_symlink()
     assert held(tmp_path / "there") == {"real.csv": "after"}
 
@@ -105,17 +105,17 @@ def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
 
     monkeypatch.setattr(module.Path, "open", noting)
     for _ in range(2):
-        write_whole(tmp_path / "a.csv", text("one"))
+        write_atomic(tmp_path / "a.csv", text("one"))
     assert len(set(seen)) == len(seen) == 2
 
 
 def test_what_processes_that_died_left_is_removed_and_what_others_write_stays(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    (tmp_path / f"{module._part_of(gone.pid)}abc").write_text("half")
-    (tmp_path / f"{module._part_of(os.getppid())}abc").write_text("theirs")
+    (tmp_path / f"{module._prefix(gone.pid)}abc").write_text("half")
+    (tmp_path / f"{module._prefix(os.getppid())}abc").write_text("theirs")
     (tmp_path / ".mine-1-parametric").write_text("mine")
-    write_whole(tmp_path / "a.csv", text("one"))
+    write_atomic(tmp_path / "a.csv", text("one"))
     assert sorted(held(tmp_path).values()) == ["mine", "one", "theirs"]
 
 
@@ -128,7 +128,7 @@ def kill(*_):
     os.kill(os.getpid(), signal.SIGKILL)
 
 setattr(files.Path, sys.argv[1], kill)
-files.write_whole(Path("a.csv"), lambda stream: stream.write(b"after" * 1000))
+files.write_atomic(Path("a.csv"), lambda stream: stream.write(b"after" * 1000))
 """
 
 
@@ -139,7 +139,7 @@ def test_a_process_killed_while_writing_leaves_the_file_as_it_was(tmp_path, mome
     assert died.returncode == -9
     assert (tmp_path / "a.csv").read_text() == "before"
     assert len(held(tmp_path)) == 2
-    write_whole(tmp_path / "a.csv", text("after"))
+    write_atomic(tmp_path / "a.csv", text("after"))
     assert held(tmp_path) == {"a.csv": "after"}
 
 

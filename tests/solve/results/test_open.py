@@ -11,7 +11,7 @@ import pytest
 
 import solve
 from solve.errors import FileError, ReopenedError
-from solve.results import lasting
+from solve.results import serialization
 from tests.solve.results.problems import SPEED, orbit, oscillators, x_of
 
 PHASE = np.linspace(-7.0, 12.0, 1001)
@@ -133,21 +133,21 @@ def same(one, other):
 
 
 def test_values_of_every_kind_come_back_to_the_bit():
-    packing = lasting._Packing()
-    plain = json.loads(json.dumps([packing.plain(value) for value in VALUES]))
-    unpacking = lasting._Unpacking(packing.arrays, [])
-    for value, read in zip(VALUES, map(unpacking.value, plain), strict=True):
+    encoder = serialization._Encoder()
+    encoded = json.loads(json.dumps([encoder.plain(value) for value in VALUES]))
+    decoder = serialization._Decoder(encoder.arrays, [])
+    for value, read in zip(VALUES, map(decoder.value, encoded), strict=True):
         assert same(value, read), value
 
 
 def test_arrays_of_a_kind_lie_in_one_and_those_of_format_1_each_in_its_own():
-    packing = lasting._Packing()
-    plain = [
-        packing.plain(value) for value in (np.arange(3.0), np.array([1 + 2j]), np.arange(4), 2.5 * np.ones(1))
+    encoder = serialization._Encoder()
+    encoded = [
+        encoder.plain(value) for value in (np.arange(3.0), np.array([1 + 2j]), np.arange(4), 2.5 * np.ones(1))
     ]
-    assert [array.tolist() for array in packing.arrays] == [[0, 1, 2, 1, 2, 2.5], [0, 1, 2, 3]]
-    assert [part[1:] for part in plain][1] == [0, "<c16", [1], 3]
-    before = lasting._Unpacking([np.array([1.0, 2.0]), np.array([3.0])], [])
+    assert [array.tolist() for array in encoder.arrays] == [[0, 1, 2, 1, 2, 2.5], [0, 1, 2, 3]]
+    assert [part[1:] for part in encoded][1] == [0, "<c16", [1], 3]
+    before = serialization._Decoder([np.array([1.0, 2.0]), np.array([3.0])], [])
     assert before.value(["array", 0, "<c16", [1]]).tolist() == [1 + 2j]
     assert before.value(["array", 1, "<f8", []]) == 3.0
 
@@ -185,7 +185,7 @@ def foreign(folder):
         whole.writestr("state.npy", "no array")
     with h5py.File(folder / "other.nc", "w") as whole:
         whole["state"] = np.arange(3.0)
-    state = lasting.packed(orbit())
+    state = serialization.to_arrays(orbit())
     np.savez(folder / "changed.npz", **{**state, "state0": state["state0"] + 1e-9})
     return sorted(path for path in folder.iterdir() if path.is_file())
 
@@ -224,11 +224,11 @@ def test_damage_anywhere_is_refused_or_changes_nothing(tmp_path, ending):
 def test_a_later_format_and_an_unknown_kind_are_named(tmp_path, monkeypatch):
     made = solve.floquet(oscillators(), SPEED)
     made.save(tmp_path / "now.npz")
-    monkeypatch.setattr(lasting, "FORMAT", lasting.FORMAT + 1)
+    monkeypatch.setattr(serialization, "FORMAT", serialization.FORMAT + 1)
     made.save(tmp_path / "later.npz")
     monkeypatch.undo()
     with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it is of format 3, known up to 2"):
         solve.open(tmp_path / "later.npz")
-    monkeypatch.delitem(lasting._KNOWN, "Stability")
+    monkeypatch.delitem(serialization.CLASSES, "Stability")
     with pytest.raises(FileError, match=r"it holds a Stability, which no module in use knows"):
         solve.open(tmp_path / "now.npz")

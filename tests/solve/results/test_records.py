@@ -8,9 +8,9 @@ import pytest
 
 import solve
 from solve.errors import MatricesError
-from solve.results.contents import plain
-from solve.results.orbit import QuasiStatic
-from solve.results.stability import described
+from solve.results.contents import to_json
+from solve.results.periodic_motion import QuasiStatic
+from solve.results.stability import method_text
 from tests.solve.results.problems import SPEED, orbit, oscillators
 
 
@@ -28,7 +28,7 @@ def test_records_are_json_without_nan():
 
 
 def test_plain_data():
-    assert plain({"a": (1, float("inf"), float("nan"), 2j, "text", None, True)}) == {
+    assert to_json({"a": (1, float("inf"), float("nan"), 2j, "text", None, True)}) == {
         "a": [1, None, None, [0.0, 2.0], "text", None, True]
     }
 
@@ -42,7 +42,7 @@ def test_plain_data():
     ],
 )
 def test_methods_are_named_with_their_settings(method, words):
-    assert described(method) == words
+    assert method_text(method) == words
 
 
 def test_a_singular_stiffness_has_no_quasi_static_solution():

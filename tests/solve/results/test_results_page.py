@@ -47,14 +47,14 @@ def is_html(result, _):
     tags = Tags()
     tags.feed(result._repr_html_())
     assert not tags.open
-    assert result.about["model"] in tags.text
+    assert result.model_info["model"] in tags.text
 
 
 def is_xarray(result, _):
     dataset = result.to_xarray()
     about = json.loads(dataset.attrs["metadata"])
-    assert about["parameters"] == pytest.approx(dict(result.about["parameters"]))
-    assert about["case"] == result.about["case"]
+    assert about["parameters"] == pytest.approx(dict(result.model_info["parameters"]))
+    assert about["case"] == result.model_info["case"]
     assert about["warnings"] == result.warnings
     assert set(about["versions"]) >= {"parametric-vibration", "numpy"}
     assert all(variable.attrs.get("units", "?") for variable in dataset.data_vars.values())
@@ -77,7 +77,7 @@ def is_nc(result, _):
 
 def is_npz(result, _):
     with np.load(saved(result, ".npz"), allow_pickle=False) as arrays:
-        for name, values in result.contents().numbers.items():
+        for name, values in result.file_contents().numbers.items():
             np.testing.assert_array_equal(arrays[name], values)
 
 
@@ -86,10 +86,10 @@ def is_mat(result, folder):
 
     result.save(folder / "result.mat")
     read = loadmat(folder / "result.mat")
-    for name, values in result.contents().numbers.items():
+    for name, values in result.file_contents().numbers.items():
         if values.dtype.kind in "fc":
             np.testing.assert_array_equal(read[name].ravel(), values.ravel())
-    assert json.loads(str(read["metadata"][0]))["model"] == result.about["model"]
+    assert json.loads(str(read["metadata"][0]))["model"] == result.model_info["model"]
 
 
 def is_csv(result, folder):
@@ -108,7 +108,7 @@ def opened(result, folder, ending):
     assert again._repr_html_() == result._repr_html_()
     assert again.warnings == result.warnings
     assert again.to_xarray().identical(result.to_xarray())
-    ours, theirs = again.contents().numbers, result.contents().numbers
+    ours, theirs = again.file_contents().numbers, result.file_contents().numbers
     assert ours.keys() == theirs.keys()
     for name, values in theirs.items():
         assert ours[name].dtype == values.dtype
@@ -137,7 +137,7 @@ def is_plot(result, _):
 def is_json(result, _):
     record = result.record()
     assert json.loads(json.dumps(record, allow_nan=False)) == record
-    assert record["model"] == result.about["model"]
+    assert record["model"] == result.model_info["model"]
     assert record["warnings"] == result.warnings
 
 

@@ -12,7 +12,7 @@ import solve
 from derive import Mechanism, cos, rate
 from solve import PeriodicSystem
 from solve.errors import FileError, ValueOutOfBoundsError
-from solve.results.files import write_whole
+from solve.results.files import write_atomic
 from tests.solve.results.problems import chain, orbit, x_of
 
 
@@ -161,9 +161,9 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        write_whole(file, interrupted)
+        write_atomic(file, interrupted)
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("orbit.csv", "before")]
-    write_whole(file, lambda stream: stream.write(b"after"))
+    write_atomic(file, lambda stream: stream.write(b"after"))
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("orbit.csv", "after")]
 
 

@@ -183,8 +183,8 @@ def test_bands_do_not_depend_on_the_speeds_between_the_ends(count):
 
 def test_a_run_of_unstable_speeds_is_split_where_the_inside_is_stable(monkeypatch):
     """Both ends lie in bands of the same kind; without further speeds they look like a single one."""
-    monkeypatch.setattr("solve.studies.bands._FEWEST", 1)
-    monkeypatch.setattr("solve.studies.bands._TURN", 1e9)
+    monkeypatch.setattr("solve.studies.bands._MIN_INTERVALS", 1)
+    monkeypatch.setattr("solve.studies.bands._MAX_ANGLE", 1e9)
     monkeypatch.setattr("solve.studies.bands._HALVINGS", 0)
     coupler = undamped_coupler()
     ends = [solve.floquet(coupler, f"{speed} rpm") for speed in (3286.9, 6000)]

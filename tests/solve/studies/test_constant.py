@@ -8,7 +8,7 @@ import solve
 from solve.batch.batch import Batch
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
-from solve.studies.constant import constant
+from solve.studies.constant_coefficients import constant_coefficients
 from tests.solve.period.test_rigid_body import CHAIN, chain
 from tests.solve.systems import system
 
@@ -114,9 +114,9 @@ def test_verdicts_agree_with_the_solver(seed):
     made = over(lambda speed: (M, speed * C, K), n)
     points = draw.uniform(0.5, 3.0, 5)[:, None]
     task, _ = task_of(over_speed(made), "auto", 1e-10, "auto", orbit=False)
-    steady = constant(task.batch(points))
+    steady = constant_coefficients(task.batch(points))
     assert steady is not None
-    judged = steady.judge(points)
+    judged = steady.evaluate(points)
     for at, speed in enumerate(points[:, 0].tolist()):
         rate = np.block(
             [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, speed * C)]]
@@ -140,12 +140,12 @@ def test_matrices_that_vary_a_little_are_not_constant():
         )
 
     task, _ = task_of(over_speed(system(at, 3)), "auto", 1e-8, "auto", orbit=False)
-    assert constant(task.batch(np.array([[1.0], [2.0]]))) is None
+    assert constant_coefficients(task.batch(np.array([[1.0], [2.0]]))) is None
 
 
 def test_approximate_methods_keep_their_own_verdict():
     task, _ = task_of(over_speed(shaft(1.5)), "modal", 1e-8, "auto", orbit=False)
-    assert constant(task.batch(np.array([[1.0], [2.0]]))) is None
+    assert constant_coefficients(task.batch(np.array([[1.0], [2.0]]))) is None
 
 
 def test_a_chart_of_a_chain_looks_for_no_tongues(solutions):

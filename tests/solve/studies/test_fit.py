@@ -16,8 +16,8 @@ from solve.errors import (
     UnknownNameError,
     ValueOutOfBoundsError,
 )
-from solve.results.channels import Channel
-from solve.studies.misfit import misfits
+from solve.results.fit import Channel
+from solve.studies.fit_diagnostics import diagnose
 from solve.units import RPM
 from tests.solve.derivatives.test_sensitivities import SPEED, M, amplitude, model
 
@@ -80,7 +80,10 @@ def test_natural_frequencies_give_stiffness_by_mass(tmp_path):
     assert found.parameters["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
     assert found.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
     assert [each.where(RPM) for each in found.channels] == ["at 0°"]
-    assert "the data do not tell a change of" in solve.fit(model(k2=6.0), made, ["m", "k"]).unidentifiable[0]
+    assert (
+        "the data do not determine a joint change of"
+        in solve.fit(model(k2=6.0), made, ["m", "k"]).unidentifiable[0]
+    )
     for rows, words in (
         ([(3, 1.0), (1, 2.0)], "has the modes 1 to 2"),
         ([(0.5, 1.0)], "has the modes 1 to 2"),
@@ -193,7 +196,7 @@ def test_what_the_data_cannot_tell_is_named(file):
         assert f"{name} by +1" in text
     assert found.warnings == [text]
     assert all(np.isinf(each.high) or each.high > 2 * each.value for each in found.parameters.values())
-    assert "the data do not tell c2" in solve.fit(model(), file(curve()), ["k", "c2"]).unidentifiable
+    assert "the data do not determine c2" in solve.fit(model(), file(curve()), ["k", "c2"]).unidentifiable
 
 
 def test_the_interval_of_a_positive_parameter_that_nothing_tells_does_not_end_where_trials_end(file):
@@ -203,7 +206,7 @@ def test_the_interval_of_a_positive_parameter_that_nothing_tells_does_not_end_wh
     )
     data = file(zip(ANGLES, twist, strict=True), "phase (rad),q1 (rad)")
     found = solve.fit(cam, data, ["k1", "c3"], speed="300 rpm")
-    assert found.unidentifiable == ["the data do not tell c3"]
+    assert found.unidentifiable == ["the data do not determine c3"]
     value, low, high = found.parameters["c3"]
     assert low < 1e-9 * value
     assert high > 1e9 * value
@@ -271,7 +274,7 @@ def test_bad_input_is_said_in_a_line(file, header, free, bounds, error, words):
         (["order (1),q (1)", "1.5,2", "2,3"], "the order 1.5"),
         (["order (1),q (1)", "-1,2", "2,3"], "the order -1"),
         (["speed (rpm),phase (deg),q (1)", "-60,0,2", "-60,9,3"], "above 0"),
-        (["phase (deg),q (1)", "0,0", "90,0"], "nothing but zeros for q"),
+        (["phase (deg),q (1)", "0,0", "90,0"], "only zeros for q"),
         (["order (1),q (1)", "1e9,2", "2,3"], "the order 1e+09; allowed: up to 100000"),
         (["order (1),q (1)", "0,-1", "1,-3", "2,3"], "the amplitude -3 for q"),
         (["phase (deg),q (1)", "0,1e308", "90,1"], "1e+308 for q; allowed: below"),
@@ -341,7 +344,7 @@ def test_noise_is_seldom_called_none_and_a_wave_nearly_always(count):
             noise = rng.standard_normal(count) + size * np.cos(4 * at + rng.uniform(0, 6))
             left = noise - waves @ (waves.T @ noise)
             channel = Channel(1.0, False, "q", at, 50 * np.cos(at), 50 * np.cos(at) + left)
-            reported[size] += bool(misfits([channel], 2 * np.pi, {"q": 1.0}))
+            reported[size] += bool(diagnose([channel], 2 * np.pi, {"q": 1.0}))
     assert reported[0.0] <= 21
     assert reported[3.0] >= (990 if count > 20 else 300)
 
@@ -349,14 +352,14 @@ def test_noise_is_seldom_called_none_and_a_wave_nearly_always(count):
 def test_a_model_that_cannot_follow_the_data_is_said(file):
     rows = [(phase, speed, q + 0.01 * np.cos(3 * phase)) for phase, speed, q in curve(0.01)]
     (text,) = solve.fit(model(), file(rows), list(TRUE)).warnings
-    assert text.startswith("q: differences are no noise, neighbours have a correlation of ")
+    assert text.startswith("q: the residuals are not noise, neighbours have a correlation of ")
     assert solve.fit(model(), file(curve(0.01)), list(TRUE)).warnings == []
 
 
 @pytest.mark.parametrize(
     ("changed", "words"),
     [
-        (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; look at its unit"),
+        (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; check its unit"),
         (lambda q: 0 * q + 5, "q has the same measured value everywhere"),
         (lambda q: -q, "the model does not describe it; check unit, sign, speed and phase origin"),
     ],

@@ -58,7 +58,7 @@ def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
     rates = found.largest_growth_rates
     np.testing.assert_allclose(rates[:, 0], np.where(low < 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12)
     assert np.isnan(rates[:, 1]).all()
-    assert found.whole["growth_rates"] is not None
+    assert found.summary_values["growth_rates"] is not None
     assert "1.41764i" in repr(found)
     (warning,) = Findings(solve.frequencies(masses()), variation=found).warnings
     assert warning == (
@@ -137,3 +137,11 @@ def test_a_fit_recovers_from_a_start_with_a_growing_mode(tmp_path):
     file = written(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
     found = solve.fit(masses(k1=-3.0), file, ["k1"])
     assert found.parameters["k1"].value == pytest.approx(3.0, rel=1e-6)
+
+
+def test_the_summary_gives_growth_rates_per_second():
+    mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
+    (growing,) = solve.frequencies(mathieu, np.pi / 2).growth_rates[0]
+    summary = Findings(solve.frequencies(mathieu, np.pi / 2)).summary
+    assert summary.endswith(f"standing still: none. Growth rates: {growing:.4g} 1/s.")
+    assert Findings(solve.frequencies(mathieu)).summary.endswith("standing still: 0.1949 Hz.")

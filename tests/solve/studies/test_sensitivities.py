@@ -10,7 +10,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 import solve
 from solve.errors import NoDerivativeError, NoResultError, UnknownNameError
-from solve.results.critical_rows import Critical, Maximum
+from solve.results.critical_speeds import Critical, Maximum
 from solve.studies.sensitivities import _CORNER
 from tests.solve.derivatives.test_sensitivities import C, F, K, M, amplitude, model
 

@@ -170,7 +170,7 @@ def test_over_a_parameter_at_the_speed_of_the_case():
     for point in found.record()["points"]:
         own = solve.floquet(solve.load("mathieu", zeta=0, **point["parameters"]), 1.0)
         assert point["spectral_radius"] == pytest.approx(own.spectral_radius, rel=1e-7)
-    np.testing.assert_array_equal(found.contents().columns["epsilon"].values, [0, 1, 2, 3, 4])
+    np.testing.assert_array_equal(found.file_contents().columns["epsilon"].values, [0, 1, 2, 3, 4])
     assert found.unstable == []
     assert found.plot().axes[-1].get_xlabel() == "ε (1/s²): amplitude of the stiffness, twice a turn"
 

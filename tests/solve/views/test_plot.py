@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 import solve
 from solve import PeriodicSystem
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.results.channels import Channel
+from solve.results.fit import Channel
 from solve.views.fit import compared_figure
 from solve.views.style import VERMILION, page, save_figure
 from tests.solve.results.problems import SPEED, chain, multipliers, orbit, response, x_of

@@ -188,7 +188,7 @@ def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
     assert all("mean torque" in report.missing[heading] for heading in vibration)
     assert "the periodic motion is" not in report.html
     assert "the motion relative to rigid-body modes is stable" in report.html
-    assert "against the nonlinear ones" not in report.html
+    assert "compared with the nonlinear ones" not in report.html
 
 
 def test_without_a_load_stability_stands(mathieu):

@@ -6,7 +6,7 @@ import pytest
 import solve
 from solve.commands.app import run
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.views.turn import turn_figure
+from solve.views.over_time import turn_figure
 
 
 def orbits(*speeds, model="mathieu", **parameters):

@@ -1,0 +1,308 @@
+"""Steps and kinks: the phases where they lie, and tangents at the fundamental motion.
+
+The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
+phases, or lie on it throughout (friction at rest, contact without clearance).
+
+The phases (`BREAKS` of a generated module) are zeros of switches of the phase. A switch takes the form
+A cos(aφ+b) + B sin(aφ+b) + c, or to an angle modulo a period, whose zeros are known. For nested switches the
+zeros of all branches are taken; a superfluous phase does no harm.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import sympy
+from sympy.core.relational import Relational
+
+from derive.declarations import Condition
+from derive.domains import Signs, at_rest, is_finite, margin_of, substituted
+from derive.errors import ExpansionError, UnsupportedExpressionError
+from derive.printer import CasadiPrinter
+from derive.switches import (
+    BESIDE,
+    STEPPING,
+    Numbers,
+    Wrapped,
+    arbitrary_points,
+    differ,
+    in_order,
+    jumps,
+    outermost,
+    place_of,
+    places,
+    switches,
+)
+from derive.symbols import PHASE, SPEED, Moving
+from derive.units import short
+
+SMOOTHED = "smooth it by a velocity v0, a parameter: v/sqrt(v**2 + v0**2) in place of sign(v)"
+
+
+def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any]) -> None:
+    """Raise ExpansionError if a switch leaves the residual without a tangent at the fundamental motion.
+
+    jacobian: derivatives of the residual with respect to all moving symbols, away from the switches.
+    """
+    for switch in switches(residual, moving):
+        at_rest = substituted(switch, resting(moving))
+        if vanishes(at_rest):
+            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 throughout it"
+        elif PHASE in at_rest.free_symbols:
+            parts, where = [*residual], f"it passes {place_of(switch, [*residual])}"
+        else:
+            continue
+        if _apart(parts, at_rest, moving):
+            coordinates = {
+                symbol for symbol in moving if symbol.rate in moving and symbol.rate.rate in moving
+            }
+            remedy = "give it a clearance or a preload, or smooth it"
+            if not switch.free_symbols & coordinates:
+                remedy = SMOOTHED
+            raise ExpansionError(
+                f"there is no linearisation at the fundamental motion: {where}, where forces or their "
+                f"slopes are discontinuous in the coordinates; {remedy}",
+                switch,
+            )
+
+
+def open_clearances(
+    residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
+) -> Iterator[Condition]:
+    """Conditions on parameters: clearances with different slopes on both sides are not exactly zero."""
+    rest = resting(moving)
+    parts: list[Any] = [*residual, *jacobian]
+    values = [substituted(part, rest) for part in parts]
+    pairs = zip(parts, values, strict=True)
+    linear = [value if is_finite(value) else at_rest(part, rest, signs)[0] for part, value in pairs]
+    for switch in switches(residual, moving):
+        clearance = substituted(switch, rest)
+        symbols = in_order(clearance)
+        if symbols and PHASE not in symbols and any(jumps(linear, clearance, symbol) for symbol in symbols):
+            meaning = (
+                f"the equations have no linearisation where {short(switch)} = 0 in the fundamental motion"
+            )
+            names = tuple(symbol.name for symbol in symbols)
+            shown = -clearance if clearance.could_extract_minus_sign() else clearance
+            yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(clearance), names)
+
+
+def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
+    """Matrix with all moving symbols zero.
+
+    At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
+    `inactive`.
+    """
+    rest = resting(moving)
+    at_switch = [
+        node
+        for node in matrix.atoms(sympy.Heaviside, sympy.sign, Relational)
+        if _argument(node).free_symbols & {*moving} and vanishes(substituted(_argument(node), rest))
+    ]
+    beside = matrix.xreplace({node: _chosen(node, moving) for node in at_switch})
+    value = beside.applyfunc(lambda entry: substituted(entry, rest))
+    return value if is_finite(value) else beside.applyfunc(lambda entry: at_rest(entry, rest, signs or {})[0])
+
+
+def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
+    """Conditions under which pieces that are singular in the fundamental motion are inactive there.
+
+    No condition is needed where the signs of the parameters guarantee it.
+    """
+    rest = resting(moving)
+    for part in parts:
+        if is_finite(substituted(part, rest)):
+            continue
+        for condition in at_rest(part, rest, signs)[1]:
+            margin = margin_of(condition)
+            if margin is None or margin.xreplace(dict(signs)).is_positive:
+                continue
+            names = tuple(symbol.name for symbol in in_order(margin))
+            meaning = "a piece of the equations without a tangent is active in the fundamental motion"
+            yield Condition(f"{short(margin)} > 0", meaning, margin, names)
+
+
+def resting(moving: Sequence[Any]) -> dict[Any, Any]:
+    """Substitution of zero for all moving symbols."""
+    return dict.fromkeys(moving, sympy.S.Zero)
+
+
+def vanishes(expression: Any) -> bool:
+    """Whether an expression is identically zero."""
+    symbols = in_order(expression)
+    numbers = Numbers([expression], symbols)
+    values = [numbers(point) for point in arbitrary_points(symbols)]
+    return all(each is not None and abs(each[0]) < 1e-40 for each in values)
+
+
+def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
+    """Whether the parts differ on both sides of the fundamental motion, at zeros of the switch."""
+    symbols = in_order(*parts, at_rest, *moving)
+    numbers, side = Numbers(parts, symbols), _beside(moving)
+    other = {symbol: -value for symbol, value in side.items()}
+    along = arbitrary_points(symbols) if vanishes(at_rest) else places(at_rest, PHASE, symbols)
+    return any(
+        differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place)) for place in along
+    )
+
+
+def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
+    """State close to the fundamental motion."""
+    (point, *_) = arbitrary_points(moving)
+    return {symbol: value * BESIDE for symbol, value in point.items()}
+
+
+def _chosen(node: Any, moving: Sequence[Any]) -> Any:
+    """Value of a step close to the fundamental motion."""
+    argument = _argument(node)
+    symbols = in_order(argument, *moving)
+    numbers = Numbers([argument], symbols)({**arbitrary_points(symbols)[0], **_beside(moving)})
+    if numbers is None or numbers[0] == 0:
+        return node
+    sign = 1 if numbers[0] > 0 else -1
+    if isinstance(node, Relational):
+        return sympy.true if node.func(sign, 0) else sympy.false
+    return sympy.Integer(sign) if isinstance(node, sympy.sign) else sympy.Integer((1 + sign) // 2)
+
+
+def _argument(node: Any) -> Any:
+    first, *others = node.args
+    return first - others[0] if isinstance(node, Relational) else first
+
+
+PASSES = '''\
+def _passes(known):
+    """Phases from 0 to PERIOD at which slope*phase + offset is a target and whole turns; none where these are
+    no numbers, as on a branch that is not taken."""
+    found = []
+    try:
+        slope, offset, targets, turn = known()
+        targets = [float(target) for target in targets]
+    except (TypeError, ValueError, ZeroDivisionError):
+        return found
+    for target in targets if slope else ():
+        first, last = sorted(((offset - target)/turn, (slope*PERIOD + offset - target)/turn))
+        if last - first > 10000:
+            raise ValueError(f"there are {last - first:.3g} jumps a period; at most 10000 can be followed")
+        turns = range(math.floor(first), math.ceil(last) + 1)
+        found += [(target + k*turn - offset)/slope for k in turns]
+    return [phase for phase in found if 0 <= phase < PERIOD]'''
+ANGLES = '''\
+def _angles(cosine, sine, rest):
+    """Angles x at which cosine*cos(x) + sine*sin(x) + rest is zero."""
+    size = math.hypot(cosine, sine)
+    if abs(rest) > size or size == 0:
+        return ()
+    middle, half = math.atan2(sine, cosine), math.acos(-rest/size)
+    return (middle - half, middle + half)'''
+
+
+class MathPrinter(CasadiPrinter):
+    """Printer for functions of Python's `math`."""
+
+    def doprint(self, expr: Any, assign_to: Any = None) -> str:
+        return super().doprint(expr, assign_to).replace("casadi.", "math.")
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Phases at which slope φ + offset equals a target modulo `turn`.
+
+    targets: text of expressions, or of a call of _angles.
+    """
+
+    slope: Any
+    offset: Any
+    targets: str
+    turn: Any
+    symbols: frozenset[Any]
+
+    @property
+    def text(self) -> str:
+        slope, offset, turn = (MathPrinter().doprint(each) for each in (self.slope, self.offset, self.turn))
+        return f"*_passes(lambda: ({slope}, {offset}, {self.targets}, {turn}))"
+
+
+def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
+    """Phases of the switches of the matrices, and of outputs whose switches depend on the phase alone.
+
+    Raises UnsupportedExpressionError if the phase of a switch has no closed form.
+    """
+    rest = resting([*moving])
+    by_text: dict[str, Passage] = {}
+    for matrix in matrices:
+        for switch in switches(matrix, (PHASE,)):
+            by_text |= {passage.text: passage for passage in _passages(switch)}
+    for output in outputs:
+        for switch in switches(output, (PHASE,)):
+            if not switch.free_symbols & {*rest, SPEED}:
+                by_text |= {passage.text: passage for passage in _passages(switch)}
+    return [by_text[text] for text in sorted(by_text)]
+
+
+def _passages(switch: Any) -> Iterator[Passage]:
+    for branch in _branches(switch):
+        for factor in sympy.Mul.make_args(sympy.factor_terms(branch)):
+            base = factor.base if isinstance(factor, sympy.Pow) else factor
+            if PHASE in base.free_symbols:
+                yield _passage(base, switch)
+
+
+def _passage(zero: Any, switch: Any) -> Passage:
+    """Phases of the zeros of a function without switches."""
+    zero = sympy.expand(zero)
+    if SPEED not in zero.free_symbols:
+        for wrapped in zero.atoms(Wrapped):
+            angle, turn = wrapped.args
+            value, factor = zero.coeff(wrapped, 0), zero.coeff(wrapped, 1)
+            if sympy.expand(zero - value - factor * wrapped) == 0 and _free(value, factor, turn):
+                targets = f"({MathPrinter().doprint(-value / factor)},)"
+                return _linear(angle, targets, turn, zero, switch)
+        for angle in {each.args[0] for each in zero.atoms(sympy.sin, sympy.cos)}:
+            parts = [zero.coeff(function(angle), 1) for function in (sympy.cos, sympy.sin)]
+            rest = sympy.expand(zero - parts[0] * sympy.cos(angle) - parts[1] * sympy.sin(angle))
+            if _free(*parts, rest):
+                targets = f"_angles({', '.join(map(MathPrinter().doprint, (*parts, rest)))})"
+                return _linear(angle, targets, 2 * sympy.pi, zero, switch)
+    raise _unknown(switch)
+
+
+def _linear(angle: Any, targets: str, turn: Any, zero: Any, switch: Any) -> Passage:
+    slope, offset = sympy.expand(angle).coeff(PHASE, 1), sympy.expand(angle).coeff(PHASE, 0)
+    if not _free(slope, offset):
+        raise _unknown(switch)
+    return Passage(slope, offset, targets, turn, frozenset(zero.free_symbols - {PHASE}))
+
+
+def _free(*expressions: Any) -> bool:
+    return not any(each.atoms(Moving) for each in expressions)
+
+
+def _unknown(switch: Any) -> UnsupportedExpressionError:
+    return UnsupportedExpressionError(
+        f"the phases where {short(switch)} = 0 are not known; let steps and kinks depend on the phase by "
+        "sin or cos of an angle, or by wrapped(angle) alone, the angle a multiple of phase and a constant",
+        switch,
+    )
+
+
+def _branches(switch: Any) -> Iterator[Any]:
+    """The switch with every step, kink and piecewise function within it on every one of its branches."""
+    nodes = outermost(switch)
+    for chosen in product(*map(_alternatives, nodes)):
+        branch = switch.xreplace(dict(zip(nodes, chosen, strict=True)))
+        if not branch.has(*STEPPING):
+            yield branch
+        else:
+            yield from _branches(branch)
+
+
+def _alternatives(node: Any) -> list[Any]:
+    if isinstance(node, sympy.Piecewise):
+        return [each.args[0] for each in node.args]
+    if isinstance(node, sympy.Max | sympy.Min):
+        return list(node.args)
+    if isinstance(node, sympy.Abs):
+        return [node.args[0], -node.args[0]]
+    return [sympy.S.One, sympy.S.Zero] if isinstance(node, sympy.Heaviside) else [sympy.S.One, -sympy.S.One]

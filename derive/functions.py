@@ -1,0 +1,273 @@
+"""Functions in expressions: unknowns of closed loops of rigid links, and Fourier series.
+
+A loop c(z; x) = 0 makes its unknowns z, angles or positions, functions of its arguments x, such as the angle
+of a crank. In expressions an unknown or a series is a function that carries its order of derivative by each
+argument, so that rates and Lagrange's equations follow from the chain rule. The derivatives of an unknown
+solve linear systems with the matrix ∂c/∂z, for any planar four-bar and any loop of a user alike. No
+coefficient of a series enters an expression, so that formulas stay as short as they are on paper.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any, ClassVar, Protocol
+
+import sympy
+
+from derive.domains import substituted
+from derive.symbols import PHASE, Moving, primed
+from derive.units import Dimension, parse
+
+Order = tuple[int, ...]
+"""Order of the derivative by each argument."""
+
+
+class LoopFunction(sympy.Function):
+    """An unknown of a loop: z(x, y) is the unknown, z(x, y, 1, 0) its derivative ∂z/∂x.
+
+    Each unknown of each loop has a subclass.
+    """
+
+    is_real = True
+    loop: ClassVar["Loop"]
+    unit: ClassVar[str]
+
+    @classmethod
+    def eval(cls, *args: Any) -> Any:
+        count = len(cls.loop.given)
+        return cls(*args, *count * [0]) if len(args) == count else None
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return self.args[: len(self.loop.given)]
+
+    @property
+    def order(self) -> Order:
+        return tuple(int(str(times)) for times in self.args[len(self.loop.given) :])
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        order = list(self.order)
+        order[argindex - 1] += 1
+        return self.func(*self.arguments, *order)
+
+    def dimension_from(self, parts: list[Dimension]) -> Dimension:
+        """Dimension of the derivative for arguments of these dimensions."""
+        dimension = parse(self.unit)
+        for part, times in zip(parts, self.order, strict=False):
+            dimension /= part**times
+        return dimension
+
+    @property
+    def derivatives(self) -> tuple[int, list[tuple[Any, int]]]:
+        """Order of the derivative by the phase, and of those by other arguments."""
+        orders = list(zip(self.arguments, self.order, strict=True))
+        others = [(argument, times) for argument, times in orders if times and argument != PHASE]
+        return sum(times for argument, times in orders if argument == PHASE), others
+
+    def _latex(self, printer: Any, exp: str | None = None) -> str:
+        primes, others = self.derivatives
+        by = "".join(
+            rf"\partial_{{{printer._print(argument)}}}{_exponent(times)} " for argument, times in others
+        )
+        text = by + sympy.latex(sympy.Symbol(type(self).__name__)) + primed(primes)
+        return text if exp is None else rf"\left({text}\right)^{{{exp}}}"
+
+    def _mathml_presentation(self, printer: Any) -> Any:
+        return printer.unknown(self)
+
+
+def _exponent(times: int) -> str:
+    return f"^{{{times}}}" if times > 1 else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A closed loop of links.
+
+    unknowns: z, with their units. given: formal arguments, with the actual ones in `arguments`. closure: one
+    expression of z, given and parameters per unknown, which vanishes. start: z as expressions of given and
+    parameters, exact if `iterations` is 0, otherwise the first guess of Newton's method.
+    """
+
+    unknowns: tuple[sympy.Symbol, ...]
+    units: tuple[str, ...]
+    given: tuple[sympy.Symbol, ...]
+    arguments: tuple[Any, ...]
+    closure: tuple[Any, ...]
+    start: tuple[Any, ...]
+    iterations: int
+
+    @cached_property
+    def functions(self) -> tuple[Any, ...]:
+        """Class of each unknown."""
+        count = len(self.given)
+        shared = {"loop": self, "nargs": (count, 2 * count)}
+        return tuple(
+            type(unknown.name, (LoopFunction,), {**shared, "unit": unit})
+            for unknown, unit in zip(self.unknowns, self.units, strict=True)
+        )
+
+    def __str__(self) -> str:
+        return ", ".join(unknown.name for unknown in self.unknowns)
+
+    @property
+    def name(self) -> str:
+        """Name of the generated function that solves the loop."""
+        return "_" + "_".join(unknown.name for unknown in self.unknowns)
+
+    @property
+    def parameters(self) -> list[sympy.Symbol]:
+        """Parameters of the loop besides its arguments."""
+        free: set[Any] = set().union(*(part.free_symbols for part in (*self.closure, *self.start)))
+        return sorted(free - {*self.unknowns, *self.given}, key=lambda symbol: symbol.name)
+
+    def at(self, arguments: Iterable[sympy.Expr], order: Order | None = None) -> tuple[Any, ...]:
+        """The unknowns, or their derivatives of this order, at the arguments."""
+        return tuple(function(*arguments, *(order or ())) for function in self.functions)
+
+    @property
+    def jacobian(self) -> sympy.Matrix:
+        """∂c/∂z."""
+        return sympy.Matrix(self.closure).jacobian(self.unknowns)
+
+    @property
+    def newton_step(self) -> list[Any]:
+        """z after one step of Newton's method."""
+        return list(
+            sympy.Matrix(self.unknowns) + _linear_solution(self.jacobian, -sympy.Matrix(self.closure))
+        )
+
+    def derivative(self, order: Order) -> list[Any]:
+        """Derivatives of the unknowns of this order, from those of lower orders (applied to `given`)."""
+        functions = dict(zip(self.unknowns, self.at(self.given), strict=True))
+        closed: Any = sympy.Matrix(self.closure).xreplace(functions)
+        for symbol, times in zip(self.given, order, strict=True):
+            for _ in range(times):
+                closed = closed.diff(symbol)
+        rest = closed.xreplace(dict.fromkeys(self.at(self.given, order), sympy.S.Zero))
+        return list(_linear_solution(self.jacobian.xreplace(functions), -rest))
+
+    @property
+    def margins(self) -> list[Any]:
+        """Expressions that are positive if the loop closes to 1e-9 of the magnitude of its terms."""
+        arguments = self.arguments
+        values = dict(zip((*self.unknowns, *self.given), (*self.at(arguments), *arguments), strict=True))
+        closed = [equation.xreplace(values) for equation in self.closure]
+        sizes = [sympy.Add(*map(sympy.Abs, sympy.Add.make_args(equation))) for equation in closed]
+        return [size / 10**9 - sympy.Abs(gap) for size, gap in zip(sizes, closed, strict=True)]
+
+
+def _linear_solution(matrix: Any, right: Any) -> Any:
+    """Solution z of matrix z = right by Cramer's rule, which needs no test for zero pivots."""
+    return matrix.adjugate() * right / matrix.det(method="berkowitz")
+
+
+def lower_orders(orders: Iterable[Order]) -> list[Order]:
+    """The orders and all lower ones from which the derivatives follow, lowest first."""
+    needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
+    return sorted(needed, key=lambda order: (sum(order), order))
+
+
+def at_desired_motion(expression: Any) -> Any:
+    """The expression at the fundamental motion: all moving symbols except the phase are zero."""
+    moving = expression.atoms(Moving) - {PHASE}
+    return substituted(expression, dict.fromkeys(moving, sympy.S.Zero))
+
+
+def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loop:
+    """Directions of coupler and follower, from crank pin A and pivot C to joint B, in closed form.
+
+    links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground
+    line; those that move are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
+    right. B follows from the height of the triangle A, B, C and its foot.
+    """
+    moving = [name for name, value in links.items() if sympy.sympify(value).atoms(Moving)]
+    given = {name: sympy.Dummy(name, real=True) for name in moving}
+    values: list[Any] = [given.get(name, value) for name, value in links.items()]
+    angle, crank, coupler, follower, ground, tilt = values
+    phi3, phi4 = (sympy.Symbol(name, real=True) for name in names)
+    cos, sin = sympy.cos, sympy.sin
+
+    across = (ground * cos(tilt) - crank * cos(angle), ground * sin(tilt) - crank * sin(angle))
+    square = across[0] ** 2 + across[1] ** 2
+    foot = (1 + (coupler**2 - follower**2) / square) / 2
+    height = side * sympy.sqrt(coupler**2 / square - foot**2)
+    from_pin = (foot * across[0] - height * across[1], foot * across[1] + height * across[0])
+    start = (
+        sympy.atan2(from_pin[1], from_pin[0]),
+        sympy.atan2(from_pin[1] - across[1], from_pin[0] - across[0]),
+    )
+    closure = (
+        coupler * cos(phi3) - follower * cos(phi4) - across[0],
+        coupler * sin(phi3) - follower * sin(phi4) - across[1],
+    )
+    arguments = tuple(links[name] for name in moving)
+    return Loop((phi3, phi4), ("rad", "rad"), tuple(given.values()), arguments, closure, start, 0)
+
+
+def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
+    """Conditions under which A, B, C form a triangle at every angle of the crank."""
+    crank, coupler, follower, ground = (
+        at_desired_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
+    )
+    reach = ground + crank < coupler + follower
+    return reach, sympy.Abs(ground - crank) > sympy.Abs(coupler - follower)
+
+
+class Series(Protocol):
+    """A declared periodic function, as the author of a mechanism uses it."""
+
+    mean: Any
+    """Parameter of the mean, if the series has one."""
+
+    def __call__(self, angle: Any, /) -> Any:
+        """The function of an angle as an expression."""
+        ...
+
+
+class PeriodicFunction(sympy.Function):
+    """A Fourier series: U(φ) is the function, U(φ, k) its k-th derivative.
+
+    Each declared series has a subclass with the names of its coefficients.
+    """
+
+    is_real = True
+    dimension: ClassVar[Dimension]
+    mean: ClassVar[sympy.Symbol | None] = None
+    first: ClassVar[tuple[sympy.Symbol, ...]]
+    """Cosine coefficients, or amplitudes."""
+    second: ClassVar[tuple[sympy.Symbol, ...]]
+    """Sine coefficients, or phase angles of the cosines in rad."""
+    form: ClassVar[str]
+    """"cosine-sine" or "amplitude-phase"."""
+    integrated: ClassVar[bool] = False
+    """Whether the coefficients are those of the first derivative (chapter Eq. (65))."""
+
+    nargs = (1, 2)
+
+    @classmethod
+    def eval(cls, *args: Any) -> Any:
+        return cls(*args, 0) if len(args) == 1 else None
+
+    @property
+    def order(self) -> int:
+        """Order of the derivative."""
+        return int(str(self.args[1]))
+
+    def fdiff(self, argindex: int = 1) -> sympy.Expr:
+        return self.func(self.args[0], self.order + 1)
+
+    def _latex(self, printer, exp: str | None = None) -> str:
+        name = sympy.latex(sympy.Symbol(type(self).__name__)) + primed(self.order)
+        if self.args[0] != PHASE:
+            name += r"\left(" + printer._print(self.args[0]) + r"\right)"
+        return name if exp is None else rf"\left({name}\right)^{{{exp}}}"
+
+    def _mathml_presentation(self, printer: Any) -> Any:
+        return printer.series(self)
+
+    @classmethod
+    def coefficients(cls) -> tuple[sympy.Symbol, ...]:
+        """All parameters of the series, the mean first."""
+        return (*((cls.mean,) if cls.mean else ()), *cls.first, *cls.second)

@@ -1,0 +1,160 @@
+"""Limits of the generated equations: domains of the motion, and terms that the linearisation ignores.
+
+Roots and arccosines may cancel in the equations, which are then real where the motion is not.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import sympy
+from sympy.printing.str import StrPrinter
+
+from derive.declarations import Condition
+from derive.domains import POSITIVE, Need, is_met, need, needs, signs_of
+from derive.equations import from_fundamental
+from derive.errors import DeclarationError
+from derive.functions import LoopFunction, PeriodicFunction, at_desired_motion
+from derive.mechanism import MechanismStatement
+from derive.switches import outermost, switches
+from derive.symbols import PHASE, SPEED, counted, steady
+from derive.units import cut, short
+
+
+class Demand(NamedTuple):
+    """Domain condition of a function in the mechanism: `margin` must satisfy `relation`; both also as
+    text."""
+
+    what: str
+    function: str
+    margin_text: str
+    relation: str
+    margin: Any
+
+
+def demands(mechanism: MechanismStatement) -> list[Demand]:
+    """Domain conditions that the signs of the parameters do not guarantee.
+
+    Raises DeclarationError if one can never hold.
+    """
+    signs, known = signs_of(mechanism.declared_parameters), _known(mechanism)
+    collected: dict[tuple[Any, str], Demand] = {}
+    for what, expression, motion in _stated(mechanism):
+        # A factor that vanishes in the fundamental motion does not restrict the domain.
+        for node, condition in needs(_about_fundamental(mechanism, expression)):
+            needed = condition._replace(margin=at_desired_motion(condition.margin))
+            if is_met(needed, signs) or not needed.margin.free_symbols <= known:
+                continue
+            if needed.margin.is_number and motion:
+                raise DeclarationError(f"{what} does not exist: {_sentence(node)}")
+            varies = needed.margin.has(PHASE, SPEED, LoopFunction)
+            if varies or (motion and not needed.margin.is_number):
+                original = need(node) or needed
+                demand = Demand(what, short(node), _shown(original.margin), needed.relation, needed.margin)
+                collected.setdefault((needed.margin, needed.relation), demand)
+    declared = [
+        Demand("a condition of the mechanism", each.meaning, each.text, POSITIVE, each.margin)
+        for each in _conditions(mechanism)
+        if each.margin.has(SPEED)
+    ]
+    return [*collected.values(), *declared]
+
+
+def conditions(mechanism: MechanismStatement) -> list[Condition]:
+    """Declared conditions, evaluated in the fundamental motion, that do not depend on the speed."""
+    return [each for each in _conditions(mechanism) if not each.margin.has(SPEED)]
+
+
+def _conditions(mechanism: MechanismStatement) -> Iterator[Condition]:
+    for each in mechanism.conditions:
+        yield replace(each, margin=at_desired_motion(_about_fundamental(mechanism, each.margin)))
+
+
+def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
+    """Expression with coordinates relative to the fundamental motion, at constant speed."""
+    return steady(from_fundamental(mechanism, sympy.sympify(expression)))
+
+
+def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
+    """Names and expressions evaluated along the fundamental motion, and whether each is a motion."""
+    for symbol, motion in mechanism.fundamental_motion.items():
+        yield f"the fundamental motion of {symbol}", motion, True
+    for name in ("kinetic", "potential"):
+        yield f"the {name} energy", getattr(mechanism, name), False
+    yield "the dissipation", mechanism.dissipation, False
+    for force, along in mechanism.forces:
+        yield "a force", force, False
+        yield "the displacement of a force", along, False
+
+
+def _known(mechanism: MechanismStatement) -> set[Any]:
+    options = {symbol for option in mechanism.declared_options for symbol in option.indicators}
+    return {PHASE, SPEED, *options, *(each.symbol for each in mechanism.declared_parameters)}
+
+
+class _Printer(StrPrinter):
+    """Printer of moduli as |x|."""
+
+    def _print_Abs(self, expr: sympy.Abs) -> str:
+        return f"|{self._print(expr.args[0])}|"
+
+
+def _shown(margin: Any) -> str:
+    return cut(_Printer().doprint(margin))
+
+
+def _sentence(node: Any) -> str:
+    needed: Need | None = need(node)
+    return f"{short(node)} is not real and finite" + (
+        f"; it needs {_shown(needed.margin)} {needed.relation}" if needed else ""
+    )
+
+
+def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
+    """A sentence for each parameter, series and function of coordinates that M, C, K, d omit."""
+    kept = _names(mechanism, linearised)
+    lost = [name for name in _names(mechanism, residual) if name not in kept]
+    return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
+
+
+def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
+    """A sentence for each parameter and series of the energies that no result contains."""
+    used = _names(mechanism, results)
+    return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
+
+
+def _energies(mechanism: MechanismStatement) -> list[Any]:
+    works = [part for work in mechanism.forces for part in work]
+    stated = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *works)
+    return [counted(sympy.sympify(each)) for each in stated]
+
+
+def _ignored(name: str) -> str:
+    return f"{name} is in the energies but not in the linearised equations; the linear answer ignores it"
+
+
+def _idle(name: str) -> str:
+    return f"{name} is in the energies but moves nothing: it is in no equation of motion and in no output"
+
+
+def _one_sided(function: Any) -> str:
+    return (
+        f"{short(function)} is in the energies; the linear answer uses its slope at the fundamental motion "
+        "and ignores steps and kinks that the vibration passes"
+    )
+
+
+def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[str]:
+    """Names of the parameters and series in the expressions, in the order of declaration."""
+    given = [sympy.sympify(each) for each in expressions]
+    symbols = set().union(*(each.free_symbols for each in given))
+    series = set().union(*({type(part) for part in each.atoms(PeriodicFunction)} for each in given))
+    names = [each.symbol.name for each in mechanism.declared_parameters if each.symbol in symbols]
+    return names + [each.__name__ for each in mechanism.declared_series if each in series]
+
+
+def _steps(mechanism: MechanismStatement, energies: Iterable[Any]) -> list[Any]:
+    """Steps and kinks that depend on coordinates or their rates."""
+    moving = {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
+    nodes = dict.fromkeys(node for each in energies for node in outermost(each))
+    return sorted((node for node in nodes if switches(node, moving)), key=sympy.default_sort_key)

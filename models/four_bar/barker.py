@@ -1,0 +1,121 @@
+"""Mobility, Grashof's condition and Barker's fourteen classes of planar four-bars (thesis 3.2, 3.4).
+
+C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985)
+535-554. His solution space has the coordinates λ2, λ3, λ4: lengths of coupler, follower and ground
+link over the crank's. It is divided into eight regions by three planes, in which one pair of links is as
+long as the other pair:
+
+    u2 = L1 + L2 - L3 - L4 = 0,   u3 = L1 + L3 - L2 - L4 = 0,   u4 = L1 + L4 - L2 - L3 = 0
+
+The signs of u2, u3, u4 name the class. With s and l the shortest and longest link, p and q the others:
+
+- s + l < p + q: each pair with s is shorter than the other pair, and the product u2 u3 u4 is negative;
+- s + l > p + q: each pair with l is longer than the other pair, and the product is positive;
+- on a plane the linkage has a change point."""
+
+import math
+from dataclasses import dataclass
+
+from models.four_bar.linkage import Linkage
+
+
+@dataclass(frozen=True)
+class BarkerClass:
+    """One of the fourteen classes: number, symbol, name, category and distinctive link (thesis Table 3.1)."""
+
+    number: int
+    symbol: str
+    name: str
+    category: str
+    mark: str
+
+
+CLASSES = {
+    kind.symbol: kind
+    for kind in (
+        BarkerClass(1, "GCCC", "Grashof crank-crank-crank", "Grashof", "frame L4 shortest"),
+        BarkerClass(2, "GCRR", "Grashof crank-rocker-rocker", "Grashof", "input L1 shortest"),
+        BarkerClass(3, "GRCR", "Grashof rocker-crank-rocker", "Grashof", "coupler L2 shortest"),
+        BarkerClass(4, "GRRC", "Grashof rocker-rocker-crank", "Grashof", "output L3 shortest"),
+        BarkerClass(5, "RRR1", "class 1 rocker-rocker-rocker", "non-Grashof", "frame L4 longest"),
+        BarkerClass(6, "RRR2", "class 2 rocker-rocker-rocker", "non-Grashof", "input L1 longest"),
+        BarkerClass(7, "RRR3", "class 3 rocker-rocker-rocker", "non-Grashof", "coupler L2 longest"),
+        BarkerClass(8, "RRR4", "class 4 rocker-rocker-rocker", "non-Grashof", "output L3 longest"),
+        BarkerClass(9, "CPCCC", "change point crank-crank-crank", "change point", "frame L4 shortest"),
+        BarkerClass(10, "CPCRR", "change point crank-rocker-rocker", "change point", "input L1 shortest"),
+        BarkerClass(11, "CPRCR", "change point rocker-crank-rocker", "change point", "coupler L2 shortest"),
+        BarkerClass(12, "CPRRC", "change point rocker-rocker-crank", "change point", "output L3 shortest"),
+        BarkerClass(13, "CP2X", "double change point", "change point", "two pairs of equal links"),
+        BarkerClass(14, "CP3X", "triple change point", "change point", "four equal links"),
+    )
+}
+"""The fourteen classes by symbol, in Barker's order. The names, and the letters of the symbols, state
+whether input, coupler and output turn fully (crank) or not (rocker) against the frame. Thesis Table 3.1
+prints crank-rocker-crank for GCRR and CPCRR.
+"""
+
+REGIONS = {
+    (-1, -1, -1): "GCRR",
+    (-1, +1, +1): "GRCR",
+    (+1, -1, +1): "GRRC",
+    (+1, +1, -1): "GCCC",
+    (+1, +1, +1): "RRR2",
+    (+1, -1, -1): "RRR3",
+    (-1, +1, -1): "RRR4",
+    (-1, -1, +1): "RRR1",
+}
+"""The class by the signs of u2, u3, u4."""
+
+
+def classify(linkage: Linkage) -> BarkerClass:
+    """Class of a linkage; sums of lengths are equal within round-off.
+
+    With one sign zero the class is that of the adjacent Grashof region.
+
+    >>> classify(Linkage(0.170, 0.328, 0.525, 0.547)).symbol
+    'GCRR'
+    """
+    signs = _signs(linkage)
+    zeros = signs.count(0)
+    if zeros == 0:
+        return CLASSES[REGIONS[signs]]
+    if zeros > 1:
+        return CLASSES["CP2X" if zeros == 2 else "CP3X"]
+    grashof = -math.prod(sign for sign in signs if sign)
+    u2, u3, u4 = (sign or grashof for sign in signs)
+    return CLASSES["CP" + REGIONS[u2, u3, u4].removeprefix("G")]
+
+
+def satisfies_grashof(linkage: Linkage) -> bool:
+    """Whether s + l <= p + q: at least one link can turn fully against the others (thesis 3.4)."""
+    return classify(linkage).category != "non-Grashof"
+
+
+def solution_space(linkage: Linkage) -> tuple[float, float, float]:
+    """λ2, λ3, λ4."""
+    return linkage.L2 / linkage.L1, linkage.L3 / linkage.L1, linkage.L4 / linkage.L1
+
+
+def base_plane(linkage: Linkage) -> float:
+    """Distance λ from the origin of the base plane λ2 + λ3 + λ4 = √3 λ of the linkage."""
+    return sum(solution_space(linkage)) / math.sqrt(3)
+
+
+def mobility(links: int = 4, single: int = 4, double: int = 0) -> int:
+    """Degrees of freedom 3(k - 1) - 2 j1 - j2 of a plane mechanism by Kutzbach (thesis 3.2).
+
+    links: number including the ground; single, double: numbers of joints with one and two degrees of freedom.
+
+    >>> mobility()
+    1
+    """
+    return 3 * (links - 1) - 2 * single - double
+
+
+def _signs(linkage: Linkage) -> tuple[int, int, int]:
+    L1, L2, L3, L4 = linkage.lengths
+    u2, u3, u4 = (
+        0 if abs(u) <= linkage.slack else int(math.copysign(1, u))
+        for u in (L1 + L2 - L3 - L4, L1 + L3 - L2 - L4, L1 + L4 - L2 - L3)
+    )
+    return u2, u3, u4

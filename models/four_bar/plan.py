@@ -1,0 +1,208 @@
+"""The run-up plan: L4 as a function of speed with low stresses (thesis 7.5).
+
+A map has ratios (P, g) of stress to allowable stress over rising speeds (P,) and lengths L4 (g,). Among the
+paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A plan is a
+path whose ratios do not exceed a cap, close to the mechanism's own L4 and with few bends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.optimize import linprog
+
+from solve.arrays import Array
+
+_BENDING = 0.005
+"""Weight of the bends of a plan against its distance from the mechanism's own L4: a choice."""
+
+_STRAIGHT, _CLOSE = 1e-4, 1e-12
+"""Bend over the rate below which points are collinear; difference (m) below which lengths are equal.
+
+Both are above the round-off of the linear program and below any change of practical interest.
+"""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Piecewise linear L4 (m) over rising speeds (rad/s), constant below and above.
+
+    lead (rad/s): corners are rounded by the mean of L4 from each speed to `lead` above it. The velocity of
+    the pivot is then continuous, and it is at rest at the last speed.
+    """
+
+    speed: Array
+    L4: Array
+    lead: float = 0.0
+
+    def __call__(self, speed: Array) -> Array:
+        """L4 (m) without rounded corners, at speeds of any shape."""
+        return np.interp(speed, self.speed, self.L4)
+
+    def rounded(self, speed: Array) -> tuple[Array, Array, Array]:
+        """L4 (m) and its first and second derivative by the speed, with rounded corners."""
+        ahead = speed + self.lead
+        return (
+            (self._integral(ahead) - self._integral(speed)) / self.lead,
+            (self(ahead) - self(speed)) / self.lead,
+            (self._slope(ahead) - self._slope(speed)) / self.lead,
+        )
+
+    def _integral(self, speed: Array) -> Array:
+        pieces = np.diff(self.speed) * (self.L4[1:] + self.L4[:-1]) / 2
+        cumulative = np.concatenate(([0.0], np.cumsum(pieces)))
+        inside = np.clip(speed, self.speed[0], self.speed[-1])
+        piece = np.clip(np.searchsorted(self.speed, inside, side="right") - 1, 0, len(pieces) - 1)
+        partial = (inside - self.speed[piece]) * (self.L4[piece] + self(inside)) / 2
+        below = np.minimum(speed - self.speed[0], 0) * self.L4[0]
+        return cumulative[piece] + partial + below + np.maximum(speed - self.speed[-1], 0) * self.L4[-1]
+
+    def _slope(self, speed: Array) -> Array:
+        slopes = np.concatenate(([0.0], np.diff(self.L4) / np.diff(self.speed), [0.0]))
+        return slopes[np.searchsorted(self.speed, speed, side="right")]
+
+
+def arrival(ratio: Array) -> Array:
+    """Smallest possible maximum ratio on a path from the lowest speed to each point (P, g) of the map.
+
+    On a path L4 may change at constant speed, and the speed does not decrease.
+    """
+    reached, before = np.empty_like(ratio), np.zeros(ratio.shape[1])
+    for number, own in enumerate(ratio):
+        row = np.maximum(own, before)
+        for j in range(1, len(own)):
+            row[j] = min(row[j], max(own[j], row[j - 1]))
+        for j in range(len(own) - 2, -1, -1):
+            row[j] = min(row[j], max(own[j], row[j + 1]))
+        reached[number] = before = row
+    return reached
+
+
+def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
+    """Lowest and highest L4 (P,) at every speed between which the ratio does not exceed the cap.
+
+    Each range overlaps the next, and the last contains the length with index `final`, if given. None if no
+    such ranges exist.
+    """
+    reach = _reached_below(ratio, cap)
+    if reach is None:
+        return None
+    chosen = reach[-1] if final is None else reach[-1] & (np.arange(len(L4)) == final)
+    if not chosen.any():
+        return None
+    ends = []
+    for below, ratios in zip(reach[::-1], ratio[::-1], strict=True):
+        runs, count = _runs(below)
+        shared = np.bincount(runs[chosen], minlength=count + 1)
+        chosen = runs == 1 + int(shared[1:].argmax())
+        ends.append(_edges(L4, ratios, cap, chosen))
+    low, high = np.array(ends[::-1]).T
+    return low, high
+
+
+def _reached_below(ratio: Array, cap: float) -> Array | None:
+    """Mask (P, g) of the lengths reachable below the cap; None if a speed is not reachable."""
+    reach = ratio <= cap
+    for number in range(1, len(reach)):
+        runs, _ = _runs(reach[number])
+        reach[number] &= np.isin(runs, runs[reach[number - 1]])
+    return reach if reach.any(axis=1).all() else None
+
+
+def _runs(chosen: Array) -> tuple[Array, int]:
+    """Labels from 1 of the runs of chosen neighbours, 0 for the others, and the number of runs."""
+    starts = np.diff(chosen, prepend=False) & chosen
+    return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
+
+
+def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
+    """L4 at which the ratio crosses the cap on either side of a run, or the end of the range."""
+    ends = np.flatnonzero(run)[[0, -1]]
+    low, high = (
+        _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)
+    )
+    return low, high
+
+
+def _edge(L4: Array, ratio: Array, cap: float, inner: int, outer: int) -> float:
+    if not 0 <= outer < len(L4) or not np.isfinite(ratio[outer]):
+        return float(L4[inner])
+    part = (cap - ratio[inner]) / (ratio[outer] - ratio[inner])
+    return float(L4[inner] + min(max(part, 0.0), 1.0) * (L4[outer] - L4[inner]))
+
+
+def least_change(
+    speeds: Array, low: Array, high: Array, own: float, rate: float, ends: tuple[float | None, float | None]
+) -> Plan | None:
+    """Plan within a corridor with the least distance from the own L4 (m) and the least bends, by linear
+    programming.
+
+    rate: largest change of L4 (m per rad/s). ends: L4 at the first and last speed, or None. Returns None if
+    no plan exists.
+    """
+    P, low, high = len(speeds), low.copy(), high.copy()
+    for at, end in zip((0, -1), ends, strict=True):
+        if end is not None:
+            if not low[at] - _CLOSE <= end <= high[at] + _CLOSE:
+                return None
+            low[at] = high[at] = end
+    slope = np.diff(np.eye(P), axis=0) / np.diff(speeds)[:, None]
+    bend, one, other = np.diff(slope, axis=0), np.eye(P), np.eye(P - 2)
+    # Unknowns: L4, and upper bounds of its distances from the own L4 and of its bends.
+    rows = [
+        np.hstack((sign * part, distance, bends))
+        for part, distance, bends in (
+            (slope, np.zeros((P - 1, P)), np.zeros((P - 1, P - 2))),
+            (one, -one, np.zeros((P, P - 2))),
+            (bend, np.zeros((P - 2, P)), -other),
+        )
+        for sign in (1, -1)
+    ]
+    limits = [np.full(2 * (P - 1), rate), np.full(P, own), np.full(P, -own), np.zeros(2 * (P - 2))]
+    whole = speeds[-1] - speeds[0]
+    cost = np.concatenate((np.zeros(P), np.gradient(speeds) / whole, np.full(P - 2, _BENDING * whole)))
+    bounds = [*zip(low, high, strict=True), *[(0.0, None)] * (2 * P - 2)]
+    A = sparse.csr_array(np.vstack(rows))
+    solution = linprog(cost, A_ub=A, b_ub=np.concatenate(limits), bounds=bounds)
+    return _knots(speeds, solution.x[:P], rate) if solution.status == 0 else None
+
+
+def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
+    """Plan through the points at which L4 bends."""
+    slope = np.diff(L4) / np.diff(speeds)
+    bends = np.abs(np.diff(slope)) > _STRAIGHT * rate
+    knots = np.concatenate(([True], bends, [True]))
+    return Plan(speeds[knots], L4[knots])
+
+
+def plan_below(
+    speeds: Array, L4: Array, ratio: Array, cap: float, own: int, rate: float, returns: bool
+) -> Plan | None:
+    """Plan from the lowest to the highest speed with ratios up to the cap, from the L4 of index `own`.
+
+    returns: whether L4 must be able to return there at the highest speed. None if no such plan exists.
+    """
+    passage = corridor(L4, ratio, cap, own if returns else None)
+    if passage is None:
+        return None
+    return least_change(speeds, *passage, float(L4[own]), rate, (float(L4[own]), None))
+
+
+def least_cap(speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool) -> float:
+    """Smallest cap for which `plan_below` returns a plan, from above with a relative error of 1e-3."""
+    reached = arrival(ratio)[-1]
+    low = float(max(reached[own] if returns else reached.min(), ratio[0, own]))
+    high, best = low, np.inf
+    while not np.isfinite(best):
+        if plan_below(speeds, L4, ratio, high, own, rate, returns):
+            best = high
+        elif high > 1e3 * low:
+            return np.inf
+        else:
+            low, high = high, 1.1 * high
+    while best - low > 1e-3 * best and low < best:
+        middle = (low + best) / 2
+        if plan_below(speeds, L4, ratio, middle, own, rate, returns):
+            best = middle
+        else:
+            low = middle
+    return best

@@ -1,1 +1,0 @@
-"""A run-up over speed and L4: the map of stresses, paths below an allowable one, the simulated ramp."""

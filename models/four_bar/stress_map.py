@@ -1,0 +1,195 @@
+"""Largest stress of each link over a revolution, for many speeds and ground links (thesis 7.3, 7.4).
+
+At one L4 all speeds share the matrices over the phase. Between the solved lengths the stress at a position
+and a crank angle is interpolated by the polynomial through Chebyshev points of L4, on which it depends
+smoothly. Its maximum over a revolution does not.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import BarycentricInterpolator
+
+from solve import PeriodicCurves, Radau
+from solve.arrays import Array
+from solve.beams.assembly import Beams
+from solve.beams.structure import StructureModel
+from solve.terminal import progress
+
+METHOD = Radau(order=9)
+"""An L-stable method, as the steps do not resolve the axial modes."""
+
+_STEPS, _SAMPLES = 96, 4
+"""Steps per revolution, and crank angles per step at which the stress is evaluated.
+
+Choices; `Peaks.error` measures their effect.
+"""
+
+_TOGETHER = 8
+"""Speeds whose stresses are in memory together: a choice."""
+
+_BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
+"""Barlow points of a cubic element, at which its curvature is most accurate: the Gauss points of order 2."""
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """Largest |stress| (Pa) over a revolution at P speeds, (P, lengths, links).
+
+    place and phase: its position as a fraction of the link's length, and crank angle (rad). error (P,):
+    relative change of the largest stress with half the steps, or with two Chebyshev points fewer if that is
+    larger. radius_bound (P, solved lengths): upper bound of the spectral radius.
+    """
+
+    stress: Array
+    place: Array
+    phase: Array
+    error: Array
+    radius_bound: Array
+
+
+def places(beams: Beams) -> list[Array]:
+    """Positions on each link, as fractions of its length, at which the stress is evaluated.
+
+    They are the clamped root or the midpoint, as in the thesis, and two points within each element.
+    """
+    by_link = []
+    for member in beams.members:
+        link = member.link
+        root = [0.0] if link.start_rotation == "" else [1.0] if link.end_rotation == "" else [0.5]
+        within = (np.arange(member.count)[:, None] + np.array(_BARLOW)).ravel() / member.count
+        by_link.append(np.unique([*root, *within]))
+    return by_link
+
+
+def stress_rows(beams: Beams, angle: Array) -> Array:
+    """Rows (k, 2, S, n) of axial stress and of bending stress at the + surface, Pa, per coordinate.
+
+    S: positions on all links in sequence; angle (k, links): of the links.
+    """
+    rows = []
+    for member, fractions in zip(beams.members, places(beams), strict=True):
+        turned = member.rotations(angle)
+        for fraction in fractions:
+            first, xi = member.place(fraction)
+            row = np.zeros((len(angle), 2, beams.freedoms.n + 1))
+            row[:, :, member.indices[first]] = np.concatenate(member.stresses(np.array([xi]))) @ turned
+            rows.append(row[:, :, :-1])
+    return np.stack(rows, axis=2)
+
+
+class StressMap:
+    """Stresses of a four-bar over speeds (rad/s) and lengths L4 (m) from `low` to `high`.
+
+    count: Chebyshev points of L4, or 1 where both ends are the same.
+    """
+
+    def __init__(self, model: StructureModel, low: float, high: float, count: int = 7):
+        order = np.arange(count)
+        self.nodes = (low + high) / 2 - (high - low) / 2 * np.cos(np.pi * (order + 0.5) / count)
+        if high == low:
+            self.nodes = np.array([low])
+        self.links = [link.name for link in model.beams.freedoms.links]
+        self.places = places(model.beams)
+        self._ends = np.cumsum([0, *map(len, self.places)])
+        self.lengths = [OneLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
+
+    def weights(self, L4: Array) -> Array:
+        """Interpolation weights (g, nodes) of the nodes at lengths (g,)."""
+        if len(self.nodes) == 1:
+            return np.ones((len(L4), 1))
+        return BarycentricInterpolator(self.nodes, np.eye(len(self.nodes)), rng=0)(L4)
+
+    def by_link(self, values: Array, function: Callable[[Array], float]) -> Array:
+        """Function of the values (S,) at the positions of each link: (links,)."""
+        return np.array([function(of_link) for of_link in np.split(values, self._ends[1:-1])])
+
+    def peaks(self, speeds: Array, L4: Array) -> Peaks:
+        """Largest stresses at speeds (P,) and at lengths (g,) between the ends."""
+        batches = []
+        with progress.task("speeds of the stress map", len(speeds)) as count:
+            for start in range(0, len(speeds), _TOGETHER):
+                batch = speeds[start : start + _TOGETHER]
+                batches.append(self._peaks(batch, L4))
+                count.add(len(batch))
+        return Peaks(*(np.concatenate([getattr(batch, name) for batch in batches]) for name in _FIELDS))
+
+    def _peaks(self, speeds: Array, L4: Array) -> Peaks:
+        solved = [length.stresses(speeds) for length in self.lengths]
+        stresses = np.stack([stress for stress, _, _ in solved], axis=1)
+        weights, shape = self.weights(L4), (len(speeds), len(L4), len(self.links))
+        stress, place, phase = np.empty(shape), np.empty(shape), np.empty(shape)
+        error = np.max([error for _, error, _ in solved], axis=0)
+        for point, values in enumerate(stresses):
+            histories = _surfaces(np.tensordot(weights, values, axes=1))
+            for link, fractions in enumerate(self.places):
+                of_link = histories[:, self._ends[link] : self._ends[link + 1]]
+                stress[point, :, link], row, phase[point, :, link] = _highest(of_link)
+                place[point, :, link] = fractions[row]
+            error[point] = max(error[point], self._tail(values))
+        return Peaks(stress, place, phase, error, np.stack([bound for _, _, bound in solved], axis=1))
+
+    def _tail(self, values: Array) -> float:
+        """Largest contribution of the last two Chebyshev polynomials, relative to the largest stress."""
+        count = len(values)
+        if count < 3:
+            return 0.0
+        places = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+        last = np.linalg.inv(np.polynomial.chebyshev.chebvander(places, count - 1))[-2:]
+        return float(np.abs(np.tensordot(last, values, axes=1)).sum(axis=0).max() / np.abs(values).max())
+
+
+_FIELDS = tuple(Peaks.__dataclass_fields__)
+
+
+class OneLength:
+    """Stresses of the mechanism with one length L4 at many speeds."""
+
+    def __init__(self, model: StructureModel):
+        self.model = model
+        self._curves = PeriodicCurves(model, METHOD, _STEPS, _SAMPLES)
+
+    def stresses(self, speeds: Array) -> tuple[Array, Array, Array]:
+        """Axial and bending stresses (P, 2, S, k) in Pa, error (P,) and bound (P,) of the spectral radius.
+
+        The error is the relative change with half the steps. Values are infinite without a periodic solution.
+        """
+        curves = self._curves(speeds)
+        with np.errstate(invalid="ignore"):
+            coarse, fine = (
+                np.einsum("kasn,pnk->pask", self._rows, q, optimize=True) for q in (curves.coarse, curves.q)
+            )
+            largest = np.abs(fine).max(axis=(1, 2, 3))
+            error = np.abs(fine - coarse).max(axis=(1, 2, 3)) / largest
+        return fine, error, curves.radius_bound
+
+    @cached_property
+    def _rows(self) -> Array:
+        return stress_rows(self.model.beams, self.model.beams.angle(self._curves.phase))
+
+
+def _surfaces(stresses: Array) -> Array:
+    """Larger |stress| of both surfaces from axial and bending stress (g, 2, S, k)."""
+    return np.abs(stresses).sum(axis=1)
+
+
+def _highest(histories: Array) -> tuple[Array, Array, Array]:
+    """Largest value, row and phase of histories (g, S, k), by a parabola through three neighbours."""
+    g, S, k = histories.shape
+    at = histories.reshape(g, S * k).argmax(axis=1)
+    row, column = np.divmod(at, k)
+    before, top, after = (histories[np.arange(g), row, (column + shift) % k] for shift in (-1, 0, 1))
+    bend = 2 * top - before - after
+    with np.errstate(invalid="ignore", divide="ignore"):
+        shift = np.where(bend > 0, (after - before) / (2 * bend), 0.0)
+        value = top + np.where(bend > 0, (after - before) ** 2 / (8 * bend), 0.0)
+    return np.nan_to_num(value, nan=np.inf), row, (column + shift) * (2 * math.pi / k) % (2 * math.pi)
+
+
+def spaced(low: float, high: float, ratio: float) -> Sequence[float]:
+    """Speeds from low to high in geometric progression, with a factor of at most `ratio`."""
+    count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
+    return [float(x) for x in np.geomspace(low, high, count)]

@@ -1,0 +1,190 @@
+"""One corrected element per link compared with finer models over a revolution (thesis Fig. 7.9)."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+import solve
+from models.four_bar.dynamic_correction import LOADS, Corrected
+from models.four_bar.studies.shared import EachTolerance, FourBar, SpeedText
+from solve.arrays import Array
+from solve.beams.structure import StructureModel
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Flag, Results
+from solve.contracts import Statistics
+from solve.errors import ValueOutOfBoundsError
+from solve.results.contents import Column, Columns, FileContents, digits, model_info, sized
+from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
+from solve.results.stability import ErrorEstimate
+from solve.system import PeriodicSystem
+from solve.terminal import progress
+from solve.units import speed_in_si
+from solve.views.over_time import BEHIND, curves_figure, require_turn
+from solve.views.show import tables
+from solve.views.style import Figure
+from solve.views.tables import RenderableType, table_of
+
+_SAMPLES = 721
+"""Phases over the revolution, both ends included: every half degree."""
+
+REFERENCE = "reference"
+_REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
+"""Quintic elements of the reference model, whose stresses are accurate to about 0.2 %."""
+
+
+@serializable
+@dataclass(frozen=True)
+class OneModel:
+    """Result of one model.
+
+    drawn: name of the largest output, whose statistics are `figures`; values (k,): output drawn for the
+    reference, at phases over a revolution with both ends.
+    """
+
+    drawn: str
+    figures: Statistics
+    values: Array
+    spectral_radius: float
+    error_estimate: ErrorEstimate
+    warnings: Sequence[str]
+
+
+@dataclass(frozen=True)
+class Corrections(Result):
+    """A quantity at a speed (rad/s) by several models of one mechanism, by their labels."""
+
+    _rows: ClassVar[str] = "models"
+
+    system: PeriodicSystem
+    speed: float
+    quantity: str
+    models: Mapping[str, OneModel]
+
+    @property
+    def reference(self) -> OneModel:
+        return self.models[REFERENCE]
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        return list(dict.fromkeys(text for model in self.models.values() for text in model.warnings))
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        unit = self.system.units.get(self.quantity, "")
+        return {"speed": self.speed, "quantity": self.quantity, "unit": unit}
+
+    @property
+    def columns(self) -> Columns:
+        """A row a model."""
+        models, reference = list(self.models.values()), self.reference.figures.max_abs
+        unit = self.system.units.get(self.reference.drawn, "")
+        figures = [model.figures for model in models]
+        phases = [each.max_phase if each.max >= -each.min else each.min_phase for each in figures]
+        maxima = [each.max_abs for each in figures]
+        radii = [model.spectral_radius for model in models]
+        excess = [maximum / reference - 1 for maximum in maxima]
+        further = (name for name in Statistics._fields if name != "max_abs")
+        return {
+            "name": Column(list(self.models), "", "elements a link", "elements a link"),
+            "max_abs": sized(maxima, unit, "largest modulus", "max|…|", 5, reference),
+            "at": Column(phases, "rad", "where", "at", lambda phase: f"{math.degrees(phase):.1f}°"),
+            "excess": Column(excess, "1", "over the reference", "excess (%)", digits("+.2f", 100.0)),
+            "spectral_radius": Column(radii, "1", "largest modulus of a multiplier", "|ρ|", digits(".6f")),
+            "error_estimate": Column([model.error_estimate for model in models], axes=()),
+            **{name: Column([getattr(each, name) for each in figures], axes=()) for name in further},
+        }
+
+    def file_contents(self) -> FileContents:
+        """Quantity over the revolution, a column a model; the rows are metadata."""
+        unit = self.system.units.get(self.reference.drawn, "")
+        columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
+        for label, model in self.models.items():
+            columns[label] = Column(model.values, unit, f"{self.reference.drawn}, {label}", axes=("phase",))
+        return FileContents(columns, {}, {**model_info(self.system), **self.record()})
+
+    @property
+    def _phase(self) -> Array:
+        return np.linspace(0.0, self.system.period, _SAMPLES)
+
+    def plot(self) -> Figure:
+        """Quantity over the revolution, a curve a model; the reference is a wide line behind the others."""
+        curves = {label: model.values for label, model in self.models.items()}
+        return curves_figure(
+            self.system,
+            self._phase,
+            curves,
+            self.reference.drawn,
+            "elements a link",
+            styles={REFERENCE: BEHIND},
+        )
+
+
+@tables.register(Corrections)
+def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
+    caption = "reference: 2 quintic elements with an inner node a link"
+    return [table_of(result.quantity, result.columns, left=1, caption=caption)]
+
+
+def corrections(
+    model: StructureModel, speed: float, of: str, elements: Sequence[str], rtol: float = 1e-6
+) -> Corrections:
+    """A quantity at a speed (rad/s) by the reference, cubic elements and one corrected element per link.
+
+    of: a coordinate or output, or the common name of several, of which the largest is taken. elements:
+    numbers of cubic elements per link. The corrected element is solved with both loads. Raises SolveError
+    subclasses.
+    """
+    systems: dict[str, PeriodicSystem] = {REFERENCE: model.varied(options=_REFERENCE_OPTIONS)}
+    systems |= {count: model.varied(options={"element": "cubic", "elements": count}) for count in elements}
+    single = model.varied(options={"elements": 1})
+    systems |= {f"corrected, {load}": Corrected(single, load) for load in LOADS}
+    for system in systems.values():
+        require_turn(system, system.parts(of)[0], len(systems))
+    models: dict[str, OneModel] = {}
+    with progress.task("solutions", len(systems)):
+        for label, system in systems.items():
+            with progress.subtask("solutions"):
+                drawn = models[REFERENCE].drawn if models else None
+                models[label] = _solved(system, speed, of, drawn, rtol)
+    return Corrections(model, speed, of, models)
+
+
+def _solved(system: PeriodicSystem, speed: float, of: str, drawn: str | None, rtol: float) -> OneModel:
+    """Result of one model; drawn: output to sample, by default the largest."""
+    orbit = solve.periodic(system, speed, rtol=rtol)
+    figures = {name: orbit.statistics(name) for name in system.parts(of)}
+    largest = max(figures, key=lambda name: figures[name].max_abs)
+    phase = np.linspace(0.0, system.period, _SAMPLES)
+    return OneModel(
+        largest,
+        figures[largest],
+        orbit.signal(drawn or largest)(phase),
+        orbit.spectral_radius,
+        orbit.error_estimate,
+        orbit.warnings,
+    )
+
+
+def corrected(
+    four_bar: FourBar,
+    results: Results,
+    speed: SpeedText = "30 rad/s",
+    of: Annotated[
+        str, Flag("Coordinate or output to compare, or PLACE_stress on either surface.", "NAME")
+    ] = "follower_midpoint_stress",
+    elements: Annotated[str, Flag("Numbers of cubic elements per link to compare.", "A,B,C")] = "1,2,3,4",
+    rtol: EachTolerance = 1e-6,
+) -> None:
+    """One element per link with corrected dynamic stiffness, compared with more elements."""
+    model = four_bar.loaded()
+    counts = [text.strip() for text in elements.split(",")]
+    if not all(count.isdigit() for count in counts):
+        raise ValueOutOfBoundsError(
+            f"--elements is '{elements}'; write numbers of elements per link, such as --elements 1,2,3"
+        )
+    result = corrections(model, speed_in_si(speed), of, counts, rtol)
+    deliver_result(results, result, four_bar.choices)

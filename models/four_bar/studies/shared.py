@@ -1,0 +1,46 @@
+"""Flags that the commands on the elastic four-bar share, and the base class of results at one speed."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from solve.beams.structure import StructureModel
+from solve.commands.groups import Flag, Numbers
+from solve.results.orbit import Orbit
+from solve.results.result import Result
+from solve.results.serialization import stored_property
+from solve.system import PeriodicSystem
+
+SpeedText = Annotated[str, Flag("Speed with unit: rpm, rad/s or Hz.", '"30 rad/s"')]
+Tolerance = Annotated[float, Flag("Relative error of the solution.", "R")]
+EachTolerance = Annotated[float, Flag("Relative error of each solution.", "R")]
+
+
+@dataclass(frozen=True)
+class FourBar(Numbers):
+    """Case, parameters and options of the four-bar."""
+
+    def loaded(self) -> StructureModel:
+        """Model of the four-bar. Raises SolveError subclasses for invalid input."""
+        model = StructureModel.of(self.setup("four_bar"))
+        model.require_motion()
+        return model
+
+
+@dataclass(frozen=True)
+class AtOneSpeed(Result):
+    """Result derived from one orbit, with the speed, accuracy and warnings of that orbit."""
+
+    orbit: Orbit
+
+    @property
+    def system(self) -> PeriodicSystem:  # type: ignore[override]
+        return self.orbit.system
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        return self.orbit.warnings
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        names = "speed", "method", "steps", "error_estimate"
+        return {name: getattr(self.orbit, name) for name in names}

@@ -1,0 +1,93 @@
+"""Response over speed for several values of a parameter or option."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated
+
+import solve
+from models.four_bar.dynamic_correction import Corrected
+from models.four_bar.studies.shared import EachTolerance, FourBar
+from solve.beams.structure import StructureModel
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Flag, Places, Results, Speeds
+from solve.commands.parse import assignments, figure_kept, points
+from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.results.formatting import headed
+from solve.system import PeriodicSystem
+from solve.units import apart, is_number
+from solve.views.over_time import MOST_CURVES
+from solve.views.panels import shown
+
+_USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
+
+
+def study(
+    four_bar: FourBar,
+    speeds: Speeds,
+    places: Places,
+    results: Results,
+    over: Annotated[
+        str | None,
+        Flag("Values of a parameter or option, or NAME=A:B:N; unit optional.", '"NAME=A,B,C unit"'),
+    ] = None,
+    of: Annotated[
+        list[str] | None,
+        Flag(
+            "Coordinate or output, or PLACE_stress on either surface; repeatable; by default "
+            "follower_midpoint_stress.",
+            "NAME",
+        ),
+    ] = None,
+    figure: Annotated[str, Flag("Statistic of the modulus over a revolution.", "max|rms")] = "max",
+    corrected: Annotated[bool, Flag("Add one element a link corrected by dynamic stiffness.")] = False,
+    rtol: EachTolerance = 1e-6,
+) -> None:
+    """Stress, deflection or energy over speed for several values of a parameter or option."""
+    omegas, kept, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
+    title, systems = _systems(model, over, corrected)
+    names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
+    shown(model, [model.parts(name)[0] for name in names])
+    with places.given() as given:
+        compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
+    if all(sweep.results.failed.all() for sweep in compared.sweeps.values()):
+        next(iter(compared.sweeps.values())).results.require_any()
+    result = replace(compared, system=model.shown_in(omegas[0]), figure=kept)
+    deliver_result(results, result, four_bar.choices)
+
+
+def _systems(
+    model: StructureModel, over: str | None, corrected: bool
+) -> tuple[str, dict[str, PeriodicSystem]]:
+    """Heading of the varied quantity, and the systems by its values. Raises SolveError subclasses."""
+    systems: dict[str, PeriodicSystem] = {}
+    title = ""
+    if over is not None:
+        name, values = _values(over)
+        systems.update(solve.variants(model, name, values))
+        title = headed(name, model.unit_of(name).name)
+    elif corrected:
+        systems["as given"] = model
+    else:
+        raise MissingValueError(f"nothing varies; {_USAGE}")
+    if corrected:
+        systems["corrected"] = Corrected(model.varied(options={"elements": 1}))
+    if len(systems) > MOST_CURVES:
+        raise ValueOutOfBoundsError(
+            f"{len(systems)} curves over speed; allowed: up to {MOST_CURVES} in one picture"
+        )
+    return title, systems
+
+
+def _values(over: str) -> tuple[str, Sequence[float | str]]:
+    """Name and values from NAME=A,B,C or NAME=A:B:N, with an optional common unit; options may be words."""
+    ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
+    if ":" in text:
+        return points("--over", over)
+    values = [value.strip() for value in text.split(",")]
+    number, _, unit = apart(values[-1]).partition(" ")
+    numbers = [*values[:-1], number]
+    if unit and all(map(is_number, numbers)):
+        values = [f"{number} {unit}" for number in numbers]
+    if not all(values):
+        raise ValueOutOfBoundsError(f"--over is '{over}'; {_USAGE}")
+    return name, values

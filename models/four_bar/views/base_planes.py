@@ -1,0 +1,142 @@
+"""Figure of Barker's solution space: its base planes, divided into the classes (thesis 3.4).
+
+On a base plane λ2 + λ3 + λ4 = S the planes of zero mobility are λ2, λ3, λ4 = (S + 1)/2 and the
+change points λ2, λ3, λ4 = (S - 1)/2. For S < 3 those three lines enclose RRR2, for S > 3 GCRR, and
+at S = 3 they meet in one point: four equal links.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Polygon
+
+from models.four_bar.barker import REGIONS, base_plane, classify, solution_space
+from models.four_bar.linkage import Linkage
+from solve.arrays import Array
+from solve.views.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
+
+_TYPICAL = (1.05, math.sqrt(3), 3.2)
+"""λ of the drawn planes, one of each kind of division."""
+
+_CORNERS = np.exp(1j * np.radians([90, 210, 330]))
+"""Corners of the drawn triangle: λ2, λ3 or λ4 alone is not zero."""
+
+_MARKED = {"1": ("frame", ORANGE), "2": ("input", BLUE), "3": ("coupler", GREEN), "4": ("output", VERMILION)}
+_STRONG, _PALE = 0.65, 0.2
+"""Opacity of Grashof and of non-Grashof regions."""
+
+_LEAST_ROOM = 0.045
+"""Smallest width of a labelled region over the size of its plane: a choice by appearance."""
+
+_EXPLAINED = (
+    "Strong: Grashof, by the shortest link; pale: non-Grashof, by the longest. Lines: change points,\n"
+    "CP2X where two cross, CP3X where three meet. Outside: no linkage closes."
+)
+_GRASHOF = {"GCCC": "1", "GCRR": "2", "GRCR": "3", "GRRC": "4"}
+
+
+def base_planes_figure(linkage: Linkage) -> Figure:
+    """Three typical base planes, and the plane of the linkage with the linkage as a dot."""
+    with styled():
+        figure = new_figure(7.8)
+        figure.suptitle("Base planes of Barker's solution space", fontweight="bold")
+        panels = figure.subplots(2, 2)
+        for axes, distance in zip(panels.flat, _TYPICAL, strict=False):
+            _draw_plane(axes, distance)
+            axes.set_title(f"λ = {distance:.4g}", loc="left")
+        _draw_linkage(panels[1, 1], linkage)
+        figure.legend(handles=_legend(), title=_EXPLAINED, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _draw_plane(axes: Axes, distance: float, unnamed: str = "") -> None:
+    total = math.sqrt(3) * distance
+    movable = total * np.eye(3)
+    for link in range(3):
+        movable = _clipped(movable, link, (total + 1) / 2, -1)
+    size = np.ptp(_flat(movable), axis=0).max()
+    for signs, symbol in REGIONS.items():
+        region = movable
+        for link, sign in enumerate(signs):
+            region = _clipped(region, link, (total - 1) / 2, sign)
+        if len(region) > 2:
+            _draw_region(axes, _flat(region), symbol)
+            if symbol != unnamed:
+                _name_region(axes, _flat(region), symbol, size)
+    for link in range(3):
+        _label_edge(axes, link, (total + 1) / 2, total, size)
+        _label_edge(axes, link, 0.0, total, size)
+    axes.margins(0.02, 0.10)
+    axes.set_aspect("equal")
+    axes.axis("off")
+
+
+def _label_edge(axes: Axes, link: int, value: float, total: float, size: float) -> None:
+    """Label outside the edge on which one of the λ has this value."""
+    middle = np.full((1, 3), (total - value) / 2)
+    middle[0, link] = value
+    outward = _CORNERS[link] if value > 0 else -_CORNERS[link]
+    x, y = _flat(middle)[0] + 0.05 * size * np.array([outward.real, outward.imag])
+    text = f"$λ_{link + 2}$ = {value:.4g}"
+    axes.text(x, y, text, ha="center", va="center", rotation=(0, -60, 60)[link], color=GREY, fontsize=7.5)
+
+
+def _draw_region(axes: Axes, region: Array, symbol: str) -> None:
+    grashof = symbol in _GRASHOF
+    colour = _MARKED[_GRASHOF.get(symbol, symbol[-1])][1]
+    axes.add_patch(Polygon(region, facecolor=colour, alpha=_STRONG if grashof else _PALE, linewidth=0))
+    axes.add_patch(Polygon(region, facecolor="none", edgecolor=BLACK, linewidth=0.9, joinstyle="round"))
+
+
+def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
+    """Write the class in the middle of a region (k, 2) that is large enough in a plane of this size."""
+    perimeter = np.linalg.norm(region - np.roll(region, 1, axis=0), axis=1).sum()
+    area, (x, y) = _area_and_centroid(region)
+    if 2 * area > _LEAST_ROOM * size * perimeter:
+        axes.text(x, y, symbol, ha="center", va="center", fontsize=7)
+
+
+def _draw_linkage(axes: Axes, linkage: Linkage) -> None:
+    """Plane of the linkage; its class is in the title, where the dot does not hide it."""
+    symbol, distance = classify(linkage).symbol, base_plane(linkage)
+    _draw_plane(axes, distance, unnamed=symbol)
+    place = _flat(np.array([solution_space(linkage)]))
+    axes.plot(*place.T, "o", color=BLACK, markersize=7, markeredgecolor="white", zorder=5)
+    axes.set_title(f"λ = {distance:.4g}: this linkage, {symbol}", loc="left")
+
+
+def _legend() -> list[Patch]:
+    return [
+        Patch(color=colour, alpha=alpha, linewidth=0, label=f"{role} {extreme}")
+        for role, colour in _MARKED.values()
+        for alpha, extreme in ((_STRONG, "shortest"), (_PALE, "longest"))
+    ]
+
+
+def _flat(points: Array) -> Array:
+    """Positions (k, 2) in the drawn triangle of λ2, λ3, λ4 (k, 3)."""
+    places = points @ _CORNERS / points.sum(axis=1)
+    return np.column_stack((places.real, places.imag))
+
+
+def _clipped(polygon: Array, link: int, limit: float, side: int) -> Array:
+    """Part of a convex polygon (k, 3) with side · (λ - limit) >= 0 for one of the λ."""
+    corners = []
+    for first, second in pairwise([*polygon, *polygon[:1]]):
+        start, end = side * (first[link] - limit), side * (second[link] - limit)
+        if start >= 0:
+            corners.append(first)
+        if start * end < 0:
+            corners.append(first + (second - first) * start / (start - end))
+    return np.array(corners).reshape(-1, 3)
+
+
+def _area_and_centroid(polygon: Array) -> tuple[float, Array]:
+    """Area and centroid of a polygon (k, 2)."""
+    x, y = polygon.T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    moments = np.array([(x + np.roll(x, -1)) @ cross, (y + np.roll(y, -1)) @ cross])
+    return float(abs(cross.sum())) / 2, moments / (3 * cross.sum())

@@ -1,0 +1,115 @@
+"""Validation of arguments of public functions, and memory limits checked before allocation."""
+
+import inspect
+import reprlib
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+
+from solve.errors import SolveError, StepsError, ValueOutOfBoundsError
+
+MOST = 2**26
+"""Default limit on the numbers held in memory at once: half a gigabyte of float64. A choice."""
+
+SMALL = 40
+"""Largest number of coordinates of a small system. Up to it compiled lanes are faster than BLAS, points are
+solved in batches and BLAS uses one thread; tables of larger systems would fill the memory."""
+
+NUMBERS_A_POINT = 64
+"""Estimate of the numbers stored per point: statistics, multipliers and warnings. A choice."""
+
+_numbers_limit: ContextVar[float] = ContextVar("numbers_limit", default=MOST)
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+
+
+def first_is(
+    *types: type, such_as: str, demand: Callable[[Any], None] | None = None
+) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
+    """Decorator that raises ValueOutOfBoundsError unless the first argument is an instance of `types`.
+
+    Wrong arguments are refused early with a clear message instead of an AttributeError.
+
+    Parameters
+    ----------
+    *types : type
+        Allowed types.
+    such_as : str
+        Example of a valid argument, for the message.
+    demand : callable, optional
+        Further check, which raises for unsuitable arguments.
+    """
+
+    def decorator(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+        name = next(iter(inspect.signature(function).parameters))
+
+        @wraps(function)
+        def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+            first = args[:1] or [value for key, value in kwargs.items() if key == name]
+            if first and not isinstance(first[0], types):
+                allowed = " or ".join(kind.__name__ for kind in types)
+                raise ValueOutOfBoundsError(
+                    f"{name} is {reprlib.repr(first[0])}; allowed: {allowed}, such as {such_as}"
+                )
+            if first and demand is not None:
+                demand(first[0])
+            return function(*args, **kwargs)
+
+        return checked
+
+    return decorator
+
+
+def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:
+    """Names without repetitions, in their order; a single string is one name."""
+    return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
+
+
+def require_integer(
+    name: str, value: object, least: int = 1, hint: str = "", error: type[SolveError] = ValueOutOfBoundsError
+) -> None:
+    """Raise `error` unless the value is an integer of at least `least`; `hint` extends the message."""
+    if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= least):
+        raise error(f"{name} is {value!r}; allowed: whole numbers of at least {least}{hint}")
+
+
+def require_steps(steps: object, least: int = 1) -> None:
+    """Raise StepsError unless `steps` is an integer of at least `least`."""
+    require_integer("steps", steps, least, "; leave steps out to have their number chosen", StepsError)
+
+
+@contextmanager
+def limited(limit: float | None) -> Iterator[None]:
+    """Context with a limit on the numbers held in memory at once; None keeps the current limit. Raises
+    ValueOutOfBoundsError outside 1 … 1e15."""
+    if limit is not None and not 1 <= limit <= 1e15:
+        raise ValueOutOfBoundsError(f"limit is {limit:g}; allowed: 1 … 1e15 numbers, such as {MOST}")
+    token = _numbers_limit.set(_numbers_limit.get() if limit is None else limit)
+    try:
+        yield
+    finally:
+        _numbers_limit.reset(token)
+
+
+def most_numbers() -> float:
+    """Limit on the numbers held in memory at once."""
+    return _numbers_limit.get()
+
+
+def require_size(what: str, count: float, each: float = 1) -> None:
+    """Raise ValueOutOfBoundsError if `count` items of `each` numbers exceed the memory limit.
+
+    >>> require_size("points", 1000, each=20)
+    >>> require_size("points", 1e9, each=20)
+    Traceback (most recent call last):
+    solve.errors.ValueOutOfBoundsError: 1e+09 points; allowed: up to 3355443, or more with --limit 2e+10
+    """
+    if count * each > most_numbers():
+        most, needed = int(most_numbers() / each), f"--limit {count * each:.3g}"
+        allowed = f"up to {most}, or more with {needed}" if most else f"{needed} or more"
+        raise ValueOutOfBoundsError(f"{count:.6g} {what}; allowed: {allowed}")

@@ -1,0 +1,224 @@
+"""Solutions of points by one method on a grid, and the points that have none."""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.certified import Certified, Failed, SolveRequest
+from solve.certify.estimates import ROUND_OFF, LoadScale, differences
+from solve.errors import MatricesError, StepsError
+from solve.methods.free import driven_freely, free, solutions_on
+from solve.methods.method import Method, Solutions
+from solve.period.frozen import FrozenModes, balanced, frozen
+from solve.period.grid import Grid
+from solve.period.points import Points, matrices
+from solve.period.rigid_body import Free
+from solve.terminal import progress
+
+_MEMORY = 2**25
+"""Bytes of the points that are solved at a time."""
+
+_WORK = 1e9
+"""Multiplications for the points that are solved at a time: some tenths of a second, during which an
+interruption waits."""
+
+_DRIVEN = 1e-9
+"""Mean acceleration of a free machine, relative to its accelerations, that counts as zero. Measured round-off
+for chains whose loads have zero mean: 1e-13."""
+
+
+class PointSolver:
+    """Solver of points by one method.
+
+    Attributes
+    ----------
+    max_steps : int
+        Largest number of steps per period.
+    orders : (2,)
+        Orders of convergence of orbit and multipliers.
+    """
+
+    def __init__(self, points: Points, method: Method, request: SolveRequest):
+        self.points, self.method, self.request = points, method, request
+        self.max_steps = method.most_steps(points.n)
+        self.orders = np.array([method.curve_order, method.order])
+
+    def with_method(self, method: Method) -> "PointSolver":
+        """Solver of the same points by another method, with the same frozen and rigid-body modes."""
+        solver = PointSolver(self.points, method, self.request)
+        solver.__dict__.update(modes=self.modes, free=self.free, equations=self.equations)
+        return solver
+
+    @cached_property
+    def modes(self) -> FrozenModes:
+        """FrozenModes modes of all points."""
+        return frozen(self.points, engine=self.request.engine)
+
+    @cached_property
+    def free(self) -> Free | None:
+        """Rigid-body modes of the points; None without, or if the method determines those of an orbit."""
+        return free(self.points, self.modes) if self.method.linear else None
+
+    def rigid_body_modes(self, positions: Array) -> Free | None:
+        """Rigid-body modes of points at positions (k,)."""
+        return None if self.free is None else self.free[positions]
+
+    @cached_property
+    def equations(self) -> Points:
+        """Points with balanced equations; unbalanced for methods that do not converge, because row factors
+        change modal masses and hence their result."""
+        return balanced(self.points, self.modes) if self.method.converges else self.points
+
+    def relative_stiffness(self, positions: Array) -> Array:
+        """Stiffness (k,) of the softest frozen mode of points at positions (k,), relative to the stiffest."""
+        if self.points.n == 1:
+            return np.ones(len(positions))
+        rates = np.abs(self.modes[positions].few_eigenvalues)
+        least, largest = rates.min(axis=(1, 2)), rates.max(axis=(1, 2))
+        return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
+
+    def load_scale(self, positions: Array) -> LoadScale:
+        """Displacements due to all loads on each coordinate of points at positions (k,)."""
+        return lambda rows, sizes: self.modes[positions[rows]].load_scale(sizes)
+
+    def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
+        """Differences (k, 2) of solutions of points at positions (k,) from better ones."""
+        return differences(coarse, fine, self.load_scale(positions), self.request.engine)
+
+    @cached_property
+    def min_steps(self) -> Array:
+        """Smallest numbers of steps (P,) with which the method can be stable."""
+        if type(self.method).least_steps is Method.least_steps:
+            return np.ones(len(self.points), dtype=int)
+        return self.method.least_steps(self.modes)
+
+    def invalid_points(self) -> list[Failed]:
+        """Points with a singular M, and points at which the method is unstable with the given steps.
+
+        Raises StepsError for a number of steps that the method cannot use at any point.
+        """
+        failures = [Failed(*failure) for failure in singular_inertia(self.points, self.modes)]
+        if self.request.steps is None:
+            return failures
+        others = np.delete(np.arange(len(self.points)), [failure.position for failure in failures])
+        return [*failures, *self.unstable_points(self.request.steps, others)]
+
+    def unstable_points(self, steps: Any, positions: Array) -> Iterator[Failed]:
+        """Points at which the method is unstable with these steps.
+
+        Raises StepsError for a number that the method cannot use at any point.
+        """
+        self.method.require_steps(steps, self.points)
+        for position in positions[steps < self.min_steps[positions]].tolist():
+            reason = StepsError(
+                f"{self.method.name} with {steps} steps a period is beyond its stability limit; use at "
+                f"least {self.min_steps[position]} steps, or a method without limit (radau)"
+            )
+            yield Failed(position, reason)
+
+    def chunks(self, steps: int, positions: Array) -> list[Array]:
+        """The positions, split so that each chunk fits into memory and can be interrupted after it."""
+        if len(positions) < 2:
+            return [positions] if len(positions) else []
+        n, stages = self.points.n, self.method.stages
+        size = self.method.bytes_a_step(n, self.request.orbit, self.request.engine)
+        size = (size + 8 * self.points.bytes_a_phase) * steps
+        rows = n * (1 if stages is None else len(stages.c))
+        work = steps * rows**2 * (rows / 3 + 2 * n + 1)
+        count = math.ceil(len(positions) * max(size / _MEMORY, work / _WORK))
+        return np.array_split(positions, min(len(positions), count))
+
+    def solve(self, steps: int, positions: Array) -> Solutions:
+        """Solutions of points at positions (k,) on this number of steps."""
+        equations = self.equations[positions]
+        return self.solve_points(self.method, equations, steps, self.rigid_body_modes(positions))
+
+    def solve_points(self, method: Method, points: Points, steps: int, rigid: Free | None) -> Solutions:
+        """Solutions of points with these rigid-body modes by a method on a number of steps."""
+        grid = Grid.uniform(steps, points.period, points.breaks)
+        with progress.task(f"{self.method.name} on {steps} steps"):
+            return solutions_on(method, points, grid, self.request.orbit, self.request.engine, rigid)
+
+    def certify(
+        self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
+    ) -> Iterator[Certified | Failed]:
+        """Points with their errors (k, 2); those whose load drives a rigid-body mode fail.
+
+        absolute (k,): lower bounds of the absolute errors of the multipliers.
+        """
+        errors[:, 0] += solutions.defect
+        if solutions.free is not None and solutions.driven is not None and self.request.orbit:
+            is_driven = solutions.driven > _DRIVEN + 10 * errors[:, 0]
+            for row in np.flatnonzero(is_driven)[:, None]:
+                point, modes = self.points[positions[row]], solutions.free.modes[row]
+                yield Failed(int(positions[row[0]]), driven_freely(point, modes))
+            rows = np.flatnonzero(~is_driven)
+            if not len(rows):
+                return
+            positions, solutions = positions[rows], solutions[rows]
+            errors, absolute = errors[rows], absolute[rows]
+        radius = solutions.multipliers.spectral_radius
+        with np.errstate(over="ignore"):
+            absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)
+        modes = self.modes[positions]
+        yield Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
+
+
+def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
+    """Positions of the points whose M is singular at some phase, whether or not a step samples it, and
+    errors.
+
+    The phase is searched if det M falls below 2 % of its median at a sampled phase: a choice.
+    """
+    for position in np.flatnonzero(~modes.has_steady_inertia(0.02)).tolist():
+        phase = _singular_phase(points[np.array([position])], modes.phases)
+        if phase is not None:
+            reason = (
+                f"M is singular near phase {phase:.6g}: some coordinate has no inertia there; give every "
+                "coordinate a mass at every phase"
+            )
+            yield position, MatricesError(reason)
+
+
+def _singular_phase(point: Points, phases: Array) -> float | None:
+    """Phase at which det M of a point changes its sign, or has a minimum that is round-off."""
+    spacing = float(phases[1] - phases[0])
+    determinants = _scaled_determinants(point, phases)
+    if not np.isfinite(determinants).all():
+        return None
+    median = np.median(np.abs(determinants))
+    # Eight intervals, each a sixteenth of the last: the phase is then known to round-off.
+    for _ in range(8):
+        is_smooth = np.diff(_jumps_before(point, phases)) == 0
+        changes = np.flatnonzero((determinants[1:] * determinants[:-1] < 0) & is_smooth)
+        if len(changes):
+            return float(phases[changes[0]]) % point.period
+        sizes = np.abs(determinants)
+        smallest = int(sizes.argmin())
+        if sizes[smallest] <= ROUND_OFF * median:
+            return float(phases[smallest]) % point.period
+        if not sizes.max() > 2 * sizes[smallest]:
+            return None
+        phases = phases[smallest] + spacing * np.linspace(-1, 1, 33)
+        spacing, determinants = spacing / 16, _scaled_determinants(point, phases)
+    return None
+
+
+def _scaled_determinants(point: Points, phases: Array) -> Array:
+    """det M (k,), in units in which the diagonal of M is about 1."""
+    M = matrices(point, np.mod(phases, point.period))[0][0]
+    unit = np.sqrt(np.abs(np.einsum("kii->ki", M)).max(axis=0))
+    unit[unit == 0] = 1.0
+    with np.errstate(invalid="ignore"):
+        return np.linalg.det(M / (unit[:, None] * unit))
+
+
+def _jumps_before(point: Points, phases: Array) -> Array:
+    """Number of jumps (k,) before each phase, in all periods since phase 0."""
+    period, phase = np.divmod(phases, point.period)
+    jumps = np.sort(np.mod(point.breaks, point.period)) if point.breaks else np.empty(0)
+    return period * len(jumps) + np.searchsorted(jumps, phase)

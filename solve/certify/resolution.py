@@ -1,0 +1,157 @@
+"""Modes and harmonics that a number of steps resolves: the first grid, grid sizes, and unresolved modes.
+
+With coefficients frozen at a phase, a step of a one-step method multiplies a mode of rate λ by R(hλ) instead
+of exp(hλ). If the two differ, two solutions may agree on a wrong multiplier: L-stable methods damp an
+undamped mode, other methods preserve a decaying one. The larger of both factors bounds what remains of a
+disturbance after a period."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.coefficients import harmonics
+from solve.methods.collocation import Collocated, Collocation
+from solve.methods.method import Method
+from solve.period.frozen import FrozenModes, residual_amplitude
+from solve.period.points import Points
+
+MIN_STEPS = 8
+"""Fewest steps of a grid: a choice."""
+
+_MAX_FIRST_STEPS = 2**14
+"""Most steps of a first grid: a choice, because a prediction of more is not reliable."""
+
+UNDERFLOW = 1e-30
+"""Spectral radius below which the multipliers of Φ are round-off of its entries."""
+
+AIM = 0.3
+"""Fraction of `rtol` that a grid aims at. Between 0.15 and 0.6 the number of steps changes by less than 10
+%."""
+
+_UNRESOLVED = 0.25
+"""Relative error of a mode over the period above which it is unresolved: a quarter of a radian of phase, far
+below half a revolution, where two solutions may agree by chance."""
+
+
+def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:
+    """Steps (P,) with which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω is the aim.
+
+    c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
+    their decay per period relative to the least damped one, and the harmonics of the coefficients, weighted
+    by their amplitudes. Methods without an error constant start with few steps; those that do not damp stiff
+    modes start with steps that resolve these on the doubled grid, with which they are compared."""
+    if not isinstance(method, Collocated):
+        phase_advance = np.zeros(len(modes)) if method.l_stable else modes.phase_advance_estimate
+        steps = np.ceil(np.nan_to_num(phase_advance) / (2 * method.follows))
+        return np.clip(steps, 2 * MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
+    c, p, T = method.error_constant, method.order, modes.period
+    rates, remaining = modes.rates_and_decay(UNDERFLOW)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        # The varying coefficients add harmonics of the speed, about 1.5 of them, to the frozen rates.
+        mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
+        harmonic_powers = _harmonic_powers(harmonics(points, orbit), rates.max(axis=1), T, p)
+        steps = (c / (AIM * rtol) * np.maximum(mode_powers, harmonic_powers)) ** (1 / p)
+    steps = np.ceil(np.nan_to_num(steps, posinf=_MAX_FIRST_STEPS))
+    return np.clip(steps, MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
+
+
+def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> Array:
+    """Largest amplitude · (ωT)^(p + 1) (P,) of the harmonics of amplitudes (P, k).
+
+    Harmonics above the `fastest` mode (P,), ω₁, have the additional weight (ω₁/ω)³: inertia reduces the
+    response by (ω₁/ω)², and local errors accumulate over a period of the mode only. The factor 1.25 on ω
+    accounts for the harmonics of the response, which adds its own to those of the coefficients."""
+    omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
+    response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
+    with np.errstate(divide="ignore"):
+        powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
+    return np.exp(powers.max(axis=1, initial=-np.inf))
+
+
+def grid_sizes(steps: Array) -> Array:
+    """Steps (k,) rounded up to 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, …
+
+    Points share these few grids, so that tables are reused. Above 192 steps, sizes differ by a quarter of an
+    octave, because extra steps then cost more than an extra grid."""
+    steps = np.maximum(steps, MIN_STEPS)
+    octave = np.exp2(np.floor(np.log2(steps)))
+    spacing = octave / np.where(steps > 192, 4, 2)
+    return (spacing * np.ceil(steps / spacing)).astype(int)
+
+
+def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed: Array) -> Array:
+    """Remainder (P,) of a unit disturbance after a period in modes that the steps do not resolve.
+
+    Parameters
+    ----------
+    method : Method
+        With a stability function, or with a largest angle ω h per step.
+    modes : FrozenModes
+        FrozenModes modes of P points.
+    steps : int
+        Steps per period.
+    allowed : (P,)
+        Remainder that does not matter. If that at a sixteenth of the phases is below a tenth of it, this
+        decides; the two differ by at most a factor of 1.2 for the models of this project.
+
+    Returns
+    -------
+    (P,)
+        0 if all modes are resolved; infinite if a method without stability function preserves unresolved
+        modes.
+    """
+    limit = _resolved_angle(method, steps) * steps / modes.period
+    remainder, rows = np.zeros(len(modes)), np.flatnonzero(~modes.is_within(limit))
+    for few_phases in (True, False):
+        if len(rows):
+            subset = modes[rows]
+            rates = subset.few_eigenvalues if few_phases else subset.eigenvalues()
+            remainder[rows] = _remainder(method, rates, modes.period, steps, limit)
+            is_decided = (remainder[rows] > 0) & (remainder[rows] < 0.1 * allowed[rows])
+            rows = rows[~is_decided]
+    return remainder
+
+
+def _remainder(method: Method, rates: Array, period: float, steps: int, limit: float) -> Array:
+    """Remainder (P,) from frozen rates (P, k, 2n); limit: largest rate that is resolved."""
+    if method.stages is not None:
+        return _collocation_remainder(method.stages, rates, period / steps, steps)
+    is_unresolved = np.abs(rates).max(axis=(1, 2)) > limit
+    remainder = residual_amplitude(rates, period, limit * period) if method.l_stable else np.inf
+    return np.where(is_unresolved, remainder, 0.0)
+
+
+def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: int) -> Array:
+    """Product over the period (P,) of the largest factors of unresolved modes, or of the fastest mode at
+    phases where all are resolved; from frozen rates (P, k, 2n)."""
+    z = h * rates
+    is_unresolved, factors = _unresolved_factors(stages, z, steps)
+    counts = is_unresolved | (np.abs(z) == np.abs(z).max(axis=-1, keepdims=True))
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).mean(axis=-1)
+        remainder = np.exp(steps * exponents)
+    return np.where(is_unresolved.any(axis=(-2, -1)), remainder, 0.0)
+
+
+def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Array, Array]:
+    """Whether modes z = hλ are unresolved, and the larger moduli of their exact and their computed
+    factors."""
+    with np.errstate(over="ignore"):
+        exact, computed = np.exp(z), stages.stability_function(z)
+        largest = np.maximum(np.abs(exact), np.abs(computed))
+        return ~(steps * np.abs(computed - exact) <= _UNRESOLVED * largest), largest
+
+
+def _resolved_angle(method: Method, steps: int) -> float:
+    """Largest h|λ| up to which all modes that do not grow are resolved over this number of steps."""
+    if method.stages is not None:
+        return _collocation_angle(method.stages, steps)
+    return min(method.follows, float(method.in_phase(np.array(steps), _UNRESOLVED)) / steps)
+
+
+@lru_cache(maxsize=256)
+def _collocation_angle(stages: Collocation, steps: int) -> float:
+    radii, angles = np.geomspace(1e-3, 64.0, 400), np.pi * np.linspace(0.5, 1.0, 33)
+    is_unresolved = _unresolved_factors(stages, radii[:, None] * np.exp(1j * angles), steps)[0].any(axis=1)
+    return float(radii[max(int(is_unresolved.argmax()) - 1, 0)] if is_unresolved.any() else radii[-1])

@@ -1,0 +1,62 @@
+"""Commands that write documents: `report`, `animate` and `export`."""
+
+from typing import Annotated
+
+import solve
+from solve.commands.deliver import deliver_animation, deliver_page, print_warnings
+from solve.commands.groups import Accuracy, Flag, Problem, Speed, Speeds
+from solve.commands.parse import out_file
+from solve.exports import export as exports
+from solve.exports.state_space import SAMPLES
+from solve.results.files import PICTURES
+from solve.views import animation, page
+
+
+def report(
+    problem: Problem,
+    speeds: Speeds,
+    speed: Speed,
+    accuracy: Accuracy,
+    out: Annotated[str | None, Flag("File of the page.", "FILE.html")] = None,
+) -> None:
+    """Everything about a model on one page of HTML."""
+    file, model = out_file(out, page.ENDINGS, "report", "report.html"), problem.loaded(still=True)
+    deliver_page(solve.report(model, speeds.speeds, speed.speed, accuracy.rule, accuracy.rtol), file)
+
+
+def animate(
+    problem: Problem,
+    speed: Speed,
+    accuracy: Accuracy,
+    out: Annotated[
+        str | None, Flag("Animation (.gif, .html), or a picture of positions (.png, .pdf, .svg).", "FILE")
+    ] = None,
+    scale: Annotated[
+        float | None, Flag("Magnification of the vibration; by default the vibration is visible.", "S")
+    ] = None,
+    frames: Annotated[
+        int | None, Flag("Frames, 90 by default; positions in a picture, 6 by default.", "N")
+    ] = None,
+    show: Annotated[
+        list[str] | None, Flag("Coordinate or output to draw as a curve; repeatable.", "NAME")
+    ] = None,
+    nonlinear: Annotated[bool, Flag("Use the orbit of the nonlinear equations.")] = False,
+) -> None:
+    """Mechanism in motion with magnified vibration, as an animation or a picture."""
+    file = out_file(out, animation.ENDINGS, "animation", "cam.gif")
+    animation.frame_count(frames, False, file.suffix.lower() in PICTURES)
+    model, rule = problem.loaded(rigid=True), accuracy.rule
+    result = solve.animate(model, speed.speed, scale, frames, show, nonlinear, rule, accuracy.rtol)
+    deliver_animation(result, file)
+
+
+def export(
+    problem: Problem,
+    speed: Speed,
+    out: Annotated[str | None, Flag("File of the equations: .mat, .c or .fmu.", "FILE")] = None,
+    samples: Annotated[int, Flag("Phases per period in a .mat file.", "N")] = SAMPLES,
+) -> None:
+    """Equations for another tool: MATLAB, C, or an FMU."""
+    file = out_file(out, exports.ENDINGS, "export", "cam.mat")
+    result = solve.export(problem.loaded(), file, speed.speed, samples)
+    print_warnings(result.warnings, result.files)

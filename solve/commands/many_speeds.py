@@ -1,0 +1,238 @@
+"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical`, `branch` and `validity`."""
+
+import math
+from collections.abc import Sequence
+from functools import partial
+from typing import Annotated, Any
+
+import solve
+from solve.commands.deliver import ContradictionError, deliver_result
+from solve.commands.groups import Accuracy, Flag, Moved, Places, Problem, Results, Speed, Speeds, Steps
+from solve.commands.parse import assignments, figure_kept, fraction, harmonic_count, points, quantities
+from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.model.model import Model
+from solve.results.sweep import Sweep
+from solve.system import PeriodicSystem
+from solve.units import speed_in_si, speeds_in_si
+from solve.views.over_time import require_turn, turn_figure, turns_figure
+from solve.views.panels import shown
+from solve.views.show import printout
+from solve.views.style import Figure
+from solve.views.sweep import labelled_by, moving
+
+_RANGE = '"NAME=A:B:N unit"'
+
+
+def sweep(
+    problem: Problem,
+    speeds: Speeds,
+    speed: Speed,
+    accuracy: Steps,
+    places: Places,
+    results: Results,
+    show: Annotated[
+        list[str] | None, Flag("Coordinate or output to show; repeatable; coordinates by default.", "NAME")
+    ] = None,
+    waterfall: Annotated[
+        str | None, Flag("Draw the spectrum of this coordinate or output instead.", "NAME")
+    ] = None,
+    harmonics: Annotated[int | None, Flag("Harmonics of the spectrum.", "N", "60")] = None,
+    over: Annotated[
+        list[str] | None, Flag("N values of a parameter from A to B, unit optional; repeatable.", _RANGE)
+    ] = None,
+    turn: Annotated[
+        str | None, Flag("Draw its curve over one period instead, a line per point: up to 12.", "NAME")
+    ] = None,
+) -> None:
+    """Periodic vibration and stability over many speeds, and values of parameters."""
+    harmonic, varied = harmonic_count(harmonics), _varied(over)
+    omegas = _omegas(speeds, speed, bool(varied))
+    model, count = problem.loaded(rigid=True, varied=varied), 1 if omegas is None else len(omegas)
+    names, spectra = shown(model, show), [waterfall] if waterfall else []
+    if turn is not None:
+        _check_turn(model, turn, count * math.prod(map(len, varied.values())), results, waterfall)
+    if waterfall:
+        _check_waterfall(waterfall, results, [count, *map(len, varied.values())])
+    rule = accuracy.rule, accuracy.steps, accuracy.rtol
+    output: dict[str, Any] = {"spectra": spectra, "harmonics": harmonic, "over": varied or None}
+    with places.given() as resources:
+        result = solve.sweep(model, omegas, *rule, **output, **resources)
+    result.results.require_any()
+    report = partial(printout, result, problem.choices, names=names)
+    figure = partial(result.waterfall, waterfall) if waterfall else partial(result.plot, show)
+    if turn:
+        figure = partial(_turns, model, result, turn, rule)
+    deliver_result(results, result, problem.choices, result.notes, report=report, figure=figure)
+
+
+def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
+    """Speeds in rad/s of --speeds or --speed; None stands for the case's speed if parameters vary. Raises
+    MissingValueError, UnitError, ValueOutOfBoundsError."""
+    if speed.speed is not None and speeds.speeds is not None:
+        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
+    if speed.speed is not None:
+        return [speed_in_si(speed.speed)]
+    return None if varied and speeds.speeds is None else speeds.omegas()
+
+
+def _varied(over: list[str] | None) -> dict[str, Sequence[float | str]]:
+    """Values of --over by name. Raises ValueOutOfBoundsError."""
+    varied: dict[str, Sequence[float | str]] = {}
+    for name, values in (points("--over", text) for text in over or []):
+        if name in varied:
+            raise ValueOutOfBoundsError(f"--over gives {name} twice; give it once")
+        varied[name] = values
+    return varied
+
+
+def _check_turn(
+    model: PeriodicSystem, name: str, count: int, results: Results, waterfall: str | None
+) -> None:
+    """Raise SolveError subclasses, before the calculation, for a picture of --turn that cannot be drawn."""
+    if results.plot is None:
+        raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
+    if waterfall is not None:
+        raise ValueOutOfBoundsError("--turn and --waterfall draw one picture each; give one of them")
+    require_turn(model, name, count)
+
+
+def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None:
+    """Raise SolveError subclasses, before the calculation, for a picture of --waterfall that cannot be drawn.
+    counts: numbers of speeds and of values of each parameter."""
+    if sum(count > 1 for count in counts) > 1:
+        raise ValueOutOfBoundsError(
+            "--waterfall draws a spectrum over one quantity; give one speed, or one value of the others"
+        )
+    if not (results.plot or results.save or results.json):
+        raise MissingValueError(
+            f"--waterfall {name} draws a picture; add the file, such as --plot waterfall.png"
+        )
+
+
+def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figure:
+    """Figure with a curve per point that has a result. Raises ValueOutOfBoundsError if none has."""
+    orbits, varying = {}, moving(sweep.varied)
+    labels = labelled_by(model, {name: sweep.varied[name] for name in varying})
+    for label, point in zip(labels, sweep.points, strict=True):
+        if point.error is None:
+            orbits[label] = solve.periodic(model.varied(point.parameters), point.speed, *rule)
+    if not orbits:
+        raise ValueOutOfBoundsError(f"--turn {turn}: no point has a result to draw; {sweep.points[0].error}")
+    if not sweep.parameters:
+        return turn_figure([*orbits.values()], turn)
+    return turns_figure(orbits, turn, ", ".join(varying))
+
+
+def chart(
+    problem: Problem,
+    speed: Speed,
+    accuracy: Accuracy,
+    places: Places,
+    results: Results,
+    x: Annotated[
+        str | None, Flag("N values from A to B on the x axis; a speed requires its unit.", _RANGE)
+    ] = None,
+    y: Annotated[str | None, Flag("N values from A to B on the y axis.", _RANGE)] = None,
+    cut: Annotated[
+        list[str] | None,
+        Flag("Add the line on which x or y has this value; repeatable.", "NAME=NUMBER[unit]"),
+    ] = None,
+    of: Annotated[
+        str | None, Flag("Draw this quantity: q3.max_abs, rho1.re, exponent1.re, …", "QUANTITY")
+    ] = None,
+    tolerance: Annotated[float, Flag("Accuracy of boundaries, relative to the ranges.", "R")] = 1e-9,
+    prove: Annotated[bool, Flag("Prove verdicts on boxes that cover the chart; needs python-flint.")] = False,
+) -> None:
+    """Stability over two quantities, with named boundaries."""
+    across, upwards = _axis("--x", x), _axis("--y", y)
+    model = problem.loaded(varied={**across, **upwards})
+    lines = [_held(text, model) for text in cut or []]
+    omega = None if "speed" in {*across, *upwards} else speed.omega(model)
+    options = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
+    options["prove"] = prove
+    with places.given() as resources:
+        result = solve.chart(model, across, upwards, omega, **options, **resources).with_cuts(lines)
+    deliver_result(results, result, problem.choices, result.notes)
+    if result.contradicted:
+        raise ContradictionError(f"proved verdicts contradict {result.contradicted} points of the chart")
+
+
+def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
+    """Values of an axis by the name of its quantity. Raises MissingValueError, ValueOutOfBoundsError,
+    UnitError."""
+    if text is None:
+        raise MissingValueError(
+            f"no {flag} given; add {flag} NAME=A:B:N, N values of a parameter from A to B"
+        )
+    name, _, values = text.partition("=")
+    if name.strip() == "speed":
+        return {"speed": speeds_in_si(values)}
+    return dict([points(flag, text)])
+
+
+def _held(text: str, model: Model) -> tuple[str, float]:
+    """Name and value, in the unit of the model, of a text NAME=NUMBER[unit]."""
+    ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
+    if name == "speed":
+        return name, speed_in_si(value)
+    return name, model.in_own_unit(name, quantities("--cut", [text])[name])
+
+
+def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:
+    """Unstable bands between the lowest and the highest speed, their edges refined.
+
+    Speeds are added as the model needs them; narrow bands are looked for between them.
+    """
+    omegas, model = speeds.omegas(), problem.loaded()
+    moved.require_known(model)
+    result = solve.bands(model, omegas, accuracy.rule, accuracy.rtol)
+    deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes)
+
+
+def critical(
+    problem: Problem,
+    speeds: Speeds,
+    accuracy: Accuracy,
+    results: Results,
+    moved: Moved,
+    of: Annotated[str | None, Flag("Coordinate or output; the first coordinate by default.", "NAME")] = None,
+    figure: Annotated[str, Flag("Statistic of |quantity| to maximise: max or rms.", "max|rms")] = "max",
+    orders: Annotated[int, Flag("Highest order of integer divisions.", "K")] = 20,
+    campbell: Annotated[bool, Flag("Draw the Campbell diagram alone.")] = False,
+) -> None:
+    """Critical speeds: largest response, dominant multiplier, integer divisions of frequencies."""
+    omegas, statistic, model = speeds.omegas(), figure_kept(figure), problem.loaded()
+    moved.require_known(model)
+    result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
+    drawn = None if moved.by else partial(result.plot, campbell=campbell)
+    deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)
+
+
+def branch(
+    problem: Problem,
+    results: Results,
+    speeds: Annotated[str | None, Flag("First and last speed.", '"A:B unit"')] = None,
+    points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
+    rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
+    periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
+    start: Annotated[str | None, Flag("Saved orbit or transient as the start.", "FILE")] = None,
+) -> None:
+    """Branch of nonlinear orbits over the speed, followed through its turning points."""
+    if speeds is None:
+        raise MissingValueError('no speeds given; add a range, such as --speeds "300:600 rpm"')
+    result = solve.branch(problem.loaded(), speeds, start, points, rtol, periods=periods)
+    deliver_result(results, result, problem.choices)
+
+
+def validity(
+    problem: Problem,
+    speeds: Speeds,
+    accuracy: Accuracy,
+    results: Results,
+    at: Annotated[float, Flag("Largest error up to which the model is valid.", "5%", read=fraction)] = 0.05,
+) -> None:
+    """Linearisation error over speed, and the speed up to which the linear model is valid."""
+    omegas, model = speeds.omegas(), problem.loaded()
+    result = solve.validity(model, omegas, at, accuracy.rule, accuracy.rtol)
+    result.require_any()
+    deliver_result(results, result, problem.choices)

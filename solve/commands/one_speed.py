@@ -1,0 +1,199 @@
+"""Commands at one speed: `periodic`, `floquet`, `compare` and `transient`."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+import solve
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Flag, OnePoint, Problem, Proving, Results, Settings, Speed
+from solve.commands.parse import harmonic_count
+from solve.errors import NoResultError, ValueOutOfBoundsError, require_name
+from solve.methods.choice import METHODS, Rule, chosen, settings_of
+from solve.model.model import Model
+from solve.results.orbit import Orbit
+from solve.studies.compare import TARGETS
+from solve.views.orbit import SCALES
+from solve.views.panels import shown, titled
+from solve.views.show import printout
+from solve.views.style import Figure
+from solve.views.tables import RenderableType, stacked
+
+if TYPE_CHECKING:
+    from solve.studies.measured import Measured
+
+
+def periodic(
+    problem: Problem,
+    speed: Speed,
+    accuracy: OnePoint,
+    proving: Proving,
+    results: Results,
+    harmonics: Annotated[int | None, Flag("Harmonics of the spectrum; 60 by default.", "N")] = None,
+    nonlinear: Annotated[
+        bool, Flag("Orbit of the nonlinear equations, with the linear one for comparison.")
+    ] = False,
+    periods: Annotated[
+        int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
+    ] = None,
+    start: Annotated[
+        str | None, Flag("With --nonlinear: a saved orbit or transient as the start.", "FILE")
+    ] = None,
+    quasi_static: Annotated[bool, Flag("Add the kinetostatic solution for comparison.")] = False,
+    show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
+    data: Annotated[
+        str | None, Flag("Measured vibration at this speed, drawn for comparison.", "FILE")
+    ] = None,
+    fits: Annotated[bool, Flag("With --plot: the case's tables and the series fitted to them.")] = False,
+    scale: Annotated[str, Flag("Scale of the spectrum in the picture.", "linear|dB")] = "linear",
+) -> None:
+    """Periodic vibration, its spectrum and its stability."""
+    count, model = harmonic_count(harmonics), problem.loaded(rigid=True)
+    proving.require_provable(model)
+    require_name("scale", scale, SCALES)
+    shown(model, show)
+    _check_flags(results, nonlinear, proving.prove, quasi_static, fits, data)
+    records, picture = None, None
+    if data is not None:
+        from solve.studies.measured import measured
+
+        records = measured(data, model, speed.omega(model))
+    if fits:
+        from solve.views.over_time import fits_figure
+
+        picture = fits_figure(model)
+    _require_nonlinear({"--periods": periods, "--start": start}, nonlinear)
+    solver = solve.periodic
+    if nonlinear:
+        solver = partial(_nonlinear, start=start, periods=1 if periods is None else periods)
+    orbit = accuracy.solved(solver, model, speed.omega(model))
+    proof = proving.proof(orbit)
+    figure = partial(orbit.plot, show, quasi_static, scale, harmonics) if picture is None else lambda: picture
+    record = partial(orbit.record, count, quasi_static)
+    report = partial(printout, orbit, problem.choices, quasi_static=quasi_static)
+    if records is not None:
+        record, report, figure = _with_measured(orbit, records, record, report)
+    deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure, proof=proof)
+
+
+def _check_flags(
+    results: Results, nonlinear: bool, prove: bool, quasi_static: bool, fits: bool, data: str | None
+) -> None:
+    """Raise ValueOutOfBoundsError for flags that exclude each other."""
+    if nonlinear and prove:
+        raise ValueOutOfBoundsError("only linear equations can be proved; leave out --nonlinear or --prove")
+    if fits and results.plot is None:
+        raise ValueOutOfBoundsError("--fits requires --plot FILE; add it")
+    if fits and data is not None:
+        raise ValueOutOfBoundsError("--fits and --data select two different pictures; give one of them")
+    if nonlinear and quasi_static:
+        raise ValueOutOfBoundsError(
+            "--quasi-static requires the linear orbit; leave out --quasi-static or --nonlinear"
+        )
+
+
+def _require_nonlinear(flags: Mapping[str, Any], nonlinear: bool) -> None:
+    """Raise ValueOutOfBoundsError for a flag that requires --nonlinear."""
+    for flag, value in flags.items():
+        if value is not None and not nonlinear:
+            raise ValueOutOfBoundsError(f"{flag} {value} requires --nonlinear; add it")
+
+
+def _nonlinear(
+    model: Model, omega: float, *rule: Any, start: str | None, periods: int, all_multipliers: bool
+) -> Orbit:
+    method, steps, rtol = rule
+    return solve.nonlinear(model, omega, start, periods, method, steps, rtol, all_multipliers=all_multipliers)
+
+
+def _with_measured(
+    orbit: Orbit,
+    records: Sequence["Measured"],
+    record: Callable[[], dict[str, Any]],
+    report: Callable[[], RenderableType],
+) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
+    """Record, report and figure with the measured values. Raises ValueOutOfBoundsError."""
+    from solve.studies.measured import beside
+    from solve.views.fit import compared_figure, differences_table
+
+    channels = beside(orbit, records)
+    title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
+    return (
+        lambda: {**record(), "measured": [channel.record for channel in channels]},
+        lambda: stacked(report(), differences_table(channels, orbit.system.speed_unit)),
+        lambda: compared_figure(orbit.system, channels, title),
+    )
+
+
+def floquet(problem: Problem, speed: Speed, accuracy: OnePoint, proving: Proving, results: Results) -> None:
+    """Floquet multipliers, exponents and the stability verdict."""
+    model = problem.loaded()
+    proving.require_provable(model)
+    result = accuracy.solved(solve.floquet, model, speed.omega(model))
+    deliver_result(results, result, problem.choices, proof=proving.proof(result))
+
+
+def compare(
+    problem: Problem,
+    speed: Speed,
+    settings: Settings,
+    results: Results,
+    method: Annotated[
+        list[str] | None, Flag("Method to compare; repeatable; all by default.", "NAME")
+    ] = None,
+    steps: Annotated[list[int] | None, Flag("Equal number of steps per period; repeatable.", "N")] = None,
+    rtol: Annotated[
+        list[float] | None,
+        Flag(
+            "Target error of the orbit (of the multipliers without a load); repeatable; 1e-3 and 1e-6 by "
+            "default.",
+            "R",
+        ),
+    ] = None,
+) -> None:
+    """Comparison of methods: error, steps and time."""
+    model = problem.loaded()
+    omega, methods = speed.omega(model), _methods(method, settings.settings)
+    result = solve.compare(model, omega, methods, steps, rtol or TARGETS)
+    if all(row.reason for row in result.rows):
+        raise NoResultError(f"no method gives a result; {result.rows[0].method}: {result.rows[0].reason}")
+    deliver_result(results, result, problem.choices)
+
+
+def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
+    """Methods, each with the settings that it has. Raises UnknownNameError, and ValueOutOfBoundsError for a
+    setting that none of them has."""
+    selected = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
+    allowed = {name: settings_of(name) for name in selected if name in METHODS}
+    for setting, value in settings.items():
+        if value is not None and not any(setting in fields for fields in allowed.values()):
+            chosen(selected[0], **{setting: value})
+    return [
+        chosen(name, **{key: value for key, value in settings.items() if key in allowed.get(name, ())})
+        for name in selected
+    ]
+
+
+def transient(
+    problem: Problem,
+    speed: Speed,
+    results: Results,
+    turns: Annotated[int, Flag("Number of periods.", "N")] = 40,
+    start: Annotated[
+        str, Flag("Initial state; a saved .npz is continued from its end.", "FILE|rest|orbit")
+    ] = "rest",
+    nonlinear: Annotated[bool, Flag("Integrate the nonlinear equations of motion.")] = False,
+    rtol: Annotated[float, Flag("Tolerance to which the orbit is reached.", "R")] = 1e-3,
+    show: Annotated[list[str] | None, Flag("Coordinate or output to draw; repeatable.", "NAME")] = None,
+    speeds: Annotated[
+        str | None, Flag("Run-up instead of one speed: linear in time; one end may be 0.", '"A:B unit"')
+    ] = None,
+) -> None:
+    """Start-up from any state until the periodic vibration is reached; run-up to a speed."""
+    model = problem.loaded()
+    shown(model, show)
+    if speeds is not None and speed.speed is not None:
+        raise ValueOutOfBoundsError("--speed is constant and --speeds varies; give one of them")
+    omega = speed.omega(model) if speeds is None else None
+    result = solve.transient(model, omega, turns, start, nonlinear, rtol, speeds=speeds)
+    deliver_result(results, result, problem.choices, figure=partial(result.plot, show))

@@ -1,0 +1,124 @@
+"""Commands on parameters and natural frequencies: `sensitivity`, `fit` and `frequencies`."""
+
+from typing import Annotated
+
+import numpy as np
+
+import solve
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed, Speeds, Steps
+from solve.commands.parse import assignments, points
+from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
+from solve.results.files import checked
+from solve.results.frequencies import Findings
+from solve.studies import frequencies as study
+from solve.units import apart, quantity
+
+
+def sensitivity(
+    problem: Problem,
+    speed: Speed,
+    speeds: Speeds,
+    accuracy: Steps,
+    results: Results,
+    of: Annotated[
+        list[str] | None,
+        Flag("q3.max_abs, spectral_radius, rho1.abs, exponent1.re, …; repeatable.", "QUANTITY"),
+    ] = None,
+    by: Annotated[list[str] | None, Flag("Parameter, or speed; repeatable; all by default.", "NAME")] = None,
+    nonlinear: Annotated[bool, Flag("Use the orbit of the nonlinear equations.")] = False,
+    periods: Annotated[
+        int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
+    ] = None,
+) -> None:
+    """Derivatives of quantities by parameters and the speed, at one speed or many."""
+    if speed.speed is not None and speeds.speeds is not None:
+        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
+    if periods is not None and not nonlinear:
+        raise ValueOutOfBoundsError(f"--periods {periods} requires --nonlinear; add it")
+    model = problem.loaded()
+    task = of, by, accuracy.rule, accuracy.steps, accuracy.rtol
+    if speeds.speeds is not None:
+        over = solve.sensitivities_over(model, speeds.omegas(), *task, nonlinear=nonlinear, periods=periods)
+        return deliver_result(results, over, problem.choices)
+    result = solve.sensitivities(model, speed.omega(model), *task, nonlinear=nonlinear, periods=periods)
+    sensitivities = result.found.values()
+    if all(one.reason and np.isnan(one.derivatives).all() for one in sensitivities):
+        raise NoResultError("; ".join(one.reason for one in sensitivities))
+    return deliver_result(results, result, problem.choices, result.notes)
+
+
+def fit(
+    problem: Problem,
+    speed: Speed,
+    accuracy: Accuracy,
+    results: Results,
+    data: Annotated[str | None, Flag("Measured vibration (.csv, .mat, .uff), with units.", "FILE")] = None,
+    free: Annotated[str | None, Flag("Parameters to fit, separated by commas.", "k1,k2")] = None,
+    bounds: Annotated[
+        list[str] | None, Flag("Bounds of a parameter, unit optional; repeatable.", '"NAME=A:B unit"')
+    ] = None,
+    robust: Annotated[bool, Flag("Weight outliers by their moduli instead of their squares.")] = False,
+    toml: Annotated[str | None, Flag("Write the fitted model as a case file (.toml).", "FILE")] = None,
+) -> None:
+    """Parameters of the model from measured vibration, with confidence intervals."""
+    if data is None or free is None:
+        missing = "--data FILE" if data is None else "--free NAME,NAME"
+        raise MissingValueError(f"a fit requires measured data and free parameters; add {missing}")
+    case = None if toml is None else checked(toml, [".toml"], "case")
+    names, limits = [name.strip() for name in free.split(",") if name.strip()], _bounds(bounds)
+    model = problem.loaded()
+    omega = speed.speed or model.case_speed
+    result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
+    further = {} if case is None else {case: lambda: result.toml}
+    deliver_result(results, result, problem.choices, beside=further)
+
+
+def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
+    """Lower and upper bound by name, as texts if a unit follows. Raises ValueOutOfBoundsError."""
+    bounds = {}
+    for name, text in assignments("--bounds", texts or [], "NAME=A:B").items():
+        try:
+            numbers, _, unit = apart(text).partition(" ")
+            low, high = (quantity(f"{number} {unit}".strip()) for number in numbers.split(":"))
+        except ValueError:
+            raise ValueOutOfBoundsError(
+                f"--bounds {name}={text}: write two numbers in the model's unit, such as "
+                f"--bounds {name}=1e4:1e6, or with a unit, such as '20:40 mm'"
+            ) from None
+        bounds[name] = low, high
+    return bounds
+
+
+def frequencies(
+    problem: Problem,
+    results: Results,
+    position: Annotated[str | None, Flag("Position of the drive; 0 by default.", '"70 deg"')] = None,
+    count: Annotated[int | None, Flag("Number of modes, from the lowest; 4 by default.", "N")] = None,
+    turn: Annotated[int | None, Flag("Add N positions of a revolution, with their mean.", "N")] = None,
+    over: Annotated[
+        list[str] | None,
+        Flag(
+            "Add N values of a parameter: mean over the revolution, or at --position if given.",
+            '"NAME=A:B:N unit"',
+        ),
+    ] = None,
+    modes: Annotated[bool, Flag("Add the mode shapes of a structure.")] = False,
+) -> None:
+    """Natural frequencies and mode shapes with the drive held still."""
+    if over and len(over) > 1:
+        raise ValueOutOfBoundsError(f"--over is given {len(over)} times; vary one parameter per run")
+    varied = points("--over", over[0]) if over else None
+    model = problem.loaded(still=True, varied={} if varied is None else dict([varied]))
+    study.require_position(model, position)
+    here = study.frequencies(model, position or 0.0, count)
+    revolution = None if turn is None else study.frequencies(model, study.turn(model, turn), count)
+    variation = None
+    if varied is not None:
+        positions = here.positions
+        if position is None and model.moves:
+            positions = study.turn(model, turn or study.TURN)
+        variation = study.frequencies_over(model, *varied, positions, count)
+    first = [name for name in varied[:1] if name in problem.unset(problem.model)] if varied else []
+    result = Findings(here, revolution, variation, here.shapes() if modes else (), first)
+    deliver_result(results, result, problem.choices)

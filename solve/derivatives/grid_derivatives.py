@@ -1,0 +1,250 @@
+"""Derivatives of quantities of an orbit and of its multipliers on one grid."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Dependence
+from solve.derivatives.figures import Figures, Starts
+from solve.derivatives.multipliers import COALESCENCE, GridMultipliers
+from solve.derivatives.orbit_sums import Adjoint, Forward, GridOrbit, WeightedSums, term_sizes
+from solve.derivatives.periodic_problem import PeriodicProblem
+from solve.errors import NoDerivativeError, ValueOutOfBoundsError
+from solve.kernel.engines import COMPILED
+from solve.kernel.formulas import columns_by
+from solve.labels import SPEED
+from solve.methods.collocation import Collocated
+from solve.methods.free import mean_weights
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.named import EXPONENT, RADIUS, Named
+from solve.period.points import OnePoint
+from solve.period.quantities import samples_a_step
+from solve.results.stability import Stability
+from solve.system import derivatives_of
+
+_JUMP = 1e-9
+"""Jump of an output, relative to its largest value, above which it is discontinuous. A choice."""
+
+_STEP = 1e-5
+"""Relative step of a parameter for central differences of the inertia weights: their error is about 1e-10."""
+
+
+def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
+    """Dependence of the equations on parameters or "speed", by the engine of the solution."""
+    return derivatives_of(solved.system).by(names, columns_by(solved.certified.request.engine))
+
+
+@dataclass(frozen=True, eq=False)
+class GridDerivatives:
+    """Derivatives on one grid with respect to quantities by name. adjoint: whether derivatives of the orbit
+    use adjoint problems; starts: see `Figures`."""
+
+    solved: Stability
+    rule: Collocated
+    steps: int
+    dependence: Dependence
+    names: Sequence[str]
+    adjoint: bool = False
+    starts: Starts = field(default_factory=dict)
+
+    @cached_property
+    def problem(self) -> PeriodicProblem:
+        """Periodic problem of the orbit, solved anchored for a free machine."""
+        system, engine = self.solved.system, self.solved.certified.request.engine
+        grid = Grid.uniform(self.steps, system.period, system.breaks)
+        point = OnePoint(system, self.solved.speed)
+        free = self.solved.certified.solutions.free
+        known = None if free is not None else self._curve(grid, point, engine)
+        return PeriodicProblem(point, self.rule, grid, engine, known, free)
+
+    @cached_property
+    def _original(self) -> PeriodicProblem:
+        """Periodic problem without anchors, whose one-step maps have all multipliers."""
+        problem = self.problem
+        if problem.free is None:
+            return problem
+        return PeriodicProblem(problem.point, self.rule, problem.grid, self.solved.certified.request.engine)
+
+    def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
+        """Periodic solution on a grid, if it is known or quickly solved for."""
+        solutions = self.solved.certified.solutions
+        if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
+            if engine != COMPILED:
+                return None
+            solutions = self.rule.solutions(point, grid, True, engine)
+        return solutions.curve[0] if isinstance(solutions.curve, Curve) and not solutions.failures else None
+
+    @cached_property
+    def orbit(self) -> GridOrbit:
+        """Orbit on this grid."""
+        finest = self.solved.steps * samples_a_step(self.solved.steps)
+        samples = finest * self.steps // self.solved.steps
+        if self.rule != self.solved.certified.method:
+            # Twice as many samples reveal the sampling error of sums.
+            samples *= 2
+        return GridOrbit(self.solved.system, self.solved.speed, self.problem, samples)
+
+    @cached_property
+    def forward(self) -> Forward:
+        """Derivatives of the orbit."""
+        return Forward(self.orbit, self.dependence, self.nodes, self._level)
+
+    @cached_property
+    def _level(self) -> Array | None:
+        """Derivatives of the means along rigid-body modes (modes, r). The inertia-weighted mean is zero, and
+        its weights depend on the parameters."""
+        free, mean = self.problem.free, self.problem.curve.mean
+        if free is None:
+            return None
+        system, speed = self.solved.system, self.solved.speed
+
+        def weights(name: str, value: float) -> Array:
+            try:
+                at = (system, value) if name == SPEED else (system.varied({name: value}), speed)
+                return mean_weights(OnePoint(*at), free.modes)
+            except ValueOutOfBoundsError:
+                return mean_weights(OnePoint(system, speed), free.modes)
+
+        values = [speed if name == SPEED else system.parameters[name] for name in self.names]
+        levels = np.zeros((free.modes.references.shape[1], len(values)))
+        for at, (name, value) in enumerate(zip(self.names, values, strict=True)):
+            step = _STEP * (abs(value) or 1.0)
+            before, after = (weights(name, value + side * step) for side in (-1, 1))
+            levels[:, at] = -(after - before) @ mean / (2 * step)
+        return levels
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Derivatives (m, r) of the starts of steps by the quantities."""
+        system = self.solved.system
+        return self.problem.at_nodes(system.breaks, derivatives_of(system).of_breaks(self.names))
+
+    @cached_property
+    def figures(self) -> Figures:
+        """Figures of the orbit on this grid."""
+        return Figures(self.orbit, self.starts, self.nodes)
+
+    @cached_property
+    def _multipliers(self) -> GridMultipliers:
+        return GridMultipliers(self._original, self.solved.spectrum)
+
+    def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
+        """Derivatives (r,) of log ρ of one of the solution's multipliers, or of log |ρ|; or the sums of the
+        moduli of their terms if `sizes`."""
+        problem, multipliers = self.problem, self._multipliers
+        n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
+        vectors = multipliers.vectors(at)
+        states, by_orbit = np.zeros((len(phases), 3, n)), None
+        if not self.dependence.linear:
+            states = problem.orbit.states[:, problem.stages, ..., 0].reshape(states.shape)
+            by_orbit = self.forward.motions.states[:, problem.stages].reshape(-1, len(self.names))
+        slopes, term = np.zeros(len(self.names), dtype=complex), np.abs if sizes else np.asarray
+        for node in np.flatnonzero(self.nodes.any(axis=1)).tolist():
+            slopes += term(multipliers.by_node(vectors, node) * self.nodes[node])
+        along = partial(self.dependence.matrices, phases, self.solved.speed, states)
+        for unit, weights in multipliers.weights(vectors, modulus and not sizes):
+            weights = weights.reshape(-1, 3, n, n)
+            by, by_states = along(weights)
+            slopes += term(unit) * (term_sizes(lambda signed: along(signed)[0], weights) if sizes else by)
+            if by_orbit is not None:
+                slopes += term(unit) * (term(by_states.ravel()) @ term(by_orbit))
+        return slopes
+
+    def jumps(self, name: str) -> Array:
+        """Whether each of the quantities (r,) moves a jump of an output."""
+        system, speed = self.solved.system, self.solved.speed
+        nodes = np.flatnonzero(self.nodes.any(axis=1))
+        if name not in system.outputs or not len(nodes):
+            return np.zeros(len(self.names), dtype=bool)
+        rates, values = speed ** np.array([2.0, 1.0, 0.0])[:, None], []
+        for at, place in ((nodes, 0), (nodes - 1, -1)):
+            a, v, q = np.moveaxis(self.problem.orbit.states[at, place, ..., 0] * rates, 1, 0)
+            phases = self.problem.phases[at, place]
+            values.append(system.output_values(phases, speed, q.T, v.T, a.T)[name])
+        jumps = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
+        return (self.nodes[nodes[jumps]] != 0).any(axis=0)
+
+    def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
+        """Derivatives (r,) of each quantity, or the reason why it has none; if `sizes`, the sums of the
+        moduli of their terms instead."""
+        derivatives: list[Any] = []
+        of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
+        if of_orbit:
+            self.figures.find_extrema(of_orbit)
+        for each in quantities:
+            try:
+                derivatives.append(
+                    self.figures.sums(each) if each.of_orbit else self._of_multiplier(each, sizes)
+                )
+            except NoDerivativeError as reason:
+                derivatives.append(reason)
+        at = [place for place, each in enumerate(derivatives) if isinstance(each, WeightedSums)]
+        if at:
+            adjoint = self.adjoint and not self.nodes.any()
+            solver = Adjoint(self.orbit, self.dependence) if adjoint else self.forward
+            for place, slopes in zip(at, solver.of([derivatives[k] for k in at], sizes), strict=True):
+                derivatives[place] = np.where(self.jumps(quantities[place].subject), np.nan, slopes)
+        return derivatives
+
+    def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
+        """Derivatives (r,) of a quantity of a multiplier, or the sums of the moduli of their terms. Raises
+        NoDerivativeError."""
+        at = multiplier_position(self.solved, quantity)
+        _require_simple(self.solved, at, quantity)
+        modulus = quantity.subject == RADIUS or quantity.figure == "abs"
+        slopes, rho = self.log_multiplier_derivatives(at, modulus, sizes), self.solved.spectrum.multiplier(at)
+        if sizes:
+            return np.real(slopes) * (1 / self.solved.period if quantity.subject == EXPONENT else abs(rho))
+        if quantity.subject == EXPONENT:
+            # λ = log ρ Ω / P, P the period in phase.
+            logarithm = self.solved.spectrum.logarithm(at) / self.solved.speed
+            along = np.array([name == SPEED for name in self.names])
+            return quantity.part((slopes + logarithm * along) / self.solved.period)
+        if modulus:
+            return abs(rho) * np.real(slopes)
+        return quantity.part(rho * slopes)
+
+
+def multiplier_position(solved: Stability, quantity: Named) -> int:
+    """Index of the multiplier of a quantity; for the spectral radius the largest one without rigid-body
+    modes."""
+    if quantity.number:
+        return quantity.number - 1
+    others = np.flatnonzero(~solved.spectrum.rigid)
+    return int(others[0]) if len(others) else 0
+
+
+def _multipliers(solved: Stability, at: int) -> Array:
+    """The leading multipliers, or all of them if the index is beyond."""
+    leading = solved.spectrum.leading
+    return leading if at < len(leading) else solved.multipliers
+
+
+def _require_simple(solved: Stability, at: int, quantity: Named) -> None:
+    """Raise NoDerivativeError for a multiplier that is unresolved, of a rigid-body mode, or multiple."""
+    if solved.spectrum.rigid[at]:
+        raise NoDerivativeError(
+            f"{quantity.text} is of a rigid-body mode: its multiplier is +1 whatever the parameters"
+        )
+    multipliers = _multipliers(solved, at)
+    rho = complex(multipliers[at])
+    if at >= len(solved.spectrum.leading) and not solved.multiplier_errors[at] < 1:
+        raise NoDerivativeError(f"{quantity.text} has no digit on {solved.steps} steps, and so no derivative")
+    distance = np.delete(np.abs(multipliers - rho), at)
+    if distance.min(initial=np.inf) <= COALESCENCE * abs(rho):
+        raise NoDerivativeError(
+            f"{quantity.text} has no derivative: the multiplier meets another, apart by "
+            f"{distance.min() / abs(rho):.1e} of itself"
+        )
+    rivals = np.abs(np.abs(multipliers) - abs(rho)) <= COALESCENCE * abs(rho)
+    rivals &= ~solved.spectrum.rigid[: len(multipliers)]
+    if quantity.subject == RADIUS and (rivals & (multipliers != rho) & (multipliers != np.conj(rho))).any():
+        raise NoDerivativeError(
+            f"{quantity.text} has no derivative: two multipliers have the same modulus; ask for rho1.abs and "
+            "rho2.abs"
+        )

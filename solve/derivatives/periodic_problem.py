@@ -1,0 +1,368 @@
+"""A linear periodic problem on one grid, its stage systems factorised once, for any number of loads.
+
+∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages with
+the states of the method. The result is the derivative of the numerical solution on this grid (A. Griewank,
+A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not an approximation of the exact derivative.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arguments import require_size
+from solve.arrays import Array, solved
+from solve.contracts import Matrices
+from solve.derivatives.stage_systems import close_periodically, propagate, stage_systems
+from solve.methods.collocation import Collocated, Collocation
+from solve.period.anchored import Anchored
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.points import OnePoint, matrices, parted, rate_of
+from solve.period.rigid_body import Free
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ with
+    respect to the phase, at the phases of a `PeriodicProblem`; compute_states: returns the states there;
+    drift (n, r): steady velocities of a free machine, contained only in the states at these phases."""
+
+    x: Array
+    accelerations: Array
+    compute_states: Callable[[], Array]
+    drift: Array | None = None
+
+    @cached_property
+    def states(self) -> Array:
+        """q″, q′ and q (m, k, 3, n, r)."""
+        return self.compute_states()
+
+
+class PeriodicProblem:
+    """Linear periodic problem of a system at a speed, discretised on a grid by a collocation method.
+
+    phases (m, k): start, stages and, if it is not a stage, end of every step. `loaded` selects the l phases
+    at which loads act: only the stages if every step starts at the last stage of the previous one. M, C, K
+    (m, l, n, n) and d (m, l, n) at these phases are those of derivatives by the phase.
+    """
+
+    def __init__(
+        self,
+        point: OnePoint,
+        method: Collocated,
+        grid: Grid,
+        engine: str,
+        known: Curve | None = None,
+        free: Free | None = None,
+    ):
+        """engine: COMPILED or NUMPY; known: the periodic solution on this grid, if known; free: rigid-body
+        modes of the system, which is then solved anchored. Raises ValueOutOfBoundsError if the memory limit
+        is exceeded."""
+        self.point, self.grid, self.rule = point, grid, method.collocation
+        self.phases = grid.stages(np.array(self.rule.curve_nodes))
+        n, s, m = point.n, len(self.rule.c), grid.steps
+        require_size("steps", m, 2 * s * n * (s + 2) * n)
+        self.closed = self.rule.stiffly_accurate and grid.smooth
+        self.loaded = slice(int(self.closed), None)
+        self._stages = slice(int(not self.closed), int(not self.closed) + s)
+        self.free, self._anchored = free, None if free is None else Anchored(point, free.modes)
+        self._tables = (self._anchored or point).tables(self.phases[:, self.loaded].ravel())
+        self._engine, self._known = engine, known
+        self._systems = stage_systems(self.rule, grid.h, self._tables, self._stages, engine)
+        # Weights of stage accelerations, times h² and h, in q and q′ at the ends of the steps.
+        self._weights = np.stack((self.rule.b @ self.rule.A, self.rule.b))
+        self._step_powers = np.stack((grid.h**2, grid.h), axis=1)[:, :, None]
+        self._cache: dict[tuple[bytes, int], tuple[Any, Array]] = {}
+
+    @cached_property
+    def _matrices(self) -> Matrices:
+        entries = self._tables.entries()
+        return parted(entries.reshape(self.grid.steps, -1, entries.shape[-1]), self.point.n)
+
+    @property
+    def A(self) -> Array:
+        """Maps of the steps (m, 2n, 2n)."""
+        return self._systems.maps
+
+    def propagate(self, start: Array, backwards: bool = False) -> Array:
+        """States (m+1, 2n, r), without loads, from the first (2n, r); by the transposed maps if backwards."""
+        A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
+        return propagate(A, start, self._engine)
+
+    def _end_states(self, a: Array) -> Array:
+        """Contribution of stage accelerations (m, s n, r) to the states at the ends of the steps (m, 2n,
+        r)."""
+        m, _, r = a.shape
+        return (self._step_powers * (self._weights @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
+
+    def _end_states_transposed(self, y: Array) -> Array:
+        """Transpose of `_end_states`: weights of the accelerations from weights (m, 2n, c) of the states."""
+        m, _, c = y.shape
+        return (self._weights.T @ (self._step_powers * y.reshape(m, 2, -1))).reshape(m, -1, c)
+
+    def end_state_gradient(self, weights: Array) -> Array:
+        """Derivatives (m, s n, c) by the loads at the stages of sums with weights (m, 2n, c) over the states
+        at the ends of the steps."""
+        return self._systems.pulled(self._end_states_transposed(weights))
+
+    @property
+    def stages(self) -> slice:
+        """Positions of the stages among the k phases of a step."""
+        return slice(1, 1 + len(self.rule.c))
+
+    @cached_property
+    def orbit(self) -> Motions:
+        """Periodic solution of the system, r = 1. Raises ResonanceError."""
+        if self._known is None:
+            return self.solve(self._matrices[3][..., None])
+        (m, k), n = self.phases.shape, self.point.n
+        pieces = self._known.coefficients.swapaxes(0, 1).reshape(m * n, -1)
+        states = (pieces @ _power_basis(self.rule, k).T).reshape(m, n, k, 3).transpose(0, 2, 3, 1)
+        states = states / self.grid.h[:, None, None, None] ** np.array([2, 1, 0])[:, None]
+        x = states[:, 0, :0:-1].reshape(m, -1)
+        states = states[..., None]
+        return Motions(np.concatenate((x, x[:1]))[..., None], states[:, :, 0], lambda: states)
+
+    def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
+        """Values (b, r) of breaks, placed at the starts of steps (m, r) that are breaks."""
+        at_starts, period = np.zeros((self.grid.steps, values.shape[1])), self.grid.period
+        for phase, value in zip(breaks, values, strict=True):
+            distance = np.abs((self.grid.nodes[:-1] - phase + period / 2) % period - period / 2)
+            at_starts[distance.argmin()] = value
+        return at_starts
+
+    def jump(self, node: int) -> Array:
+        """Jump of q″ (n,) of the periodic solution at the start of a step."""
+        return self.orbit.states[node, 0, 0, :, 0] - self.orbit.states[node - 1, -1, 0, :, 0]
+
+    def rate_jump(self, node: int) -> Array:
+        """Jump of P (2n, 2n) in x′ = P x + f at the start of a step."""
+        parts = (node, 0), (node - 1, -1)
+        after, before = (rate_of(*(part[at] for part in self._matrices)) for at in parts)
+        return (after - before)[:, :-1]
+
+    @cached_property
+    def curve(self) -> Curve:
+        """Continuous curve of the periodic solution."""
+        if self._known is not None:
+            return self._known
+        curve, drift = self.curves(self.orbit)[0], self.orbit.drift
+        return curve if drift is None else replace(curve, drift=drift[:, 0])
+
+    def solve(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
+        """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
+        the states at the starts of steps where the matrices jump. level (modes, r): means along rigid-body
+        modes, zero by default. Raises ResonanceError."""
+        motions, drift = self._solve(loads, jumps), None
+        if self._anchored is None:
+            return motions
+        if self._anchored.modes.dragged.any():
+            # A drift may be far larger than the vibration and would reduce its accuracy.
+            anchored, held = self._repeated(motions)
+            drift = anchored.motion(self.curves(motions), held.mass)[0].drift
+        if drift is not None:
+            motions = self._solve(loads - self._damping @ drift.T, jumps)
+        return self._unanchored(motions, drift, level)
+
+    def _solve(self, loads: Array, jumps: Array | None) -> Motions:
+        """Periodic solutions of the anchored system if the machine is free."""
+        m, _, n, r = loads.shape
+        at_stages = loads[:, self._stages].reshape(m, -1, r)
+        behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
+        forced = self._systems.solved(at_stages)
+        x = close_periodically(self.A, self._end_states(forced) + behind, self._engine)
+        a = self._systems.by_state @ x[:-1] + forced
+        a = a.reshape(m, -1, n, r)
+        ends = x[1:] - behind
+        before = np.roll(a[:, -1:], 1, axis=0) if self.closed else self._at_ends(0, x[:-1], loads)
+        after = [self._at_ends(-1, ends, loads)] if self._ends_apart else []
+        a = np.concatenate((before, a, *after), axis=1)
+        return Motions(x, a, lambda: self._states(x, ends, a))
+
+    def _unanchored(self, motions: Motions, drift: Array | None, level: Array | None) -> Motions:
+        """Motions of the free machine from those of the anchored system; drift (r, n): steady velocities
+        whose drag is already part of the loads."""
+        anchored, held = self._repeated(motions)
+        curves = self.curves(motions)
+        moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
+        assert isinstance(moved, Curve)
+        change = moved.coefficients.copy()
+        change[..., : curves.coefficients.shape[-1]] -= curves.coefficients
+        if level is not None:
+            change[..., 0] += held.modes.vectors @ level.T[..., None]
+        (m, k), count, fractions = self.phases.shape, len(change), np.array(self.rule.curve_nodes)
+        added = Curve(moved.nodes, change)
+        parts = [added.within(fractions, order).reshape(count, -1, m, k) for order in (2, 1, 0)]
+        by_state = np.stack(parts).transpose(3, 4, 0, 2, 1)
+        x, velocities = motions.x.copy(), None if moved.drift is None else moved.drift.T
+        x[:-1] += by_state[:, 0, :0:-1].reshape(m, -1, count)
+        x[-1] = x[0]
+
+        def compute_states() -> Array:
+            states = motions.states + by_state
+            if velocities is not None:
+                states[:, :, 1] += velocities
+            return states
+
+        return Motions(x, motions.accelerations + by_state[:, :, 0], compute_states, velocities)
+
+    def _repeated(self, motions: Motions) -> tuple[Anchored, Free]:
+        """The anchored system and its rigid-body modes, repeated for each of the motions."""
+        assert self._anchored is not None
+        assert self.free is not None
+        rows = np.zeros(motions.x.shape[-1], dtype=int)
+        held = self.free[rows]
+        return replace(self._anchored, modes=held.modes), held
+
+    @cached_property
+    def _damping(self) -> Array:
+        """C (m, l, n, n) of the original system, with respect to the phase."""
+        phases = self.phases[:, self.loaded]
+        C = matrices(self.point, phases.ravel())[1][0]
+        return C.reshape(*phases.shape, *C.shape[1:])
+
+    @property
+    def _ends_apart(self) -> bool:
+        """Whether the ends of steps are not stages."""
+        return self.phases.shape[1] > len(self.rule.c) + 1
+
+    def _states(self, x: Array, ends: Array, a: Array) -> Array:
+        """q″, q′, q (m, k, 3, n, r) of states x (m+1, 2n, r) at the nodes and (m, 2n, r) at the ends of the
+        steps, and accelerations (m, k, n, r)."""
+        m, k, n, r = a.shape
+        states = np.empty((m, k, 3, n, r))
+        states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
+        states[:, -1, :0:-1] = ends.reshape(m, 2, n, r)
+        states[:, self.stages] = self._stage_states(x[:-1], a[:, self.stages])
+        return states
+
+    def stage_states(self, x: Array) -> Array:
+        """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, without
+        loads."""
+        m, N, r = x.shape
+        return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
+
+    def _stage_states(self, x: Array, a: Array) -> Array:
+        """Same as `stage_states`, from given accelerations (m, s, n, r)."""
+        m, s, n, r = a.shape
+        A, a = self.rule.A, a.reshape(m, s, -1)
+        h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
+        q, v = x.reshape(m, 2, 1, -1).swapaxes(0, 1)
+        states = np.stack((a, v + h * (A @ a), q + h * c * v + h**2 * (A @ A @ a)), axis=2)
+        return states.reshape(m, s, 3, n, r)
+
+    def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
+        """Accelerations (m, 1, n, r) of states x (m, 2n, r) at the first or the last of the phases."""
+        q, v = np.split(x, 2, axis=1)
+        M, C, K, _ = (part[:, place] for part in self._matrices)
+        return solved(M, loads[:, place] - K @ q - C @ v)[:, None]
+
+    def curves(self, motions: Motions) -> Curve:
+        """Continuous curves (r, n, …) of solutions."""
+        data = self.data(motions)
+        return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
+
+    def data(self, motions: Motions) -> Array:
+        """Data (m, 2 + k, n, r) that define the curves of solutions: q, h q′ and h² q″ at the phases of a
+        step."""
+        h = self.grid.h[:, None, None]
+        q, v = np.split(motions.x[:-1], 2, axis=1)
+        a = h[:, None] ** 2 * motions.accelerations
+        return np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
+
+    def at(self, data: Array, phase: Array, order: int = 0) -> Array:
+        """Derivatives (p, …) of an order of the curves defined by data (m, 2 + k, …), at phases (p,)."""
+        step, weights = self._basis(phase, order)
+        here = data[step]
+        return (weights[:, None] @ here.reshape(*here.shape[:2], -1)).reshape(len(step), *here.shape[2:])
+
+    def data_weights(self, phase: Array, weights: Array) -> Array:
+        """Weights (m, 2 + k, n, c) of the data in sums with weights (p, 3, n, c) over q″, q′, q of the curve
+        at phases (p,)."""
+        k, (count, _, n, c) = self.phases.shape[1], weights.shape
+        by_phase = np.zeros((count, 2 + k, n * c))
+        for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
+            if part.any():
+                by_phase += self._basis(phase, order)[1][:, :, None] * part.reshape(count, 1, -1)
+        return self._sum_in_steps(phase, by_phase).reshape(-1, 2 + k, n, c)
+
+    def value_data_weights(self, phase: Array, weights: Array) -> Array:
+        """Weights (m, 2 + k, c) of the data in sums with weights (p, c) over values of one coordinate."""
+        return self._sum_in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
+
+    def even_value_data_weights(self, fractions: Array, weights: Array) -> Array:
+        """Same as `value_data_weights` at fractions (a,) of every step, with weights (m a, c)."""
+        powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
+        return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
+
+    def _sum_in_steps(self, phase: Array, values: Array) -> Array:
+        """Sums (m, …) over the phases (p,) of each step of values (p, …)."""
+        (inside, firsts), step = self._groups(phase), self._basis(phase, 0)[0]
+        sums = np.zeros((self.grid.steps, *values.shape[1:]))
+        sums[step[inside][firsts]] = np.add.reduceat(values[inside], firsts)
+        return sums
+
+    def _groups(self, phase: Array) -> tuple[Any, Array]:
+        """Order that sorts phases by steps, and the first position of each step in it."""
+        key = phase.tobytes(), -1
+        if key not in self._cache:
+            step = self._basis(phase, 0)[0]
+            inside = slice(None) if (np.diff(step) >= 0).all() else np.argsort(step, kind="stable")
+            self._cache[key] = inside, np.flatnonzero(np.diff(step[inside], prepend=-1))
+        return self._cache[key]
+
+    def _basis(self, phase: Array, order: int) -> tuple[Array, Array]:
+        """Steps (p,) that contain the phases, and weights (p, 2 + k) of their data in the derivative of the
+        curve."""
+        key = phase.tobytes(), order
+        if key not in self._cache:
+            step, powers = self.curve.basis(phase, order)
+            self._cache[key] = step, powers @ self.rule.curve_powers
+        return self._cache[key]
+
+    def adjoint(self, of_data: Array) -> Array:
+        """Adjoint problem: derivatives (m, l, n, c), by loads at the phases at which they act, of sums with
+        weights (m, 2 + k, n, c) over the data. The cost does not depend on the number of loads."""
+        m, _, n, c = of_data.shape
+        loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
+        states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)
+        accelerations, found = h[:, None] ** 2 * of_data[:, 2:], np.zeros((m, loaded, n, c))
+        if self.closed:
+            accelerations[:, -1] += np.roll(accelerations[:, 0], -1, axis=0)
+        else:
+            found[:, 0], before = self._adjoint_of_ends(0, accelerations)
+            states += before
+        at_stages = accelerations[:, self.stages].reshape(m, -1, c)
+        states += self._systems.by_state.swapaxes(1, 2) @ at_stages
+        if self._ends_apart:
+            found[:, -1], behind = self._adjoint_of_ends(-1, accelerations)
+            states += np.roll(behind, 1, axis=0)
+        y = close_periodically(self.A.swapaxes(1, 2)[::-1], states[::-1], self._engine)
+        at_stages = self._systems.pulled(at_stages + self._end_states_transposed(y[:-1][::-1]))
+        found[:, self._stages] = at_stages.reshape(m, -1, n, c)
+        return found
+
+    def _adjoint_of_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:
+        """Weights (m, n, c) of the loads and (m, 2n, c) of the states from those of the accelerations at the
+        first or the last phase."""
+        M, C, K = (part[:, place].swapaxes(1, 2) for part in self._matrices[:3])
+        load = solved(M, accelerations[:, place])
+        return load, -np.concatenate((K @ load, C @ load), axis=1)
+
+
+@cache
+def _power_basis(rule: Collocation, k: int) -> Array:
+    """Matrix (3 k, D) from the powers of θ in a step to h² q″, h q′ and q at its k phases; at the stages
+    these are the values of the method, which the curve matches to its order."""
+    data = np.linalg.inv(rule.curve_powers)
+    a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
+    at_stages = a[1 : 1 + len(rule.c)]
+    v = np.concatenate((zero, rule.A, rule.b[None]))[:k]
+    q = np.concatenate((zero, rule.A @ rule.A, (rule.b @ rule.A)[None]))[:k]
+    theta = np.array([0.0, *rule.c, 1.0])[:k, None]
+    basis[:, 0], basis[:, 1] = a, data[1] + v @ at_stages
+    basis[:, 2] = data[0] + theta * data[1] + q @ at_stages
+    return basis.reshape(3 * k, -1)

@@ -1,0 +1,94 @@
+"""Entries of M, C, K and d, and checks of their periodicity and inertia."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.arrays import EPS, Array
+from solve.contracts import Matrices
+from solve.errors import MatricesError
+
+PERIODIC = 1e-9
+"""Relative difference of the matrices at both ends of the period below which they count as periodic. A
+choice."""
+
+_ROUNDOFF = 64 * EPS
+"""Round-off of an entry relative to the largest term of the equations. A choice."""
+
+_SINGULAR = 0.1 / EPS
+"""Condition number of the scaled M above which it is singular: all digits but one are lost."""
+
+
+def split_entries(entries: Array, n: int) -> Matrices:
+    """M, C, K (…, n, n) and d (…, n) of entries (…, 3n² + n), concatenated by rows."""
+    M, C, K = (entries[..., k * n**2 : (k + 1) * n**2].reshape(*entries.shape[:-1], n, n) for k in range(3))
+    return M, C, K, entries[..., 3 * n**2 :]
+
+
+def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
+    """Entries (P, k, 3n² + n) for derivatives by time, converted in place to derivatives by the phase."""
+    entries[:, :, : n**2] *= (speeds**2)[:, None, None]
+    entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
+    return entries
+
+
+def with_neighbours(phase: Array, later: Array, period: float) -> Array:
+    """Phases (k,), those about a period later, and phases next to the first (3k,), at a distance of the
+    round-off of the period."""
+    distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
+    return np.concatenate((phase, later, phase + distance))
+
+
+def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
+    """Symbols of the matrices that differ between phases and those a period later, and the differences.
+
+    matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences count beyond 1e-9 of the size
+    of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to that), and
+    beyond the effect of a rounded phase (within a narrow pulse).
+    """
+    rates = speed**2, speed, 1.0, 1.0
+    now, later, beside = zip(*(np.split(array, 3) for array in matrices), strict=True)
+    differing = []
+    columns = "MCKd", _negligible(now), rates, now, later, beside
+    for symbol, allowed, rate, first, second, near in zip(*columns, strict=True):
+        if (np.abs(second - first) > allowed + 2 * np.abs(near - first)).any():
+            differing.append((symbol, float(np.abs(second - first).max()) / rate))
+    return differing
+
+
+def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
+    """Changes (n, n) and (n,) of M, C, K (m, n, n) and d (m, n) that are negligible, as in `changes`."""
+    rates = speed**2, speed, 1.0, 1.0
+    allowed = _negligible([rate * array for rate, array in zip(rates, matrices, strict=True)])
+    M, C, K, d = (array / rate for rate, array in zip(rates, allowed, strict=True))
+    return M, C, K, d
+
+
+def _negligible(matrices: Sequence[Array]) -> list[Array]:
+    """Changes of M, C, K and d, in the same unit, that are negligible: 1e-9 of their size and the round-off
+    of the whole equation."""
+    inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
+    unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
+    scales = [unit[:, None] * unit] * 3 + [unit]
+    sizes = [float(np.abs(array * scale).max()) for array, scale in zip(matrices, scales, strict=True)]
+    return [
+        max(PERIODIC * size, _ROUNDOFF * max(sizes)) / scale
+        for size, scale in zip(sizes, scales, strict=True)
+    ]
+
+
+def require_inertia(M: Array) -> None:
+    """Raise MatricesError if one of the matrices (k, n, n) is singular."""
+    diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
+    diagonal[diagonal == 0.0] = 1.0
+    scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
+    singular = np.linalg.cond(scaled) > _SINGULAR
+    # The units of the equations may differ from those of an energy of the coordinates.
+    for axis in (2, 1, 2, 1) if singular.any() else ():
+        largest = np.abs(scaled).max(axis=axis, keepdims=True)
+        scaled = scaled / np.where(largest > 0, largest, 1.0)
+    if singular.any() and np.linalg.cond(scaled).max() > _SINGULAR:
+        raise MatricesError(
+            "M is singular: some coordinate has no inertia; give every coordinate a mass, "
+            "or leave a massless coordinate out"
+        )

@@ -1,0 +1,154 @@
+"""Derivatives of a model with respect to its parameters: which exist, of the breaks, and of the equations."""
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+
+from solve.approximation import slope
+from solve.arrays import Array
+from solve.contracts import Columns, Dependence
+from solve.errors import NoDerivativeError, ValueOutOfBoundsError, require_name
+from solve.labels import SPEED
+from solve.model.bounds import clauses
+from solve.model.dependence import (
+    AssembledDependence,
+    DampedDependence,
+    GeneratedDependence,
+    GeneratedSlopes,
+)
+from solve.model.modes import DampedSampler
+from solve.model.setup import Setup
+from solve.system import PeriodicSystem
+
+_BREAK_STEP = 1e-2
+"""Largest relative change of a parameter in finite differences of the breaks. A choice."""
+
+SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
+
+_SAME_BREAK = 1e-12
+"""Distance of breaks, relative to the period, below which they coincide. A choice."""
+
+
+class ModelDerivatives:
+    """Derivatives of the linearised, or the nonlinear, equations of a model; see `ParameterDerivatives`.
+
+    assembled: whether the matrices are assembled numerically, and hence differentiated by finite differences.
+    slopes: cache of the derivatives of generated functions, by names, and whether of the nonlinear equations.
+    """
+
+    def __init__(self, system: PeriodicSystem, setup: Setup, assembled: bool, slopes: SlopesCache):
+        self._system, self._setup, self._assembled, self._slopes = system, setup, assembled, slopes
+        self._nonlinear, self._periods = False, 1
+        self._of_breaks: dict[str, Array | None] = {}
+
+    def about_motion(self, periods: int) -> "ModelDerivatives":
+        """Derivatives of the nonlinear equations, over a number of periods of the model."""
+        derivatives = copy(self)
+        derivatives._nonlinear, derivatives._periods = True, periods
+        return derivatives
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Parameters with respect to which the equations are differentiable."""
+        parameters = self._setup.module.PARAMETERS
+        integers = {name for name, _, _, bound in parameters if "integer" in clauses(bound)}
+        return tuple(
+            name
+            for name, value in self._setup.case.parameters.items()
+            if name not in integers and (value or not self._assembled) and self._has_smooth_breaks(name)
+        )
+
+    def of_breaks(self, names: Sequence[str]) -> Array:
+        """Derivatives (b, r) of the phases of the breaks by parameters, or the "speed"."""
+        zero = np.zeros(len(self._setup.breaks))
+        columns = [None if name == SPEED else self._of_break(name) for name in names]
+        slopes = np.array([zero if column is None else column for column in columns])
+        return np.tile(slopes.reshape(len(names), -1).T, (self._periods, 1))
+
+    def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        """Derivatives by parameters, or the "speed". compiled: optional compiled evaluation of formulas.
+        Raises UnknownNameError, NoDerivativeError."""
+        self._require(names)
+        damped = self._setup.ratios is not None
+        if self._assembled and not damped:
+            return AssembledDependence(self._system, names)
+        # With compiled code, all parameters, so that one function is compiled for any selection.
+        included = tuple(names) if compiled is None else (*self.names, SPEED)
+        slopes = self._slopes_by(included)
+        if compiled is not None and not slopes.residual.text:
+            slopes, compiled = self._slopes_by(tuple(names)), None
+        arguments = slopes, self._setup, self._system.n, names, compiled
+        return DampedDependence(*arguments, self._damping) if damped else GeneratedDependence(*arguments)
+
+    def _require(self, names: Sequence[str]) -> None:
+        """Raise UnknownNameError or NoDerivativeError for parameters without derivatives."""
+        parameters, smooth = self._setup.case.parameters, {SPEED, *self.names}
+        for name in names:
+            require_name(f"quantity of {self._setup.module.NAME}", name, [SPEED, *parameters])
+            if self._assembled and parameters.get(name) == 0:
+                raise NoDerivativeError(
+                    f"{name} is 0; matrices that are assembled, or damped by modes, are differentiated by "
+                    f"relative changes of a parameter: give a small number, such as --set {name}=1e-6"
+                )
+            if name not in smooth:
+                raise NoDerivativeError(
+                    f"{name} is an integer, moves a jump onto another, or moves a jump beside damping "
+                    "ratios: derivatives by it are not available; leave it out"
+                )
+
+    def _slopes_by(self, names: tuple[str, ...]) -> GeneratedSlopes:
+        key = names, self._nonlinear
+        if key not in self._slopes:
+            self._slopes[key] = GeneratedSlopes(self._setup, self._system.n, names, self._nonlinear)
+        return self._slopes[key]
+
+    def _damping(self, parameters: Mapping[str, float], phase: Array) -> Array:
+        """Modal damping (k, n, n) at phases (k,) with some parameters changed."""
+        setup = self._setup.varied(parameters, {})
+        assert setup.ratios is not None
+        return DampedSampler(setup.function("linearised"), setup.p, setup.ratios).damping(phase)
+
+    def _has_smooth_breaks(self, name: str) -> bool:
+        """Whether the breaks, and the equations there, are differentiable by a parameter."""
+        slopes = self._of_break(name)
+        return slopes is not None and not (self._assembled and slopes.any())
+
+    def _of_break(self, name: str) -> Array | None:
+        """Derivatives (b,) of the phases of the breaks by a parameter; None if breaks merge or split."""
+        if name not in self._of_breaks:
+            self._of_breaks[name] = self._difference(name)
+        return self._of_breaks[name]
+
+    def _difference(self, name: str) -> Array | None:
+        setup, breaks = self._setup, np.array(self._setup.breaks)
+        if not setup.moves_breaks:
+            return np.zeros(len(breaks))
+        x, p, index = setup.case.parameters[name], setup.p, list(setup.case.parameters).index(name)
+
+        def moved(value: float) -> Array:
+            changed = np.where(np.arange(len(p)) == index, value, p)
+            return _moved_breaks(breaks, np.array(setup.breaks_with(changed)), setup.module.PERIOD)
+
+        try:
+            return slope(moved, x, _BREAK_STEP * (abs(x) or 1.0))
+        except ValueOutOfBoundsError:
+            return None
+
+
+def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
+    """Breaks (b,) after they have moved to (c,), each matched to the nearest. Raises ValueOutOfBoundsError if
+    breaks have merged or split."""
+    ends = _distinct(moved, period)
+    distances = (ends - breaks[:, None] + period / 2) % period - period / 2
+    nearest = np.abs(distances).argmin(axis=1)
+    if not len(set(nearest.tolist())) == len(ends) == len(_distinct(breaks, period)):
+        raise ValueOutOfBoundsError("jumps merge or split; change the parameters slightly")
+    return breaks + distances[np.arange(len(breaks)), nearest]
+
+
+def _distinct(breaks: Array, period: float) -> Array:
+    """Breaks that differ by more than round-off around the period."""
+    phases = np.sort(breaks % period)
+    return phases[np.diff(phases, append=phases[:1] + period) > _SAME_BREAK * period]

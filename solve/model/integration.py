@@ -1,0 +1,100 @@
+"""Time integration of the nonlinear equations of a model."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from solve.approximation import Trigonometric, interpolated
+from solve.arrays import Array
+from solve.contracts import driven
+from solve.errors import TransientError
+from solve.model.sampling import folded, inputs_of, symbol
+
+if TYPE_CHECKING:
+    import casadi
+
+_MAX_STEPS, _MIN_STEPS = 2**22, 2**12
+"""Maximum number of integrator steps per period, and at least between two states. A choice."""
+
+_NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
+
+
+class ModelIntegrator:
+    """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods by CVODES (A. C. Hindmarsh et al., ACM Trans.
+    Math. Softw. 31 (2005) 363-396) in CasADi, with `count` equidistant states per period.
+
+    residual: generated `residual_varying`. sizes (n,): scales of the coordinates, to which rtol is relative.
+    """
+
+    def __init__(
+        self,
+        residual: "casadi.Function",
+        parameters: Array,
+        period: float,
+        sizes: Array,
+        count: int,
+        rtol: float,
+    ):
+        import casadi
+
+        n = residual.size1_in("q")
+        s, first, last, offset = map(symbol, ("s", "first", "last", "offset"))
+        phase, speed, acceleration = driven(s, first, last, period)
+        mean = (first + last) / 2
+        x, a = symbol("x", 2 * n), symbol("a", n)
+        scale = casadi.DM(sizes)
+        q, v = x[:n] * scale, x[n:] * scale
+        inputs = [phase + offset, speed, acceleration, q, mean * v, mean**2 * a, casadi.SX(0, 1)]
+        (r,) = folded(residual, parameters).call(inputs, True, False)
+        M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
+        rate = casadi.vertcat(x[n:], casadi.solve(M, -rest) / scale)
+        self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
+        grid = np.linspace(0.0, period, count + 1)
+        most = max(_MAX_STEPS // count, _MIN_STEPS)
+        # At rest, longer steps would skip a load that begins later in the period.
+        options = {
+            "reltol": rtol,
+            "abstol": rtol,
+            "max_num_steps": most,
+            "max_step_size": grid[1],
+            **_NO_WARNINGS,
+        }
+        problem = {"x": x, "t": s, "p": casadi.vertcat(first, last, offset), "ode": rate}
+        self._integrator = casadi.integrator("march", "cvodes", problem, 0.0, grid[1:], options)
+        self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
+
+    def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
+        """See `Integrator`. Raises TransientError if the integration fails."""
+        drive = speed, speed if last is None else last, start
+        try:
+            later = self._integrator(x0=state / self._sizes, p=drive)["xf"].full()
+        except RuntimeError as error:
+            why = "; look at the start and the speed"
+            if "TOO_MUCH_WORK" in str(error):
+                why = f" with {_MAX_STEPS} steps per period: its vibrations are too fast; give a higher speed"
+            raise TransientError(f"the transient cannot be followed beyond phase {start:.6g}{why}") from None
+        x = np.column_stack((state / self._sizes, later))
+        a = self._acceleration(self.nodes[None], *drive, x).full()
+        q, v = np.split(x * self._sizes[:, None], 2)
+        return np.stack((q, v, a))
+
+
+def damped_residual(
+    residual: "casadi.Function", damping: Callable[[Array], Array], period: float
+) -> "casadi.Function":
+    """Generated `residual` with C(φ) q̇ added, C by its trigonometric interpolant. Raises TransientError if C
+    is not smooth."""
+    import casadi
+
+    curve = interpolated(damping, period)
+    if not isinstance(curve, Trigonometric):
+        raise TransientError(
+            "damping ratios of matrices that jump cannot be followed in time by the nonlinear equations; "
+            "state the dissipation instead"
+        )
+    inputs = inputs_of(residual)
+    C, n = curve.at(inputs["phase"], casadi.cos, casadi.sin), residual.size1_out("r")
+    (r,) = residual.call([*inputs.values()], True, False)
+    force = casadi.reshape(casadi.vertcat(*C), n, n).T @ inputs["qd"]
+    return casadi.Function("residual", [*inputs.values()], [r + force], [*inputs], ["r"])

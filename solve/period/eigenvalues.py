@@ -1,0 +1,263 @@
+"""Eigenvalues of monodromy matrices (…, N, N), their balancing and their round-off.
+
+Matrices of two rows are treated in closed form as entries a, b, c, d by rows, (…) each or as fields (4, …).
+Other matrices are solved by LAPACK, or by compiled code."""
+
+import math
+
+import numpy as np
+
+from solve.arrays import Array, across, solved
+from solve.kernel import multipliers as kernel
+from solve.kernel.engines import COMPILED, NUMPY
+
+EPS = float(np.finfo(float).eps)
+
+NEGLIGIBLE = 1e-100
+"""Modulus below which multipliers are unresolved: a choice, far above underflow even for squares."""
+
+LOST = 8 * EPS
+"""Fraction of the norm below which round-off leaves no digit of a multiplier: a choice, a few operations
+above eps."""
+
+_ILL_CONDITIONED = 0.1
+"""Fraction of the error of a defective pair above which an eigenvalue is ill-conditioned: a choice."""
+
+
+def sorted_eigenvalues(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
+    """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
+
+    The norms are those of the balanced matrices: for two rows the smallest in any units; otherwise they may
+    be larger if that leaves the same digits. units (…, N): as in `balance_matrices`, if known."""
+    if engine == COMPILED and Phi.ndim == 3:
+        compiled = kernel.eigenvalues(Phi, units)
+        if compiled is not None:
+            rows, matrices, known_units = _without_eigenvalues(compiled.values, Phi, units)
+            if len(rows):
+                compiled.values[rows], compiled.sizes[rows] = sorted_eigenvalues(matrices, known_units, NUMPY)
+            return compiled.values, compiled.sizes
+    scaled, unit = _scaled_entries(Phi)
+    if len(scaled) == 4:
+        norm = np.asarray(unit * _least_pair_norm(*scaled))
+        return _by_modulus(_pair_eigenvalues(*scaled) * unit[..., None]), norm
+    values = _by_modulus(np.linalg.eigvals(Phi).astype(complex))
+    _put_positive_first(values)
+    norm = np.asarray(unit * _frobenius(scaled))
+    is_unsure = np.asarray(np.abs(values[..., -1]) <= LOST * norm)
+    if is_unsure.any():
+        scaled, unit = _scaled_entries(Phi[is_unsure])
+        known_units = None if units is None else units[is_unsure]
+        norm[is_unsure] = unit * _frobenius(_by_entry(balanced(_matrices(scaled), known_units)))
+    return values, norm
+
+
+def multiplier_roundoff(Phi: Array, units: Array | None = None, engine: str = NUMPY, steps: int = 1) -> Array:
+    """Round-off errors of the multipliers (…) relative to the spectral radius, from the error of Φ.
+
+    The round-off of this number of steps is multiplied by the condition number of the eigenvalue; in a
+    defective block of k eigenvalues, its k-th root counts. units (…, N): as in `balance_matrices`, if known.
+    """
+    values, unit, norm, conditions = _conditioned(Phi, units, engine)
+    radius = across(np.maximum, np.abs(values))
+    is_resolved = unit * radius > NEGLIGIBLE
+    scale = np.where(is_resolved, radius, 1.0)
+    perturbation = EPS * roundoff_growth(steps) * norm / scale
+    bound = perturbation ** (1 / _block_size(values / scale[..., None], conditions, perturbation))
+    return np.where(is_resolved, np.minimum(perturbation * across(np.maximum, conditions), bound), 0.0)
+
+
+def roundoff_bound(Phi: Array, radius: Array, steps: int) -> Array:
+    """Upper bound (…) of `multiplier_roundoff` for defective blocks of at most two, from the spectral radius
+    (…)."""
+    is_resolved = radius > NEGLIGIBLE
+    perturbation = EPS * roundoff_growth(steps) * frobenius_norm(Phi) / np.where(is_resolved, radius, 1.0)
+    return np.where(is_resolved, np.sqrt(np.minimum(perturbation, 1.0)), 0.0)
+
+
+def roundoff_growth(steps: int) -> float:
+    """Units of round-off in the product of this number of steps: a sixteenth per step, as measured, at least
+    8."""
+    return max(8.0, steps / 16)
+
+
+def frobenius_norm(Phi: Array) -> Array:
+    """Frobenius norms (…) of matrices (…, N, N), without overflow."""
+    scaled, unit = _scaled_entries(Phi)
+    return unit * _frobenius(scaled)
+
+
+def balanced(Phi: Array, units: Array | None = None) -> Array:
+    """Balanced matrices (…, N, N), in the given units of the state if these are known."""
+    if Phi.shape[-1] == 2:
+        return _matrices(_balanced_pair(*_by_entry(Phi)))
+    return balance_matrices(Phi)[0] if units is None else _in_units(Phi, units)
+
+
+def balance_matrices(matrices: Array) -> tuple[Array, Array]:
+    """Matrices (…, N, N) scaled by powers of two so that the norms of rows and columns are similar, and the
+    units (…, N).
+
+    Scaled entries are A_ij unit_j / unit_i (E. E. Osborne, J. ACM 7 (1960) 338-345, all rows at once). Rows
+    and columns of zeros remain. At most 50 sweeps are taken, while the squares of the norms of a row and its
+    column differ by more than a factor of 4: choices."""
+    scaled, powers = matrices, np.zeros(matrices.shape[:-1])
+    with np.errstate(all="ignore"):
+        for _ in range(50):
+            squares = np.square(scaled / np.abs(scaled).max(axis=(-2, -1), keepdims=True))
+            ratio = np.log2(squares.sum(axis=-1)) - np.log2(squares.sum(axis=-2))
+            ratio = np.where(np.isfinite(ratio), ratio, 0.0)
+            is_unbalanced = np.abs(ratio).max(axis=-1, keepdims=True) > 2.0
+            if not is_unbalanced.any():
+                break
+            powers += np.where(is_unbalanced, ratio / 8, 0.0)
+            scaled = _in_units(matrices, np.exp2(powers))
+    units = np.exp2(np.round(powers))
+    return _in_units(matrices, units), units
+
+
+def pair_distance(some: Array, others: Array) -> Array:
+    """Larger distance (…) of two numbers (…, 2) to two others, matched so that it is smallest."""
+    straight, crossed = (across(np.maximum, np.abs(some - pair)) for pair in (others, others[..., ::-1]))
+    return np.minimum(straight, crossed)
+
+
+def _in_units(matrices: Array, units: Array) -> Array:
+    return matrices * units[..., None, :] / units[..., :, None]
+
+
+def _without_eigenvalues(values: Array, Phi: Array, units: Array | None) -> tuple[Array, Array, Array | None]:
+    """Positions (k,) of matrices whose eigenvalues (P, N) are not found, these matrices and their units."""
+    rows = np.flatnonzero(np.isnan(values).any(axis=1))
+    return rows, Phi[rows], None if units is None else units[rows]
+
+
+def _by_modulus(values: Array) -> Array:
+    """Eigenvalues (…, N) in order of decreasing modulus."""
+    modulus = np.abs(values)
+    if (modulus[..., 1:] > modulus[..., :-1]).any():
+        return np.take_along_axis(values, np.argsort(-modulus, axis=-1, kind="stable"), axis=-1)
+    return values
+
+
+def _put_positive_first(values: Array) -> None:
+    """Swap neighbours that are a conjugate pair with the - imaginary part first, in place."""
+    wrong = (values[..., 1:] == values[..., :-1].conj()) & (np.imag(values[..., :-1]) < 0)
+    for k in range(values.shape[-1] - 1) if wrong.any() else ():
+        swap = (values[..., k + 1] == values[..., k].conj()) & (np.imag(values[..., k]) < 0)
+        values[swap, k : k + 2] = values[swap, k : k + 2][..., ::-1]
+
+
+def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array, Array, Array]:
+    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…)
+    and condition numbers (…, N)."""
+    if engine == COMPILED and Phi.ndim == 3:
+        compiled, unit = kernel.conditioned(Phi, units), np.ones(len(Phi))
+        if compiled is not None:
+            rows, matrices, known_units = _without_eigenvalues(compiled.values, Phi, units)
+            if len(rows):
+                by_numpy = _conditioned(matrices, known_units, NUMPY)
+                compiled.values[rows], unit[rows], compiled.norms[rows], compiled.conditions[rows] = by_numpy
+            return compiled.values, unit, compiled.norms, compiled.conditions
+    scaled, unit = _scaled_entries(Phi)
+    if len(scaled) == 4:
+        entries = _balanced_pair(*scaled)
+        values = _pair_eigenvalues(*entries)
+        norm, condition = _pair_conditions(entries, values)
+        return values, unit, norm, np.stack((condition, condition), axis=-1)
+    matrices = balanced(_matrices(scaled), units)
+    values, right = np.linalg.eig(matrices)
+    # Complex for every point, so that the result does not depend on the other points.
+    right = right.astype(complex)
+    with np.errstate(over="ignore"):
+        left = np.linalg.norm(solved(right, np.eye(Phi.shape[-1])), axis=-1)
+    norm = np.linalg.svd(matrices, compute_uv=False)[..., 0]
+    # Defective matrices have no left eigenvectors for their right ones.
+    return values, unit, norm, np.where(np.isnan(left), np.inf, left)
+
+
+def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
+    """Largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that a perturbation may have
+    split from one eigenvalue."""
+    size = np.full(perturbation.shape, 2)
+    is_ill = conditions * np.sqrt(perturbation)[..., None] > _ILL_CONDITIONED
+    if values.shape[-1] == 2 or not (is_ill.sum(axis=-1) > 2).any():
+        return size
+    distance = np.where(is_ill[..., None, :], np.abs(values[..., :, None] - values[..., None, :]), np.inf)
+    for k in range(3, values.shape[-1] + 1):
+        is_near = distance <= 4 * perturbation[..., None, None] ** (1 / k)
+        size = np.where((is_near.sum(axis=-1) >= k).any(axis=-1), k, size)
+    return size
+
+
+def _by_entry(matrices: Array) -> Array:
+    """Matrices (…, N, N) as fields (N², …), whose long rows are processed faster."""
+    *points, rows, columns = matrices.shape
+    fields = matrices.reshape(-1, rows * columns).T
+    return np.ascontiguousarray(fields).reshape(-1, *points)
+
+
+def _matrices(entries: Array) -> Array:
+    """Fields (N², …) as matrices (…, N, N)."""
+    size = math.isqrt(len(entries))
+    return np.moveaxis(entries, 0, -1).reshape(*entries.shape[1:], size, size)
+
+
+def _scaled_entries(Phi: Array) -> tuple[Array, Array]:
+    """Entries (N², …) divided by powers of two (…), so that their squares neither over- nor underflow, and
+    these powers."""
+    entries = _by_entry(Phi)
+    unit = np.exp2(np.frexp(np.abs(entries).max(axis=0))[1] - 1)
+    return entries / unit, unit
+
+
+def _frobenius(entries: Array) -> Array:
+    return np.sqrt(np.square(entries).sum(axis=0))
+
+
+def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Eigenvalues (…, 2), + imaginary part first, without the cancellation of the textbook formula; squares
+    of the entries must not overflow."""
+    half, discriminant = (a + d) / 2, np.square((a - d) / 2) + b * c
+    is_real, root = discriminant >= 0, np.sqrt(np.abs(discriminant))
+    larger = half + np.copysign(root, half)
+    smaller = np.where(larger != 0, (a * d - b * c) / np.where(larger != 0, larger, 1.0), 0.0)
+    parts = np.empty((*half.shape, 2, 2))
+    parts[..., 0, 0], parts[..., 1, 0] = np.where(is_real, (larger, smaller), half)
+    parts[..., 0, 1] = np.where(is_real, 0.0, root)
+    parts[..., 1, 1] = 0.0 - parts[..., 0, 1]
+    return parts.view(complex)[..., 0]
+
+
+def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Entries (4, …) in units of the state that balance rows and columns.
+
+    At most 8 sweeps are taken, while norms decrease by 5 %. If little is gained, a small entry may be all
+    that separates a matrix from a defective one."""
+    for _ in range(8):
+        column, row = np.sqrt(np.square(a) + np.square(c)), np.sqrt(np.square(a) + np.square(b))
+        is_positive = (row > 0) & (column > 0)
+        factor = np.sqrt(np.where(is_positive, row, 1.0) / np.where(is_positive, column, 1.0))
+        gains = column * factor + row / factor < 0.95 * (column + row)
+        if not gains.any():
+            break
+        factor = np.where(gains, factor, 1.0)
+        b, c = b / factor, c * factor
+    return np.stack((a, b, c, d))
+
+
+def _least_pair_norm(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Smallest Frobenius norm (…) in any units of the state."""
+    return np.sqrt(np.square(a) + np.square(d) + 2 * np.abs(b * c))
+
+
+def _pair_conditions(entries: Array, values: Array) -> tuple[Array, Array]:
+    """Spectral norms (…) of matrices with entries (4, …), and the condition number of both eigenvalues (…,
+    2)."""
+    # The Schur form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition number sqrt(1 + t²/|ρ1 - ρ2|²).
+    square = np.square(entries).sum(axis=0)
+    excess = square - across(np.add, np.square(np.abs(values)))
+    excess = np.where(excess < LOST * square, 0.0, excess)
+    gap = np.square(np.abs(values[..., 0] - values[..., 1]))
+    half, product = square / 2, np.abs(values[..., 0] * values[..., 1])
+    norm = np.sqrt(half + np.sqrt(np.maximum(np.square(half) - np.square(product), 0.0)))
+    return norm, np.sqrt(1 + np.where(excess > 0, excess / np.where(gap > 0, gap, 1e-300), 0.0))

@@ -1,0 +1,93 @@
+"""Formatting of numbers, units and names: unit prefixes, significant digits, Greek letters."""
+
+import math
+import re
+
+_PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
+_LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
+"""Symbols that take a prefix, with the largest usual power of ten."""
+
+
+_SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
+_LETTERS: dict[str, str] = dict(zip(_SPELT.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
+_GREEK = re.compile(rf"(?<![A-Za-z])({'|'.join(_LETTERS)})(?![A-Za-z])")
+
+
+def greek(name: str) -> str:
+    """Name with spelt-out Greek letters replaced by the letters.
+
+    >>> greek("phi1"), greek("theta_max"), greek("max|epsilon|"), greek("mumps")
+    ('φ1', 'θ_max', 'max|ε|', 'mumps')
+    """
+    return _GREEK.sub(lambda match: _LETTERS[match[0]], name)
+
+
+def headed(name: str, unit: str) -> str:
+    """Heading of a column: name and unit, if any.
+
+    >>> headed("max|q1|", "mm"), headed("zeta", "1")
+    ('max|q1| (mm)', 'ζ')
+    """
+    return greek(name) + (f" ({unit})" if unit not in ("", "1") else "")
+
+
+def round_magnification(allowed: float) -> float:
+    """Largest of 1, 2, 5, 10, 20, … that does not exceed `allowed`; at least 1.
+
+    >>> round_magnification(37.0), round_magnification(0.2)
+    (20.0, 1.0)
+    """
+    decade = 10.0 ** math.floor(math.log10(max(allowed, 1.0)))
+    return decade * max(digit for digit in (1, 2, 5) if digit * decade <= max(allowed, 1.0))
+
+
+def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
+    """Factor and prefixed unit with which the magnitude lies between 1 and 1000, if a prefix is usual.
+
+    The unit "1" is not shown.
+
+    >>> prefixed("N m", 2571665.2)
+    (1e-06, 'MN m')
+    >>> prefixed("m", 7.0e-6)
+    (1000000.0, 'µm')
+    """
+    symbol = re.match(r"[A-Za-z]+(?!\^|[A-Za-z])", unit)
+    if symbol is None or symbol[0] not in _LARGEST or not (math.isfinite(magnitude) and magnitude > 0):
+        return 1.0, unit if unit != "1" else ""
+    power = 3 * math.floor(math.log10(magnitude) / 3 + 1e-12)
+    power = min(max(power, min(_PREFIXES)), _LARGEST[symbol[0]])
+    return 10.0**-power, _PREFIXES[power] + unit
+
+
+def measured(value: float, unit: str) -> str:
+    """Value with three digits and a prefixed unit.
+
+    >>> measured(0.00208, "m")
+    '2.08 mm'
+    """
+    factor, shown = prefixed(unit, abs(value))
+    return f"{value * factor:.3g} {shown}".rstrip()
+
+
+def named(figure: str, quantity: str) -> str:
+    """Short name of a statistic of a quantity.
+
+    >>> named("max_abs", "q1")
+    'max|q1|'
+    """
+    return f"max|{quantity}|" if figure == "max_abs" else f"{figure} {quantity}"
+
+
+def fixed(value: float, magnitude: float, digits: int = 7) -> str:
+    """Value with as many decimals as give the magnitude `digits` significant digits.
+
+    >>> fixed(-1.25, 768.4522)
+    '-1.2500'
+    """
+    if not math.isfinite(value):
+        return "–"
+    if magnitude > 0 and not 1e-3 <= magnitude < 1e6:
+        return f"{value:.{min(digits, 5) - 1}e}" if value else "0"
+    whole = math.floor(math.log10(magnitude)) + 1 if magnitude > 0 else 1
+    text = f"{value:.{min(max(digits - whole, 0), digits)}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text

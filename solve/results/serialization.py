@@ -1,0 +1,312 @@
+"""Results as plain data and arrays, and back: the part of a file from which a result is opened again.
+
+Reading runs no code. It constructs only classes that are declared `serializable`; of a system it restores the
+labels, not the equations.
+"""
+
+import dataclasses
+import hashlib
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import DrawnLink, Matrices, ModeShape, Statistics
+from solve.errors import FileError, ReopenedError, ResultKindError
+from solve.period.curve import Curve, FourierCurve
+from solve.period.floquet_modes import FloquetMode
+from solve.period.named import Named
+from solve.system import PeriodicSystem
+from solve.units import GivenSpeed, ShownUnit
+
+FORMAT = 2
+"""Version of the state within a file. Earlier versions can be read."""
+
+CLASSES: dict[str, type] = {}
+"""Classes that files may hold, by name."""
+
+Kind = TypeVar("Kind", bound=type)
+Value = TypeVar("Value")
+
+_NUMERIC_KINDS = "fciub"
+"""Kinds of data types (`numpy.dtype.kind`) that are stored as numbers."""
+
+
+def serializable(kind: Kind) -> Kind:
+    """Declare a dataclass or named tuple that files may hold."""
+    CLASSES[_name_of(kind)] = kind
+    return kind
+
+
+def _name_of(kind: type) -> str:
+    """Name of a class, preceded by the model's name unless the class belongs to `solve`."""
+    package, _, rest = kind.__module__.partition(".")
+    return kind.__name__ if package == "solve" else f"{rest.partition('.')[0]}.{kind.__name__}"
+
+
+class stored_property(cached_property[Value]):  # noqa: N801 - named as the decorator that it extends
+    """Cached property whose value files hold, because it needs the equations or the solver."""
+
+
+NOT_STORED = {"stored": False}
+"""Metadata of a dataclass field that files do not hold."""
+
+
+class Serializable:
+    """Base of dataclasses that files may hold: their fields, except those of metadata NOT_STORED, and the
+    values of each `stored_property`."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        serializable(cls)
+
+    def __getattr__(self, name: str) -> Any:
+        if dataclasses.is_dataclass(self) and name in _field_names(type(self), stored=False):
+            raise ReopenedError(
+                f"'{name}' of a result that was read from a file needs the equations, which no file holds; "
+                "load the model and solve again"
+            )
+        raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
+
+
+def _field_names(kind: type, stored: bool) -> list[str]:
+    """Names of the fields of a dataclass that files hold, or of the others."""
+    fields = dataclasses.fields(kind)
+    return [field.name for field in fields if field.metadata.get("stored", True) is stored]
+
+
+def _stored_properties(kind: type) -> list[str]:
+    """Names of cached properties that the class, or one that it overrides, declares a `stored_property`."""
+    declared = {
+        name
+        for base in kind.__mro__
+        for name, item in vars(base).items()
+        if isinstance(item, stored_property)
+    }
+    return sorted(name for name in declared if isinstance(getattr(kind, name), cached_property))
+
+
+def _contents_of(value: Any) -> Mapping[str, Any]:
+    """Values of an object of a serializable class by name."""
+    if hasattr(value, "_asdict"):
+        return value._asdict()
+    names = [*_field_names(type(value), stored=True), *_stored_properties(type(value))]
+    return {name: getattr(value, name) for name in names}
+
+
+def _restored(kind: type, values: dict[str, Any]) -> Any:
+    """Object of a serializable class from its values."""
+    if not dataclasses.is_dataclass(kind):
+        return kind(**values)
+    fields, missing = set(_field_names(kind, stored=True)), _field_names(kind, stored=False)
+    restored = kind(
+        **{name: value for name, value in values.items() if name in fields}, **dict.fromkeys(missing)
+    )
+    for name in missing:
+        # Access then raises ReopenedError.
+        del vars(restored)[name]
+    vars(restored).update(values)
+    return restored
+
+
+for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, DrawnLink, ShownUnit):
+    serializable(_kind)
+
+
+class SystemLabels(NamedTuple):
+    """Names, numbers, units and meanings of a system; see `PeriodicSystem`."""
+
+    name: str
+    title: str
+    case: str | None
+    case_speed: str | None
+    model_hash: str | None
+    options: Mapping[str, Any]
+    parameters: Mapping[str, float]
+    parameter_labels: Mapping[str, tuple[str, str]]
+    links: Sequence[DrawnLink]
+    moves: bool
+    vibrates: bool
+    outputs: Sequence[str]
+    equation_warnings: Sequence[str]
+    largest_of: Mapping[str, Sequence[str]]
+    units: Mapping[str, str]
+    meanings: Mapping[str, str]
+    period: float
+    coordinates: Sequence[str]
+    breaks: Sequence[float]
+    freedoms: int
+    judged_quantities: Sequence[str]
+    speed_unit: ShownUnit
+
+    @classmethod
+    def of(cls, system: PeriodicSystem) -> "SystemLabels":
+        """Labels of a system."""
+        return cls(*(getattr(system, name) for name in cls._fields))
+
+
+class StoredSystem(PeriodicSystem):
+    """Labels of a system that were read from a file. Methods that need the equations raise ReopenedError."""
+
+    solvable = False
+    freedoms = 0  # type: ignore[assignment]
+    judged_quantities = ()  # type: ignore[assignment]
+
+    def __init__(self, labels: SystemLabels):
+        self.vibrates = labels.vibrates
+        super().__init__(self._refused, labels.coordinates, labels.period, labels.breaks)
+        vars(self).update(labels._asdict())
+
+    def _refused(self, *_: Any, **__: Any) -> Matrices:
+        raise ReopenedError(
+            f"{self.name} was read from a file, which holds no equations; load the model and solve again"
+        )
+
+    output_values = varied = along = marcher = varying = _refused  # type: ignore[assignment]
+    structure = derivatives = property(_refused)  # type: ignore[assignment]
+
+
+class _Encoder:
+    """Values as plain data, in which arrays and systems are replaced by numbers."""
+
+    def __init__(self) -> None:
+        self._flat: dict[np.dtype[Any], list[Array]] = {}
+        self._sizes: Counter[np.dtype[Any]] = Counter()
+        self.systems: list[Any] = []
+        self._encoded: list[PeriodicSystem] = []
+
+    @property
+    def arrays(self) -> list[Array]:
+        """One array per data type: many arrays make a file slow."""
+        return [np.concatenate(parts, dtype=kind) for kind, parts in self._flat.items()]
+
+    def plain(self, value: Any) -> Any:
+        """Value as JSON data: a list begins with the name of what follows."""
+        if isinstance(value, GivenSpeed) and value.unit:
+            return ["speed", float(value), self.plain(value.unit)]
+        if value is None or isinstance(value, str | bool | int | float):
+            return value.item() if isinstance(value, np.generic) else value
+        if isinstance(value, np.ndarray | np.generic):
+            return self._array(np.asarray(value))
+        if isinstance(value, complex):
+            return ["complex", value.real, value.imag]
+        if isinstance(value, PeriodicSystem):
+            return ["system", self._system(value)]
+        name = _name_of(type(value))
+        if CLASSES.get(name) is type(value):
+            return [name, {key: self.plain(item) for key, item in _contents_of(value).items()}]
+        if isinstance(value, Mapping):
+            return ["mapping", [[self.plain(key), self.plain(item)] for key, item in value.items()]]
+        kind = "tuple" if isinstance(value, tuple) else "list"
+        return [kind, [self.plain(item) for item in value]]
+
+    def _array(self, array: Array) -> list[Any]:
+        if array.dtype.kind not in _NUMERIC_KINDS:
+            texts, codes = np.unique(array.astype(str), return_inverse=True)
+            return ["texts", texts.tolist(), self._array(codes.reshape(array.shape)), array.dtype.kind]
+        flat = np.ascontiguousarray(array).ravel()
+        flat = flat.view({"c": float, "b": np.uint8}.get(array.dtype.kind, flat.dtype))
+        self._flat.setdefault(flat.dtype, []).append(flat)
+        start = self._sizes[flat.dtype]
+        self._sizes[flat.dtype] += flat.size
+        return ["array", list(self._flat).index(flat.dtype), array.dtype.str, list(array.shape), start]
+
+    def _system(self, system: PeriodicSystem) -> int:
+        for number, encoded in enumerate(self._encoded):
+            if encoded is system:
+                return number
+        self._encoded.append(system)
+        labels = SystemLabels.of(system)._asdict()
+        self.systems.append({name: self.plain(label) for name, label in labels.items()})
+        return len(self.systems) - 1
+
+
+class _Decoder:
+    """Values from plain data. Each method but `value` decodes the lists that begin with its name."""
+
+    def __init__(self, arrays: Sequence[Array], systems: Sequence[Mapping[str, Any]]):
+        self._arrays = arrays
+        self._systems = [
+            StoredSystem(SystemLabels(**{name: self.value(label) for name, label in labels.items()}))
+            for labels in systems
+        ]
+
+    def value(self, plain: Any) -> Any:
+        if not isinstance(plain, list):
+            return plain
+        name, *parts = plain
+        if name in CLASSES:
+            return _restored(CLASSES[name], {key: self.value(item) for key, item in parts[0].items()})
+        return getattr(self, f"_{name}")(*parts)
+
+    def _complex(self, real: float, imaginary: float) -> complex:
+        return complex(real, imaginary)
+
+    def _speed(self, omega: float, unit: list[Any]) -> GivenSpeed:
+        return GivenSpeed(omega, self.value(unit))
+
+    def _system(self, number: int) -> StoredSystem:
+        return self._systems[number]
+
+    def _array(self, number: int, dtype: str, shape: list[int], start: int = 0) -> Array:
+        """Array; in format 1 each one is stored by itself."""
+        kind, flat = np.dtype(dtype), self._arrays[number]
+        stop = start + math.prod(shape) * kind.itemsize // flat.itemsize
+        # The index () makes a number of an array without axes.
+        return flat[start:stop].view(kind).reshape(shape)[()]
+
+    def _texts(self, texts: list[str], codes: list[Any], kind: str) -> Array:
+        return np.array(texts, dtype=object if kind == "O" else str)[self.value(codes)]
+
+    def _mapping(self, pairs: list[Any]) -> dict[Any, Any]:
+        return {self.value(key): self.value(item) for key, item in pairs}
+
+    def _list(self, values: list[Any]) -> list[Any]:
+        return [self.value(item) for item in values]
+
+    def _tuple(self, values: list[Any]) -> tuple[Any, ...]:
+        return tuple(self._list(values))
+
+
+def to_arrays(result: Any) -> dict[str, Array]:
+    """Result as numeric arrays by name: JSON as its bytes, the arrays that it refers to, and a checksum."""
+    encoder = _Encoder()
+    plain = encoder.plain(result)
+    content = {"format": FORMAT, "systems": encoder.systems, "result": plain}
+    state = {"state": np.frombuffer(json.dumps(content, ensure_ascii=False).encode(), dtype=np.uint8)}
+    state |= {f"state{number}": array for number, array in enumerate(encoder.arrays)}
+    return {**state, "seal": _checksum(state)}
+
+
+def from_arrays(arrays: Mapping[str, Array]) -> Any:
+    """Result from arrays by `to_arrays`.
+
+    Raises FileError for a later format, ResultKindError for an unknown class, and any exception of Python for
+    damaged arrays.
+    """
+    state = {name: arrays[name] for name in ("state", *(f"state{k}" for k in range(len(arrays) - 2)))}
+    if not np.array_equal(_checksum(state), arrays["seal"]):
+        raise ValueError("the checksum differs from that of the file")
+    content = json.loads(state.pop("state").tobytes())
+    if content["format"] > FORMAT:
+        raise FileError(
+            f"it is of format {content['format']}, known up to {FORMAT}; use the version that wrote it"
+        )
+    name = content["result"][0]
+    if name not in CLASSES:
+        raise ResultKindError(name)
+    return _Decoder([*state.values()], content["systems"]).value(content["result"])
+
+
+def _checksum(state: Mapping[str, Array]) -> Array:
+    """SHA-256 of all arrays. The file formats themselves protect only a part of their content."""
+    digest = hashlib.sha256()
+    for name, array in state.items():
+        digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return np.frombuffer(digest.digest(), dtype=np.uint8)

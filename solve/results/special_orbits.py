@@ -1,0 +1,200 @@
+"""Orbits of nonlinear equations, and of mechanisms whose motion is prescribed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.correction import corrected
+from solve.contracts import Statistics
+from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
+from solve.period.curve import Curve, PeriodicCurve
+from solve.period.quantities import LEAST_SAMPLES, repeats_early
+from solve.results.contents import HeaderRows
+from solve.results.orbit import Orbit
+from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion
+from solve.results.serialization import stored_property
+from solve.results.stability import ErrorEstimate
+from solve.system import PeriodicSystem
+
+_STEPS = 256
+"""Number of steps between the nodes of prescribed motion in files. It is a choice without influence on the
+statistics, which are those of the continuous curve."""
+
+_ROUNDOFF = 1e-14
+"""Relative error of an output of prescribed motion: about a hundred operations, each accurate to 1e-16."""
+
+
+@dataclass(frozen=True)
+class NonlinearOrbit(Orbit):
+    """Periodic solution of the nonlinear equations r(φ, Ω, q, q̇, q̈) = 0 over `periods` periods, from
+    `solve.nonlinear`. Its system is the linearisation along the orbit.
+
+    Attributes
+    ----------
+    iterations : int
+        Number of corrections of Newton's method on the grid where the orbit was found.
+    found_by : str
+        Strategy that succeeded: "start", "linear orbit", "load", "speed" or "transient".
+    failed : tuple of str
+        Sentences on the strategies that failed before.
+    periods : int
+        Number of periods of the model per period of the orbit.
+    settled : bool
+        False if a transient from rest does not settle on an orbit.
+    """
+
+    iterations: int = 0
+    found_by: str = ""
+    failed: tuple[str, ...] = ()
+    periods: int = 1
+    settled: bool = True
+
+    @stored_property
+    def linearisation_error(self) -> Mapping[str, float] | None:
+        """None: the equations are not linearised."""
+        return
+
+    @stored_property
+    def notes(self) -> list[str]:
+        """Notes of engine and method, on rigid-body modes, and on strategies that failed."""
+        return [*super().notes, *self.failed]
+
+    @property
+    def quasi_static(self) -> QuasiStatic:
+        """Refused: raises ValueOutOfBoundsError."""
+        raise ValueOutOfBoundsError(
+            "the quasi-static solution is one of the linear model; leave out --quasi-static or --nonlinear"
+        )
+
+    @stored_property
+    def linear(self) -> PeriodicCurve | None:
+        """Linear orbit on the same grid; None if there is none."""
+        grid, certified = self.certified.solutions.grid, self.certified
+        rest = Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
+        engine = certified.request.engine
+        try:
+            curve = corrected(self.system, rest, self.speed, certified.method, grid, engine).curve
+        except SolveError:
+            return None
+        return None if curve is None else curve[0]
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful about the result."""
+        return [*super().warnings, *self.doubts]
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """Sentences on whether the requested orbit was found."""
+        sentences = []
+        if self.periods > 1 and repeats_early(self.curve, self.periods):
+            sentences.append(
+                f"the orbit repeats after each of its {self.periods} periods: it has period T; use another "
+                "start to find one of longer period"
+            )
+        if not self.settled:
+            sentences.append(
+                "a transient from rest does not settle on an orbit of this period: there may be no stable one"
+            )
+        return sentences
+
+    @property
+    def summary(self) -> str:
+        return f"By the nonlinear equations: {super().summary.replace('At', 'at', 1)}"
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        search = {"iterations": self.iterations, "found_by": self.found_by, "periods": self.periods}
+        return {**super().summary_values, **search}
+
+    def header_rows(self) -> HeaderRows:
+        search = f"by {self.found_by}, {self.iterations} corrections of Newton's method"
+        return [*super().header_rows(), ("found", search)]
+
+    def linear_values(self, name: str, phase: Array) -> Array | None:
+        """Coordinate or output (k,) of the linear orbit at phases (k,); None if there is no linear orbit."""
+        if self.linear is None:
+            return None
+        q, v, a = (self.linear(phase, derivative) for derivative in range(3))
+        if name in self.system.coordinates:
+            return q[self.system.coordinates.index(name)]
+        if not self.system.solvable:
+            return None
+        return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
+
+
+@dataclass(frozen=True)
+class RigidOrbit(Orbit):
+    """Prescribed motion of a mechanism without coordinates: outputs over a period, without multipliers,
+    exponents and verdict."""
+
+    @classmethod
+    def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
+        """Prescribed motion at a speed in rad/s. Raises DesiredMotionError if it does not exist."""
+        system.checked(speed)
+        no_solution: Any = None
+        return cls(system, speed, no_solution, no_solution)
+
+    method = described = "prescribed motion"  # type: ignore[assignment]
+    steps = _STEPS  # type: ignore[assignment]
+    samples = LEAST_SAMPLES  # type: ignore[assignment]
+    verdict = ""  # type: ignore[assignment]
+    stable = None  # type: ignore[assignment]
+    spectral_radius = distance_from_one = condition = liouville = np.nan  # type: ignore[assignment]
+    error_estimate = ErrorEstimate(_ROUNDOFF, np.nan)  # type: ignore[assignment]
+    residual = 0.0  # type: ignore[assignment]
+    curve = linearisation_error = reduction_error = None  # type: ignore[assignment]
+    rigid_body_modes = ()  # type: ignore[assignment]
+    unresolved = 0  # type: ignore[assignment]
+    multipliers = exponents = np.zeros(0, dtype=complex)  # type: ignore[assignment]
+    multiplier_errors = np.zeros(0)  # type: ignore[assignment]
+    modes = notes = ()  # type: ignore[assignment]
+    _figures = np.zeros((0, 7))  # type: ignore[assignment]
+
+    @property
+    def phase(self) -> Array:
+        return np.linspace(0.0, self.system.period, _STEPS + 1)
+
+    def state(self, phase: Array) -> tuple[Array, Array, Array]:
+        empty = np.zeros((0, len(phase)))
+        return empty, empty, empty
+
+    def at(self, phase: Array) -> Array:
+        return self.state(np.atleast_1d(phase))[0]
+
+    def statistics(self, name: str) -> Statistics:
+        if self.system.solvable:
+            return PeriodicMotion.statistics(self, name)
+        return self.output_statistics[name]
+
+    @property
+    def _output_figures(self) -> Array:
+        return super(SolvedMotion, self)._output_figures
+
+    @property
+    def quasi_static(self) -> QuasiStatic:
+        """Refused: raises NoVibrationError."""
+        raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful about the result."""
+        system = self.system
+        names = sorted({*system.judged_quantities, *system.outputs})
+        figures = {name: self.statistics(name) for name in names}
+        return [*system.warnings(self.speed), *system.judged(figures), *self._non_periodic_outputs]
+
+    @property
+    def summary(self) -> str:
+        return f"At {self.system.speed_unit.text(self.speed)} the motion is prescribed: nothing vibrates."
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        return {**super().summary_values, "verdict": None}
+
+    def header_rows(self) -> HeaderRows:
+        return [("motion", "prescribed: without coordinates nothing vibrates")]

@@ -1,0 +1,257 @@
+"""Stability with M, C and K constant over the period, for any load: the eigenvalues µ of µ²M + µC + K decide.
+
+There is no parametric resonance, and so no narrow tongue between speeds. The eigenvalues vary slowly with the
+speed or a parameter.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.batch.batch import Batch
+from solve.batch.family import Family
+from solve.batch.gathering import gathered
+from solve.methods.method import Method
+from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
+from solve.period.points import parted
+from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
+from solve.results.points import Kept, PointResults
+from solve.studies.stability_samples import StabilitySamples, evaluator
+
+_PHASES = 128
+"""Phases at which some points are tested for constant matrices; same as in `solve.period.frozen`."""
+
+_TEST_FRACTIONS = np.array([0.0137, 0.2719, 0.5443, 0.8311])
+"""Fractions of the period at which all other points are tested."""
+
+_CONSTANT = 1e-13
+"""Variation of an entry, relative to its size, that counts as round-off. Parametric excitation of this size
+changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
+
+_PERTURBATION = 16.0
+"""Error of an eigenvalue divided by n eps, its condition number and the matrix norm; as in
+`solve.period.natural`."""
+
+_ROUNDING = 64 * EPS
+"""Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
+
+_CLOSE = 1e-6
+"""Uncertainty of a modulus up to which a multiplier on the unit circle counts as stable, as in verdicts."""
+
+_LARGEST = 300.0
+"""Largest growth exponent per period that is shown; larger ones overflow."""
+
+_TINY = float(np.finfo(float).tiny)
+
+
+class Exponents(NamedTuple):
+    """Characteristic exponents µ. growth (P, N): real parts, in descending order; angular_rates (P, N):
+    imaginary parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose matrices
+    vary."""
+
+    growth: Array
+    angular_rates: Array
+    errors: Array
+
+
+@dataclass(frozen=True)
+class ConstantCoefficients:
+    """Points with constant matrices. The batch solves points whose matrices vary after all, or whose
+    eigenvalues are too uncertain. multiplicity: number of multipliers +1 of rigid-body modes; unit: time in
+    seconds that maps exponents to angles below π."""
+
+    batch: Batch
+    multiplicity: int
+    unit: float
+
+    @property
+    def family(self) -> Family:
+        """Parameter family of the points."""
+        return self.batch.family
+
+    def evaluate(self, points: Array) -> StabilitySamples:
+        """Stability at points (k, v).
+
+        The multipliers have the true moduli, but angles Im µ Ω times a fixed time. Two multipliers then
+        coincide only if their exponents do.
+        """
+        exponents, period = self.exponents(points), self.family.example.period
+        growth, errors = exponents.growth * period, exponents.errors * period
+        with np.errstate(invalid="ignore"):
+            unstable = np.asarray((growth - errors > UNIT_CIRCLE).any(axis=1))
+            stable = np.asarray(~unstable & (growth + errors <= _CLOSE).all(axis=1))
+        angles = exponents.angular_rates * (self.family.speeds(points) * self.unit)[:, None]
+        multipliers = np.exp(np.minimum(growth, _LARGEST) + 1j * angles)
+        samples = StabilitySamples.from_multipliers(points, stable, unstable, np.nan_to_num(multipliers))
+        undecided = np.flatnonzero(samples.failed)
+        if len(undecided):
+            solved = evaluator(self.batch)(points[undecided])
+            rho = solved.multipliers[:, : multipliers.shape[1]]
+            solved = StabilitySamples.from_multipliers(solved.points, solved.stable, solved.unstable, rho)
+            samples = samples.replaced(undecided, solved)
+        return samples
+
+    def results(self, points: Array) -> PointResults:
+        """Multipliers and verdicts of points (k, v), without rigid-body modes."""
+        rates, n, period = self.exponents(points), self.family.example.n, self.family.example.period
+        growth, errors = rates.growth * period, rates.errors.max(axis=1) * period
+        results = PointResults.blank(len(points), n, Kept(warnings=False))
+        known = np.flatnonzero(errors <= _CLOSE)
+        exponents = np.minimum(growth, _LARGEST) + 1j * rates.angular_rates * period
+        results.multipliers[known] = 0.0
+        results.multipliers[known, : growth.shape[1]] = np.exp(exponents[known])
+        results.errors[known, 1] = errors[known]
+        results.verdicts[known] = np.select(
+            [growth[known, 0] - errors[known] > UNIT_CIRCLE, growth[known, 0] + errors[known] < -UNIT_CIRCLE],
+            [UNSTABLE, ASYMPTOTICALLY_STABLE],
+            STABLE,
+        )
+        results.methods[known] = "eigenvalues"
+        failed = np.flatnonzero(results.failed)
+        if len(failed):
+            results.insert(failed, gathered(self.batch, points[failed], results.kept))
+        return results
+
+    def exponents(self, points: Array) -> Exponents:
+        """Exponents of points (P, v), without rigid-body modes."""
+        n = self.family.example.n
+        entries = self.family.entries(_TEST_FRACTIONS * self.family.example.period, points)
+        is_constant = _are_constant(entries, n)
+        exponents = np.full((3, len(points), 2 * n - self.multiplicity), np.nan)
+        M, C, K = parted(entries[is_constant, 0], n)[:3]
+        modes = _rigid_body_modes(M, C, K)
+        same_references: dict[tuple[int, ...], list[int]] = {}
+        for at in np.flatnonzero(modes.multiplicity == self.multiplicity).tolist():
+            same_references.setdefault(tuple(modes.references[at][modes.present[at]].tolist()), []).append(at)
+        where = np.flatnonzero(is_constant)
+        for places, at in same_references.items():
+            exponents[:, where[at]] = _exponents(
+                M[at], C[at], K[at], modes[np.array(at)], list(places), self.multiplicity
+            )
+        return Exponents(*exponents)
+
+
+def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
+    """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
+    vary, or if the method is an approximation with stability properties of its own."""
+    family = batch.family
+    n, period = family.example.n, family.example.period
+    if isinstance(batch.method, Method) and not batch.method.converges:
+        return None
+    phases = (np.arange(_PHASES) + 0.5) * (period / _PHASES)
+    entries = family.entries(phases, batch.region)
+    entries = entries[np.isfinite(entries).all(axis=(1, 2))]
+    if not len(entries) or not _are_constant(entries, n).all():
+        return None
+    modes = _rigid_body_modes(*parted(entries[:, 0], n)[:3])
+    multiplicity = int(np.bincount(modes.multiplicity).argmax())
+    if multiplicity == 2 * n:
+        return None
+    evaluation = ConstantCoefficients(batch, multiplicity, 0.0)
+    exponents = evaluation.exponents(batch.region)
+    frequencies = np.abs(exponents.angular_rates * family.speeds(batch.region)[:, None])
+    return replace(evaluation, unit=1 / max(float(np.nanmax(frequencies, initial=0.0)), _TINY))
+
+
+def _are_constant(entries: Array, n: int) -> Array:
+    """Whether M, C and K are constant (P,), from entries (P, k, 3n² + n)."""
+    some = entries[..., : 3 * n**2]
+    largest, change = np.abs(some).max(axis=1), np.ptp(some, axis=1)
+    unit = np.sqrt(np.abs(largest[:, : n**2 : n + 1]))
+    both = np.tile((unit[:, :, None] * unit[:, None]).reshape(-1, n**2), (1, 3))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        sizes = np.where(both > 0, largest / both, 0.0).reshape(-1, 3, n**2).max(axis=2)
+        allowed = _CONSTANT * largest + EPS * np.repeat(sizes, n**2, axis=1) * both
+        return np.asarray((change <= allowed).all(axis=1))
+
+
+def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
+    """Rigid-body modes of points with M, C, K (P, n, n). Points to whose matrices the modes of the first
+    point apply share them, since speeds and stiffnesses do not change such a mode."""
+    first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
+    vectors = first.vectors[:1].sum(axis=0)
+    if not vectors.any():
+        return rigid_body_modes(K[:, None], C[:, None], M[:, None])
+
+    def acts(part: Array) -> Array:
+        return np.asarray((np.abs(part @ vectors) > BOUND * (np.abs(part) @ np.abs(vectors))).any(axis=1))
+
+    shares_modes = ~acts(K).any(axis=1) & (acts(C) == first.damped[0]).all(axis=1)
+    modes = first[np.zeros(len(K), dtype=int)]
+    others = np.flatnonzero(~shares_modes)
+    if not len(others):
+        return modes
+    some = rigid_body_modes(K[others, None], C[others, None], M[others, None])
+    count = max(vectors.shape[1], some.vectors.shape[2])
+    combined = RigidBodyModes.none(len(K), K.shape[1], count)
+    for at, part in ((np.flatnonzero(shares_modes), modes[shares_modes]), (others, some)):
+        r = part.vectors.shape[2]
+        combined.vectors[at, :, :r], combined.references[at, :r] = part.vectors, part.references
+        combined.damped[at, :r], combined.errors[at, :r] = part.damped, part.errors
+    return combined
+
+
+def _exponents(
+    M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
+) -> Array:
+    """Growth, angular rates and errors (3, P, N) of points with M, C, K (P, n, n) and the reference
+    coordinates of their rigid-body modes. States are the other coordinates, relative to the modes, and all
+    velocities."""
+    n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
+    unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
+    unit[~np.isfinite(unit)] = 1.0
+    M, C, K = (part * unit[:, :, None] * unit[:, None] for part in (M, C, K))
+    vectors = modes.vectors[:, :, : len(places)]
+    vectors = vectors / unit[:, :, None] * unit[:, places][:, None]
+    rate_scale = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
+    rate_scale = np.where(rate_scale > 0, rate_scale, 1.0)[:, None, None]
+    size = len(rest)
+    A = np.zeros((len(M), size + n, size + n))
+    A[:, :size, size:] = rate_scale * np.eye(n)[rest]
+    if places:
+        A[:, :size, [size + at for at in places]] -= rate_scale * vectors[:, rest]
+    A[:, size:, :size] = -solved(M, K)[:, :, rest] / rate_scale
+    A[:, size:, size:] = -solved(M, C)
+    values, errors = _eigenvalues(A)
+    # The smallest eigenvalues belong to rigid-body modes without drag.
+    elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(places) :]
+    values, errors = (np.take_along_axis(part, elastic, axis=1) for part in (values, errors))
+    bound = _energy_bound(M, C, K, rest)[:, None]
+    growth = np.minimum(np.real(values), bound)
+    errors = np.minimum(errors, bound - growth)
+    order = np.argsort(-growth, axis=1, kind="stable")
+    columns = growth, np.imag(values), errors
+    return np.array([np.take_along_axis(column, order, axis=1) for column in columns])
+
+
+def _eigenvalues(A: Array) -> tuple[Array, Array]:
+    """Eigenvalues (P, N) of matrices (P, N, N), + imaginary part first, and their errors (P, N)."""
+    finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
+    values, right = np.linalg.eig(np.where(finite[:, None, None], A, 0.0))
+    left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))
+    condition = np.linalg.norm(left, axis=2)
+    norms = np.linalg.norm(A, axis=(1, 2))[:, None]
+    errors = _PERTURBATION * A.shape[1] * EPS * norms * np.nan_to_num(condition, nan=np.inf)
+    return np.where(finite[:, None], values, np.nan), errors
+
+
+def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
+    """Upper bound (P,) of the growth from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and positive
+    definite in the coordinates x at places `rest`, the energy changes by -q̇ᵀCq̇ alone, for any gyroscopic
+    forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
+    scale = [np.abs(part).max(axis=(1, 2)) for part in (M, C, K)]
+    symmetric = [
+        np.abs(part - np.swapaxes(part, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size
+        for part, size in ((M, scale[0]), (K, scale[2]))
+    ]
+    of_mass = np.linalg.eigvalsh((M + np.swapaxes(M, 1, 2)) / 2)[:, 0]
+    stiffness = K[:, rest][:, :, rest]
+    of_stiffness = np.linalg.eigvalsh((stiffness + np.swapaxes(stiffness, 1, 2)) / 2)[:, :1].min(
+        axis=1, initial=np.inf
+    )
+    positive = (of_mass > _ROUNDING * scale[0]) & (of_stiffness > _ROUNDING * scale[2])
+    least = np.linalg.eigvalsh((C + np.swapaxes(C, 1, 2)) / 2)[:, 0]
+    fed = np.where(least < -_ROUNDING * scale[1], -least / np.where(positive, of_mass, 1.0), 0.0)
+    return np.where(symmetric[0] & symmetric[1] & positive, fed, np.inf)

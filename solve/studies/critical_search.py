@@ -1,0 +1,285 @@
+"""Search for the maxima of the response and of the multipliers over speed, and labels of what causes them."""
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import Batch
+from solve.batch.gathering import gathered
+from solve.period.multipliers import UNSTABLE
+from solve.results.critical_speeds import Maximum
+from solve.results.points import FIGURES, Kept, PointResults
+from solve.results.sweep import Sweep
+from solve.studies.boundaries import BoundarySearch
+from solve.studies.constant_coefficients import ConstantCoefficients
+from solve.studies.maxima import Brackets, Trials, narrow_to_height, narrow_to_tolerance, peaks
+from solve.studies.mean_frequencies import MeanFrequencies
+from solve.studies.resonances import CLOSE, Label, MultiplierMatcher
+from solve.studies.speed_grids import LIGHTLY_DAMPED, Rotation, by_speed, separate_crossings
+from solve.studies.stability_samples import (
+    StabilitySamples,
+    coalescence_distance,
+    crosses_plus_one,
+    evaluator,
+)
+from solve.studies.tongues import find_narrow_tongues
+from solve.system import PeriodicSystem
+
+_ASIDE = 0.25
+"""Fraction of the distance between neighbouring divisions at which a maximum is compared with the response
+beside it. A choice: far enough from this maximum, and not yet at the next."""
+
+_BESIDE = 4.0
+"""Distance, in tolerances of its speed, at which a maximum is examined on either side. A choice: beyond the
+error of the speed."""
+
+_SHARE = 0.1
+"""Least rise of a harmonic's power, relative to the largest rise, for which the harmonic explains a maximum.
+A choice."""
+
+
+def radius(results: PointResults) -> Array:
+    """Spectral radius (P,); NaN where most of a disturbance decays within a period."""
+    modulus = results.spectral_radius
+    return np.where(modulus >= LIGHTLY_DAMPED, modulus, np.nan)
+
+
+def real_part(results: PointResults) -> Array:
+    """Largest real part (P,) of the multipliers that are dominant within their errors."""
+    largest = np.where(results.leading, np.real(results.multipliers), -np.inf).max(axis=1)
+    return np.where(results.failed, np.nan, largest)
+
+
+def _leading(results: PointResults) -> Array:
+    """Positions (P,) of the dominant multipliers with the largest real part."""
+    return np.where(results.leading, np.real(results.multipliers), -np.inf).argmax(axis=1)
+
+
+def _coalescence(results: PointResults) -> Array:
+    """`coalescence_distance` (P,) of the dominant multiplier with the largest real part."""
+    distance = coalescence_distance(results.multipliers, _leading(results))
+    return np.where(results.failed, np.nan, distance)
+
+
+@dataclass
+class CriticalSearch:
+    """Solver at speeds and search for maxima between them.
+
+    multipliers: the batch without orbits; rotation: of the multipliers over speed; constant: evaluation for
+    constant matrices; sweep: known solutions with the same figure; orders: highest order of divisions.
+    """
+
+    batch: Batch
+    multipliers: Batch
+    kept: Kept
+    figure: str
+    orders: int
+    tolerance: float
+    rotation: Rotation
+    constant: ConstantCoefficients | None
+    sweep: Sweep | None
+
+    @property
+    def system(self) -> PeriodicSystem:
+        """System whose critical speeds are sought."""
+        return self.batch.family.example
+
+    def solve(self, speeds: Array) -> PointResults:
+        """Orbits at speeds (P,), those of the sweep without solving them again."""
+        if self.sweep is None:
+            return gathered(self.batch, speeds[:, None], self.kept)
+        _, known, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
+        others = np.setdiff1d(np.arange(len(speeds)), known)
+        results = PointResults.blank(len(speeds), self.system.n, self.kept)
+        results.insert(others, gathered(self.batch, speeds[others, None], self.kept))
+        results.insert(known, self.sweep.results.of_some(places, self.kept))
+        return results
+
+    def solve_multipliers(self, speeds: Array) -> PointResults:
+        """Multipliers at speeds (P,), without orbits."""
+        points = speeds[:, None]
+        if self.constant:
+            return self.constant.results(points)
+        return gathered(self.multipliers, points, Kept(warnings=False))
+
+    def response(self, results: PointResults) -> Array:
+        """Figure (P,) whose maxima are sought."""
+        return results.figures[:, 0, FIGURES.index(self.figure)]
+
+    def multiplier_maxima(
+        self, speeds: Array, values: Array, results: PointResults, value: Callable[[PointResults], Array]
+    ) -> list[Maximum]:
+        """Maxima of a function `value` of the multipliers, from its values (P,) at the speeds (P,)."""
+        places = peaks(values, results.errors[:, 1] * results.spectral_radius)
+        trials = Trials(self.multipliers, Kept(warnings=False), results, places)
+
+        def values_at(speeds: Array, numbers: Array) -> tuple[Array, Array]:
+            solved = trials.solve(speeds, numbers)
+            return value(solved), _coalescence(solved)
+
+        brackets, guides = Brackets(speeds[places], values[places]), _coalescence(results)[places]
+        return narrow_to_tolerance(brackets, guides, values_at, self.tolerance).maxima
+
+    def response_maxima(self, speeds: Array, results: PointResults, resolved: Array) -> Brackets:
+        """Brackets of the maxima of the response among the speeds (P,) at which it is resolved (P,)."""
+        values = np.where(resolved, self.response(results), np.nan)
+        places = peaks(values, results.errors[:, 0] * np.abs(values))
+        trials = Trials(self.batch, self.kept, results, places)
+
+        def values_at(speeds: Array, numbers: Array) -> tuple[Array, Array]:
+            return self.response(trials.solve(speeds, numbers)), np.full(len(speeds), np.nan)
+
+        brackets = Brackets(speeds[places], values[places])
+        return narrow_to_tolerance(brackets, np.full(places.shape, np.nan), values_at, self.tolerance)
+
+    def add_crossings(
+        self, speeds: Array, results: PointResults, others: Array
+    ) -> tuple[Array, PointResults]:
+        """Speeds (P,) and results with other speeds (k,) inserted, and speeds at and beside which a
+        multiplier passes +1 along the real axis, within one of the intervals: the response may be unbounded
+        there, however narrow its maximum."""
+        speeds, results = self._insert(speeds, results, others)
+        evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
+
+        def evaluate(points: Array) -> StabilitySamples:
+            return evaluate_all(points).for_plus_one
+
+        points = speeds[:, None]
+        first = evaluate_all(points) if self.constant else StabilitySamples.from_results(points, results)
+        samples = separate_crossings(evaluate, first.for_plus_one, self.rotation, (1,))
+        samples = by_speed(samples + find_narrow_tongues(evaluate, samples, np.arange(1, len(samples) - 1)))
+        side = samples.stable.astype(int) - samples.unstable
+        changes = np.flatnonzero(side[:-1] * side[1:] < 0)
+        search = BoundarySearch(evaluate, speeds[:1], self.tolerance)
+        brackets = search.sign_changes(samples[changes], samples[changes + 1], 0)
+        low, high = (end.points[:, 0] for end in (brackets.low, brackets.high))
+        aside = _BESIDE * self.tolerance
+        beside = np.concatenate((low * (1 - aside), low, high, high * (1 + aside)))
+        return self._insert(speeds, results, beside)
+
+    def _insert(self, speeds: Array, results: PointResults, others: Array) -> tuple[Array, PointResults]:
+        """Ascending speeds and their results, with other speeds (k,) solved and inserted."""
+        others = np.setdiff1d(others, speeds)
+        union = np.union1d(speeds, others)
+        merged = PointResults.blank(len(union), self.system.n, self.kept)
+        merged.insert(np.searchsorted(union, speeds), results)
+        merged.insert(np.searchsorted(union, others), self.solve(others))
+        return union, merged
+
+    def label_response_maxima(self, brackets: Brackets) -> list[Label]:
+        """Maxima of the response, each with the orders whose power is higher there than on either side.
+
+        Maxima within an unstable range are never reached and are left out, but not those at its edge.
+        """
+        if not len(brackets):
+            return []
+        kept = Kept(
+            self.kept.names, self.kept.names, math.ceil(self.orders * self._revolutions), warnings=False
+        )
+        speeds = brackets.x[:, 1]
+        aside = _ASIDE / np.maximum(MeanFrequencies(self.system, speeds).lowest / speeds, _ASIDE / CLOSE)
+        near = np.full(len(speeds), _BESIDE * self.tolerance)
+        trials = speeds * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
+        results = gathered(self.batch, trials.reshape(-1, 1), kept)
+        reached = (results.verdicts != UNSTABLE).reshape(trials.shape)[1:4].any(axis=0)
+        heights = self.response(results).reshape(trials.shape)[2]
+        maxima = self._with_heights(brackets.with_heights(heights), self._is_unbounded(trials, results))
+        power = np.nan_to_num(results.amplitudes[:, 0] ** 2).reshape(*trials.shape, -1)
+        rises = power[2] - (power[0] + power[4]) / 2
+        return [
+            Label(maximum, self._rising_orders(rise))
+            for maximum, rise, is_reached in zip(maxima, rises, reached, strict=True)
+            if is_reached
+        ]
+
+    def _with_heights(self, brackets: Brackets, unbounded: Array) -> list[Maximum]:
+        """Maxima with certified heights, however narrow, and with infinite heights where unbounded (k,)."""
+
+        def values_at(speeds: Array, _: Array) -> tuple[Array, Array]:
+            return self.response(self.solve(speeds)), np.full(len(speeds), np.nan)
+
+        maxima = [Maximum(speed, math.inf) for speed in brackets.x[:, 1].tolist()]
+        bounded = np.flatnonzero(~unbounded)
+        for at, maximum in zip(
+            bounded.tolist(), narrow_to_height(brackets[bounded], values_at).maxima, strict=True
+        ):
+            maxima[at] = maximum
+        return maxima
+
+    def _is_unbounded(self, trials: Array, results: PointResults) -> Array:
+        """Whether the response is unbounded (k,) near the maxima, because a multiplier passes +1. trials
+        (5, k): speeds of the results, of which the middle three count."""
+        rho, errors = (
+            values.reshape(5, trials.shape[1], -1)[1:4].copy()
+            for values in (results.multipliers, results.errors)
+        )
+        failed = results.failed.reshape(5, -1)[1:4]
+        if failed.any():
+            # Multipliers exist even without an orbit.
+            others = self.solve_multipliers(trials[1:4][failed])
+            rho[failed], errors[failed] = others.multipliers, others.errors
+        return crosses_plus_one(rho, errors[..., 1] * np.abs(rho[..., 0]))
+
+    @property
+    def _revolutions(self) -> float:
+        """Revolutions of the mechanism per period."""
+        return self.system.period / (2 * np.pi)
+
+    def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
+        """Every mode with the orders per revolution whose power rises, from the rise (k,) per harmonic."""
+        turns = self._revolutions
+        harmonics = {
+            order: round(order * turns)
+            for order in range(1, self.orders + 1)
+            if math.isclose(order * turns, round(order * turns))
+        }
+        least = _SHARE * rise[1:].max()
+        rising = [order for order, number in harmonics.items() if rise[number] >= least > 0]
+        return set(itertools.product(range(1, self.system.n + 1), rising))
+
+    def label_real_part_maxima(self, maxima: list[Maximum]) -> list[Label]:
+        """Maxima of the real part of the dominant multiplier, except unexplained ones at edges of unstable
+        ranges, where another multiplier becomes dominant."""
+        speeds, count = np.array([maximum.speed for maximum in maxima]), len(maxima)
+        near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
+        results = self.solve_multipliers((near[:, None] * speeds).ravel())
+        unstable, rho = (results.verdicts == UNSTABLE).reshape(3, count), results.multipliers[:count]
+        maxima = _certified(maxima, real_part(results)[:count])
+        is_edge, leading = unstable[1] != unstable[2], _leading(results)[:count].tolist()
+        labels = [
+            matcher.label_real_part(maximum, lead, self.orders, is_unstable)
+            for matcher, maximum, lead, is_unstable in zip(
+                self._matchers(maxima, rho), maxima, leading, unstable[0].tolist(), strict=True
+            )
+        ]
+        return [label for label, edge in zip(labels, is_edge, strict=True) if label.is_explained or not edge]
+
+    def label_radius_maxima(self, maxima: list[Maximum]) -> list[Label]:
+        """Maxima of the spectral radius, except unexplained ones of stable motion: the radius falls on either
+        side where a mode meets one that decays faster."""
+        results = self.solve_multipliers(np.array([maximum.speed for maximum in maxima]))
+        maxima = _certified(maxima, results.spectral_radius)
+        labels = [
+            matcher.label_radius(maximum, self.orders)
+            for matcher, maximum in zip(self._matchers(maxima, results.multipliers), maxima, strict=True)
+        ]
+        unstable = results.verdicts == UNSTABLE
+        return [label for label, grows in zip(labels, unstable, strict=True) if label.is_explained or grows]
+
+    def _matchers(self, maxima: list[Maximum], multipliers: Array) -> Iterator[MultiplierMatcher]:
+        """Matching of the multipliers (k, N) with the modes at each maximum."""
+        for maximum, rho in zip(maxima, multipliers, strict=True):
+            ratios = MeanFrequencies(self.system, np.array([maximum.speed])).values[0] / maximum.speed
+            yield MultiplierMatcher(self.system, maximum.speed, rho, ratios)
+
+
+def _certified(maxima: list[Maximum], heights: Array) -> list[Maximum]:
+    """Maxima with the certified heights (k,) at their speeds, where these are finite."""
+    return [
+        replace(maximum, height=height) if math.isfinite(height) else maximum
+        for maximum, height in zip(maxima, heights.tolist(), strict=True)
+    ]

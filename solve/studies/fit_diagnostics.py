@@ -1,0 +1,96 @@
+"""Warnings about a fit: residuals that are not noise, a wrong unit, a constant channel, duplicate rows.
+
+Residuals are not noise if neighbours are correlated, by the sum of the squared autocorrelations at several
+lags, channel divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303).
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.fit import Channel
+
+_EXACT = 1e-5
+"""Relative residual that errors of the orbits (tolerance 1e-7) and finite differences can explain."""
+
+_FALSE_ALARMS = 0.003
+"""Probability of a warning for residuals that are noise. A choice."""
+
+_MAX_LAGS, _VALUES_PER_LAG = 6, 6
+"""Maximum number of lags, and least number of values for channel. Choices."""
+
+_POOR_FIT = 0.5
+"""Relative residual above which the model explains little. A choice."""
+
+_FEW, _SENSOR_ERROR = 2 * _VALUES_PER_LAG, 0.05
+"""Number of values below which autocorrelation is not meaningful, and the relative difference beyond which so
+few values count as a poor fit: accelerometers and their amplifiers are specified to 5 % of amplitude."""
+
+_UNIT_RATIO = 100.0
+"""Ratio of sizes above which a unit is doubtful. A choice."""
+
+
+def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
+    """Warnings, one sentence channel. ratios: measured over computed size at the start, by channel."""
+    from scipy.stats import chi2
+
+    warnings = [
+        f"{name} is measured {ratio:.2g} times as large as computed at the start; check its unit"
+        for name, ratio in ratios.items()
+        if not 1 / _UNIT_RATIO < ratio < _UNIT_RATIO
+    ]
+    for name in ratios:
+        at, measured, residuals = _sorted([channel for channel in channels if channel.name == name], period)
+        size = float(np.linalg.norm(residuals) / np.linalg.norm(measured))
+        lags = range(1, 1 + min(_MAX_LAGS, len(residuals) // _VALUES_PER_LAG))
+        pairs = [_autocorrelation(residuals, lag) for lag in lags]
+        noise = chi2.sf(sum(deviation**2 for deviation, _ in pairs), max(1, len(pairs)))
+        curve = all(channel.by_phase for channel in channels)
+        if curve and len(measured) > 2 and not np.ptp(measured):
+            warnings.append(f"{name} has the same measured value everywhere; check the record")
+        elif size > _POOR_FIT:
+            warnings.append(
+                f"{name} differs by {100 * size:.3g} %: the model does not describe it; check unit, sign, "
+                "speed and phase origin of the data, or free further parameters"
+            )
+        elif len(residuals) < _FEW and size > _SENSOR_ERROR:
+            warnings.append(
+                f"{name} differs by {100 * size:.3g} %, more than typical sensor errors; {len(residuals)} "
+                "values are too few to distinguish noise from model error"
+            )
+        elif noise < _FALSE_ALARMS / len(ratios) and size > _EXACT:
+            correlation = max((correlation for _, correlation in pairs), key=abs)
+            warnings.append(
+                f"{name}: the residuals are not noise, neighbours have a correlation of {correlation:+.2f}: "
+                "the model does not follow the data, or the noise is not independent; the 95 % intervals "
+                "assume both and are not valid"
+            )
+        if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
+            warnings.append(f"{name}: duplicate rows; the 95 % intervals count each and are too narrow")
+    return warnings
+
+
+def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
+    """Places (k,) of one quantity, its measured values, and computed minus measured values. Neighbours have
+    one speed and successive phases, or one order or mode and successive speeds."""
+    by_phase = channels[0].by_phase
+    at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
+    counts = [len(channel.at) for channel in channels]
+    sets = np.repeat(
+        [channel.speed if channel.position is None else channel.position for channel in channels], counts
+    )
+    order = np.lexsort((at, sets) if by_phase else (sets, at))
+    measured = np.concatenate([channel.measured for channel in channels])[order]
+    computed = np.concatenate([channel.computed for channel in channels])[order]
+    return (at + 1j * sets)[order], measured, computed - measured
+
+
+def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
+    """Autocorrelation at a lag: the sum of the products over its standard deviation, estimated from the
+    products themselves, and over the sum of squares."""
+    products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
+    deviation = float(np.sqrt(np.sum(products**2)))
+    size = float(np.sum(np.abs(residuals) ** 2))
+    total = float(products.sum())
+    return (abs(total) / deviation, total / size) if deviation and size else (0.0, 0.0)

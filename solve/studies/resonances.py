@@ -1,0 +1,303 @@
+"""Labels of maxima over speed: integer divisions of a natural frequency, or combinations of two."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import matched
+from solve.results.critical_speeds import Combination, Critical, Maximum
+from solve.studies.mean_frequencies import MeanFrequencies, is_excited
+from solve.studies.mean_modes import mean_modes
+from solve.system import PeriodicSystem
+
+_NEAR, CLOSE = 0.2, 0.05
+"""Difference of frequency over speed from an integer, absolute and relative to that integer, up to which a
+maximum may belong to that division; the smaller of both counts. Choices."""
+
+_ANGLE_TOLERANCE = 0.02
+"""Allowed difference of a multiplier's angle from that of a division or combination, as a fraction of a full
+turn. A choice."""
+
+_DECAY_TOLERANCE = 0.25
+"""Allowed relative difference of a mode's decay per period from the mean of the frozen rates. A choice."""
+
+_MAX_COST = 9.0
+"""Upper limit of a single squared difference, three times what is allowed, so that no difference alone
+decides the matching. A choice."""
+
+_MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
+"""Sums of squared differences, each over what is allowed: limits for a maximum of a real part and for one of
+the spectral radius, which is narrower; excess over the least sum up to which a label counts as equally good.
+Choices."""
+
+_ORDER_PENALTY = 0.1
+"""Addition to the sum for each order above the first, since higher orders are weaker. A choice."""
+
+_SAME_SPEED = 1e-3
+"""Relative difference of speeds up to which maxima of the real part and of the modulus of a multiplier
+coincide. A choice."""
+
+Fit = tuple[float, Combination]
+"""Misfit of a combination, and the combination."""
+
+
+class Label(NamedTuple):
+    """A maximum with the divisions that may explain it, as modes (from 1) and orders per revolution, or with
+    the combinations that do, several if these explain it equally well."""
+
+    maximum: Maximum
+    divisions: set[tuple[int, int]]
+    combinations: Sequence[Combination] = ()
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether a division or a combination explains the maximum."""
+        return bool(self.divisions or self.combinations)
+
+
+def allowed_distance(orders: Array | float) -> Array:
+    """Differences of frequencies over the speed from orders, up to which these may explain a maximum."""
+    return np.minimum(_NEAR, CLOSE * orders)
+
+
+@dataclass(frozen=True)
+class MultiplierMatcher:
+    """Matching of multipliers with modes at a speed (rad/s). rho (2n,): the multipliers; ratios (n,): mean
+    natural frequencies over the speed, ascending.
+
+    Multipliers are matched to modes in pairs: conjugate ones, and real ones of one sign, of which only the
+    product identifies the mode. The pair of a mode has the angle ω̄T, up to full turns and the sign, and
+    decays by δT. All pairs are matched at once by the least sum of the squared differences, each over what is
+    allowed. Pairs with the same angle may exchange energy; their decay may then differ from that of the mode
+    by as much as from the mean of theirs.
+    """
+
+    system: PeriodicSystem
+    speed: float
+    rho: Array
+    ratios: Array
+
+    @property
+    def revolutions(self) -> float:
+        """Revolutions of the mechanism per period."""
+        return self.system.period / (2 * math.pi)
+
+    @cached_property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Positions of the multipliers of each of the n pairs."""
+        upper = np.flatnonzero(np.imag(self.rho) > 0).tolist()
+        lower = np.flatnonzero(np.imag(self.rho) < 0)
+        pairs = [(one, int(lower[np.abs(self.rho[lower] - self.rho[one].conj()).argmin()])) for one in upper]
+        real = [at for at in np.argsort(-np.real(self.rho)).tolist() if np.imag(self.rho[at]) == 0]
+        remaining = [at for at in real if self.rho[at] == 0]
+        for sign in (1, -1):
+            same_sign = [at for at in real if sign * np.real(self.rho[at]) > 0]
+            half = len(same_sign) // 2
+            pairs += zip(same_sign[:half], same_sign[: len(same_sign) - half - 1 : -1], strict=True)
+            remaining += same_sign[half : len(same_sign) - half]
+        return pairs + list(zip(remaining[::2], remaining[1::2], strict=True))
+
+    def pair_of(self, multiplier: int) -> int:
+        """Position of the pair that contains a multiplier."""
+        return next(at for at, pair in enumerate(self.pairs) if multiplier in pair)
+
+    @cached_property
+    def angles(self) -> Array:
+        """Angles of the pairs (n,) as fractions of a full turn, 0 to 1/2."""
+        return np.abs(np.angle(self.rho[[first for first, _ in self.pairs]])) / (2 * math.pi)
+
+    def pairs_at_angle_of(self, pair: int) -> list[int]:
+        """Other resolved pairs with the same angle."""
+        near = np.flatnonzero(np.abs(self.angles - self.angles[pair]) <= _ANGLE_TOLERANCE)
+        return [int(other) for other in near if other != pair and self._resolved[other]]
+
+    @cached_property
+    def _resolved(self) -> Array:
+        """Whether both multipliers of the pairs (n,) are resolved."""
+        return np.all(np.abs(self.rho[np.array(self.pairs)]) > 0, axis=1)
+
+    @cached_property
+    def _costs(self) -> Array:
+        """Squared differences (n, n) of pairs from modes; 0 for pairs that are not resolved."""
+        modulus = np.abs(self.rho[np.array(self.pairs)])
+        logs = -np.log(np.where(modulus > 0, modulus, 1.0))
+        decays, tolerance = logs.mean(axis=1), np.abs(np.diff(logs, axis=1))[:, 0] / 2
+        for pair in range(len(decays)):
+            coupled = [pair, *self.pairs_at_angle_of(pair)]
+            tolerance[pair] += abs(decays[pair] - decays[coupled].mean())
+        rates = mean_modes(self.system, self.speed).rates / self.speed
+        damped = np.sqrt(np.maximum(self.ratios**2 - rates**2, 0.0))
+        allowed = self.revolutions * allowed_distance(self.ratios) + _ANGLE_TOLERANCE
+        angle = (self.angles[:, None] - _folded(damped * self.revolutions)) / allowed
+        decay = rates * self.revolutions * 2 * math.pi
+        allowed = _DECAY_TOLERANCE * np.abs(decay) + tolerance[:, None] + _ANGLE_TOLERANCE
+        slower = (decays[:, None] - decay) / allowed
+        costs = np.minimum(angle**2, _MAX_COST) + np.minimum(slower**2, _MAX_COST)
+        return np.where(self._resolved[:, None], np.nan_to_num(costs, nan=_MAX_COST), 0.0)
+
+    @cached_property
+    def _least_cost(self) -> float:
+        return float(self._costs[matched(self._costs)].sum())
+
+    def misfit(self, modes: dict[int, int]) -> float:
+        """Cost, beyond the least, of the best matching in which some pairs have the given modes."""
+        pairs, others = (
+            [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
+        )
+        free = self._costs[np.ix_(pairs, others)]
+        least = free[matched(free)].sum() if free.size else 0.0
+        fixed = sum(self._costs[pair, mode] for pair, mode in modes.items())
+        return float(least + fixed) - self._least_cost
+
+    def divisions(self, pair: int, orders: int) -> list[Fit]:
+        """Divisions that explain why a pair passes +1, as combinations of a mode with itself, best first."""
+        return _plausible(
+            [
+                (
+                    self._deviation(k, self.ratios[mode]) + self.misfit({pair: mode}),
+                    self._of(mode, mode, 1, 2 * k),
+                )
+                for mode in range(len(self.ratios))
+                if 1 <= (k := _nearest(self.ratios[mode])) <= orders
+            ]
+        )
+
+    def combinations(self, pair: int, orders: int) -> list[Fit]:
+        """Combinations of two modes, or of one with itself, that excite a pair at its angle, best first."""
+        elastic, others = np.flatnonzero(self.ratios).tolist(), self.pairs_at_angle_of(pair)
+        best: dict[Combination, float] = {}
+        for (low, high), sign in itertools.product(
+            itertools.combinations_with_replacement(elastic, 2), (1, -1)
+        ):
+            total = self.ratios[high] + sign * self.ratios[low]
+            k, most = _nearest(total), orders * (1 + (low == high))
+            if not (1 <= k <= most and abs(total - k) <= allowed_distance(k) and is_excited(self.system, k)):
+                continue
+            combination = self._of(low, high, sign, k)
+            for modes in self._assignments(pair, others, low, high, sign * k):
+                misfit = self._deviation(k, total) + self.misfit(modes)
+                best[combination] = min(misfit, best.get(combination, math.inf))
+        return _plausible([(misfit, one) for one, misfit in best.items()], _ORDER_PENALTY)
+
+    def _assignments(
+        self, pair: int, others: list[int], low: int, high: int, signed_order: int
+    ) -> list[dict[int, int]]:
+        """Modes by pair with which a combination can excite a pair, alone or with another at its angle."""
+        if low != high:
+            return [{pair: one, other: two} for other in others for one, two in ((low, high), (high, low))]
+        angle = _folded(signed_order * self.revolutions / 2)
+        at_angle = abs(self.angles[pair] - angle) <= _ANGLE_TOLERANCE
+        return [{pair: low}] if signed_order > 0 and at_angle else []
+
+    def _deviation(self, order: int, total: float) -> float:
+        """Squared deviation of a sum of frequencies over the speed from an order, over what is allowed."""
+        return float((total - order) / allowed_distance(order)) ** 2
+
+    def _of(self, low: int, high: int, sign: int, order: int) -> Combination:
+        speed = self.speed * float(self.ratios[high] + sign * self.ratios[low]) / order
+        return Combination(speed, (high + 1, low + 1), sign, order)
+
+    def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
+        """Label of a maximum of the real part of a multiplier at the given position.
+
+        An order of its mode explains it where the multiplier passes +1, except for the angle arctan(δ/ω):
+        there exp(-δT) cos ωT is largest. Elsewhere, and where the motion is unstable, a combination does if
+        the multiplier of another mode has the same angle and the sum or difference of the frozen frequencies
+        is near an order.
+        """
+        rho = self.rho[multiplier]
+        if rho == 0:
+            return Label(maximum, set())
+        pair = self.pair_of(multiplier)
+        decrement = max(0.0, -math.log(abs(rho)))
+        shift = math.atan(decrement / (2 * math.pi * self.revolutions)) / (2 * math.pi)
+        at_plus_one = not unstable and self.angles[pair] <= _ANGLE_TOLERANCE + shift
+        divisions = self.divisions(pair, orders) if at_plus_one else []
+        return _label(maximum, divisions or self.combinations(pair, orders))
+
+    def label_radius(self, maximum: Maximum, orders: int) -> Label:
+        """Label of a maximum of the spectral radius: two modes whose multipliers meet, or one whose
+        multiplier passes +1 or -1."""
+        fits = self.combinations(self.pair_of(0), orders)
+        return _label(maximum, [fit for fit in fits if fit[0] <= _MAX_RADIUS_MISFIT])
+
+
+def assign(
+    rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
+) -> list[Critical]:
+    """Rows with the maxima inserted in a column, highest first, each at the nearest division that fits.
+
+    If no division explains a maximum, or if the frozen frequencies are imaginary there, it gets a row of its
+    own or that of the same combination.
+    """
+    rows = list(rows)
+    for label in sorted(labels, key=lambda label: -label.maximum.height):
+        speed = label.maximum.speed
+        here = replace(frequencies, speeds=np.array([speed]))
+        meaningful = not here.imaginary[0]
+        at = _row_of_division(rows, label, here.values[0] / speed, column) if meaningful else None
+        if at is None:
+            several = label.combinations if meaningful else ()
+            combination = several[0] if len(several) == 1 else None
+            same = (k for k, row in enumerate(rows) if _belongs(row, label, combination, column))
+            at = next(same, len(rows))
+            if at == len(rows):
+                candidates = several if len(several) > 1 else ()
+                rows.append(Critical(combination=combination, candidates=candidates))
+        rows[at] = replace(rows[at], **{column: label.maximum})
+    return rows
+
+
+def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: str) -> int | None:
+    """Position of the row with the nearest of the divisions, if it is near enough and its column is empty."""
+    distances = [
+        (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), at)
+        for at, row in enumerate(rows)
+        if (row.mode, row.order) in label.divisions and getattr(row, column) is None
+    ]
+    distance, at = min(distances, default=(np.inf, -1))
+    return at if distances and distance < allowed_distance(rows[at].order or 0) else None
+
+
+def _belongs(row: Critical, label: Label, combination: Combination | None, column: str) -> bool:
+    """Whether a row without a division shows the same resonance as a label."""
+    if getattr(row, column) is not None:
+        return False
+    distance = abs(row.speed - label.maximum.speed) / label.maximum.speed
+    if combination is not None and row.combination is not None:
+        return combination.same(row.combination) and distance < CLOSE
+    return column == "radius" and row.multiplier is not None and distance < _SAME_SPEED
+
+
+def _label(maximum: Maximum, fits: list[Fit]) -> Label:
+    """Label with the divisions if all combinations are divisions of one order, else with the combinations."""
+    explaining = [one for _, one in fits]
+    if explaining and all(one.is_division and one.order == explaining[0].order for one in explaining):
+        return Label(maximum, {(one.modes[0], one.order // 2) for one in explaining})
+    return Label(maximum, set(), explaining)
+
+
+def _plausible(fits: list[Fit], penalty: float = 0.0) -> list[Fit]:
+    """Combinations with a small misfit, best first, without those that are clearly worse than another.
+    penalty: addition to the misfit for each order above the first."""
+
+    def rank(fit: Fit) -> float:
+        return fit[0] + penalty * (fit[1].order - 1)
+
+    fits = sorted((fit for fit in fits if fit[0] <= _MAX_MISFIT), key=rank)
+    return [fit for fit in fits if rank(fit) <= rank(fits[0]) + _EQUIVALENT]
+
+
+def _nearest(total: float) -> int:
+    return round(float(np.nan_to_num(total)))
+
+
+def _folded(turns: Array | float) -> Array:
+    """Angles in full turns, 0 to 1/2, up to full turns and the sign."""
+    return np.abs(turns - np.round(turns))

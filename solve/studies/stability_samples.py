@@ -1,0 +1,197 @@
+"""Stability at points of a parameter family, and distances from losing it."""
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.batch import POINTS, Batch
+from solve.batch.gathering import gathered
+from solve.period.multipliers import UNIT_CIRCLE
+from solve.results.points import Kept, PointResults, kinds_of
+from solve.terminal import progress
+
+_STABILITY = Kept(warnings=False, meetings=False)
+
+_UNREACHABLE = 1e6
+"""Distance assigned to a kind of instability that cannot occur; any value far above those of multipliers of
+modulus near 1 serves."""
+
+NOISE = 1e-6
+"""Distance from the unit circle that counts as round-off: coalescing multipliers lose half their digits."""
+
+
+@dataclass(frozen=True)
+class StabilitySamples:
+    """Stability at points (k, v).
+
+    unstable (k,): a multiplier lies outside the unit circle by more than its error; stable (k,): none does.
+    Both are False where the point failed or the errors leave the verdict open. multipliers (k, N): in
+    descending order of modulus, 0 where failed. distances (k, 4): see `distances_to_instability`.
+    """
+
+    points: Array
+    stable: Array
+    unstable: Array
+    multipliers: Array
+    distances: Array
+
+    @classmethod
+    def from_multipliers(
+        cls, points: Array, stable: Array, unstable: Array, multipliers: Array
+    ) -> "StabilitySamples":
+        """Samples with the distances computed from the multipliers."""
+        return cls(points, stable, unstable, multipliers, distances_to_instability(multipliers))
+
+    @classmethod
+    def from_results(cls, points: Array, results: PointResults) -> "StabilitySamples":
+        """Samples from solved points."""
+        failed, outside = results.failed, results.outside
+        multipliers = np.where(failed[:, None], 0.0, results.multipliers)
+        stable = ~(failed | outside | results.undetermined)
+        return cls.from_multipliers(points, stable, outside, multipliers)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: Array) -> "StabilitySamples":
+        return StabilitySamples(*(column[rows] for column in self._columns))
+
+    def __add__(self, other: "StabilitySamples") -> "StabilitySamples":
+        if len(other) == 0:
+            return self
+        pairs = zip(self._columns, other._columns, strict=True)
+        return StabilitySamples(*map(np.concatenate, pairs))
+
+    def replaced(self, rows: Array, others: "StabilitySamples") -> "StabilitySamples":
+        """Copy with other points in some rows (k,)."""
+        columns = [column.copy() for column in self._columns]
+        for column, new in zip(columns, others._columns, strict=True):
+            column[rows] = new
+        return StabilitySamples(*columns)
+
+    @property
+    def _columns(self) -> tuple[Array, ...]:
+        return tuple(getattr(self, column.name) for column in fields(self))
+
+    @property
+    def failed(self) -> Array:
+        """Where neither stability nor instability is established (k,)."""
+        return ~(self.stable | self.unstable)
+
+    @property
+    def for_plus_one(self) -> "StabilitySamples":
+        """Samples that are stable as long as no multiplier passes +1 along the real axis."""
+        first, known = self.distances[:, 0], ~self.failed
+        distances = np.where(np.arange(self.distances.shape[1]) == 0, self.distances, _UNREACHABLE)
+        return replace(self, stable=known & (first > 0), unstable=known & (first < 0), distances=distances)
+
+    @property
+    def kinds(self) -> Array:
+        """Positions in KINDS (k,) of the largest multiplier."""
+        return kinds_of(self.multipliers)
+
+    @cached_property
+    def crossing_values(self) -> Array:
+        """Smooth functions (k, 4) that fall through zero where a point becomes unstable.
+
+        The columns are: det(I - Φ), for +1, and det(I + Φ), for -1, but negative wherever a multiplier is
+        beyond; the distance of the largest multiplier from the unit circle; and the squared distance of pairs
+        that coalesce on the circle.
+        """
+        size = np.maximum(np.abs(self.multipliers[:, 0]), NOISE)
+        leaving = np.where(size > 1 + NOISE, -np.square(size - 1 / size), self.distances[:, 2])
+        plus, minus = (np.abs(1 - sign * self.multipliers).prod(axis=1) for sign in (1, -1))
+        signed = np.copysign(np.column_stack((plus, minus)), self.distances[:, :2])
+        return np.column_stack((signed, 1 - size, leaving))
+
+
+def distances_to_instability(multipliers: Array) -> Array:
+    """Distances (k, 4) of multipliers (k, N) from each way to lose stability: the least `crossing_function`
+    for +1 and for -1, the squared distance of two pairs, and the distance of a pair from the unit circle."""
+    rho = np.ascontiguousarray(multipliers.T)
+    upper = np.imag(rho) > 0
+    pairs = np.full(rho.shape[1], _UNREACHABLE)
+    for first, second in itertools.combinations(range(len(rho)), 2):
+        both = upper[first] & upper[second]
+        if both.any():
+            distance = np.abs(rho[first, both] - rho[second, both]) ** 2
+            pairs[both] = np.minimum(pairs[both], distance)
+    inside = 1 - np.abs(np.where(upper, rho, 0.0)).max(axis=0)
+    inside = np.where(inside > NOISE, inside, _UNREACHABLE)
+    plus, minus = (crossing_function(multipliers, sign)[:, 0] for sign in (1, -1))
+    return np.clip(np.column_stack((plus, minus, pairs, inside)), -_UNREACHABLE, _UNREACHABLE)
+
+
+def crossing_function(multipliers: Array, sign: int) -> Array:
+    """(1 ∓ ρ)(1 ∓ ρ′) of each pair of multipliers (k, N), ascending, (k, N / 2).
+
+    The value passes smoothly through zero where one of the two passes +1 (sign 1) or -1 (sign -1). Pairs are
+    conjugate, or real with the same sign, the largest with the smallest.
+    """
+    rho, order = sign * multipliers, np.arange(multipliers.shape[1])
+    if len(order) == 2:
+        return np.real((1 - rho[:, :1]) * (1 - rho[:, 1:]))
+    real = np.imag(rho) == 0
+    negative, total = ((real & (np.real(rho) < limit)).sum(axis=1)[:, None] for limit in (0, np.inf))
+    ascending = np.sort(np.where(real, np.real(rho), np.nan), axis=1)
+    partner = np.where(order < negative, negative, negative + total) - 1 - order
+    # The middle one of an odd number has no partner.
+    other = np.take_along_axis(ascending, np.clip(partner, 0, order[-1]), axis=1) * (partner != order)
+    of_real = np.where(order < total, (1 - ascending) * (1 - other), np.nan)
+    of_complex = np.where(real, np.nan, np.square(np.abs(1 - rho)))
+    return np.sort(np.concatenate((of_real, of_complex), axis=1), axis=1)[:, : len(order) : 2]
+
+
+def coalescence_distance(multipliers: Array, leading: Array) -> Array:
+    """Signed distance from coalescence (k,) of the multipliers (k, N) at positions `leading` (k,) and their
+    partners: the square of half their difference divided by their product.
+
+    It is negative for conjugate pairs, positive for real ones, and passes smoothly through zero where they
+    meet on the real axis.
+    """
+    rows = np.arange(len(leading))
+    rho = multipliers[rows, leading]
+    separation = np.where(np.imag(multipliers) == 0, np.abs(multipliers - rho[:, None]), np.inf)
+    separation[rows, leading] = np.inf
+    partner = multipliers[rows, separation.argmin(axis=1)]
+    partner = np.where(
+        np.imag(rho) != 0, np.conj(rho), np.where(np.isfinite(separation.min(axis=1)), partner, rho)
+    )
+    product = np.abs(rho * partner)
+    return np.real(np.square(rho - partner)) / (4 * np.where(product > 0, product, 1.0))
+
+
+def crosses_plus_one(multipliers: Array, error: Array) -> Array:
+    """Whether a multiplier passes +1 (k,) at the second of three neighbouring points.
+
+    multipliers (3, k, N) with absolute errors (3, k). It passes along the real axis at the edge of an
+    unstable range. It passes along the unit circle at an undamped resonance, with or without a narrow
+    unstable range around it.
+    """
+    distance, modulus = np.abs(1 - multipliers), np.abs(multipliers)
+    nearest = distance.argmin(axis=2)[..., None]
+    distance, modulus = (np.take_along_axis(values, nearest, 2)[..., 0] for values in (distance, modulus))
+    on_circle = (np.abs(modulus - 1) <= error + UNIT_CIRCLE)[::2].all(axis=0)
+    # det(I - Φ) changes its sign where a multiplier passes +1 along the real axis; the sign is unknown where
+    # a multiplier is +1 within its error.
+    signs = np.sign([crossing_function(rho, 1)[:, 0] for rho in multipliers])
+    side = np.where(distance > error, signs, 0.0)
+    return (side[0] * side[2] < 0) | on_circle & (distance[1] < distance[::2].min(axis=0))
+
+
+Evaluate = Callable[[Array], StabilitySamples]
+"""Function that evaluates the stability at points (k, v)."""
+
+
+def evaluator(batch: Batch) -> Evaluate:
+    """Function that evaluates stability by solving the points of a batch."""
+    return partial(_solve, batch)
+
+
+def _solve(batch: Batch, points: Array) -> StabilitySamples:
+    with progress.subtask(POINTS, len(points)):
+        return StabilitySamples.from_results(points, gathered(batch, points, _STABILITY))

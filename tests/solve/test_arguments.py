@@ -1,0 +1,90 @@
+"""Invalid arguments of public functions are refused with clear messages."""
+
+import inspect
+import pickle
+
+import numpy as np
+import pytest
+
+import solve
+from solve import public
+from solve.errors import SolveError, ValueOutOfBoundsError
+from tests.solve.systems import random_system
+
+FUNCTIONS = [name for name in public.__all__ if inspect.isfunction(getattr(solve, name))]
+OF_OTHERS = {"boundaries", "chart", "signal_statistics", "sweeps"}
+"""Those whose first argument may be a function or a mapping."""
+
+
+@pytest.mark.parametrize("name", sorted(set(FUNCTIONS) - OF_OTHERS))
+def test_a_number_is_refused_by_every_public_function(name):
+    function = getattr(solve, name)
+    first, *others = inspect.signature(function).parameters.values()
+    needed = {each.name: None for each in others if each.default is each.empty}
+    with pytest.raises(SolveError, match=r"3|int"):
+        function(3, **needed)
+    with pytest.raises(SolveError, match=r"3|int"):
+        function(**{first.name: 3}, **needed)
+
+
+def test_a_model_name_instead_of_a_system_names_load():
+    message = r"^system is 'cam'; allowed: PeriodicSystem, such as solve\.load\('cam'\)$"
+    with pytest.raises(SolveError, match=message):
+        solve.periodic("cam", "600 rpm")  # type: ignore[arg-type]
+
+
+def test_missing_arguments_raise_a_type_error():
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'system'"):
+        solve.periodic(speed=1.0)  # type: ignore[call-arg]
+
+
+def test_a_public_function_keeps_its_signature_and_can_be_sent_to_other_processes():
+    assert next(iter(inspect.signature(solve.sweep).parameters)) == "system"
+    assert pickle.loads(pickle.dumps(solve.sweep)) is solve.sweep
+
+
+def plane():
+    return random_system(3, 2)
+
+
+CHARTED = {"x": "delta=1:2:2", "y": "epsilon=0:1:2", "speed": 1.0}
+REFUSED = {
+    "orders is 2.5; allowed: whole numbers of at least 1": lambda: solve.critical_speeds(
+        plane(),
+        [1.0, 2.0],
+        orders=2.5,  # type: ignore[arg-type]
+    ),
+    "orders is '3'; allowed": lambda: solve.critical_speeds(plane(), [1.0, 2.0], orders="3"),  # type: ignore[arg-type]
+    "the function that builds systems gives 3; give a PeriodicSystem": lambda: solve.chart(
+        lambda delta, epsilon: 3,
+        **CHARTED,  # type: ignore[arg-type, return-value]
+    ),
+    "values of delta must be at least two": lambda: solve.chart("mathieu", {"delta": 1.0}, "epsilon=0:1:2"),  # type: ignore[dict-item]
+    r"position is \[\]; allowed": lambda: solve.frequencies(plane(), []),
+    "count is 1.5; allowed": lambda: solve.frequencies(plane(), 0.0, 1.5),  # type: ignore[arg-type]
+    "0 values at 1 positions": lambda: solve.frequencies_over(solve.load("cam"), "k1", [], np.zeros(1)),
+    r"coordinates are \[1\]; give": lambda: solve.PeriodicSystem(plane().at, [1]),  # type: ignore[list-item]
+    "targets are empty": lambda: solve.compare(plane(), 2.0, targets=[]),
+    "period is '2'; allowed": lambda: solve.PeriodicSystem(plane().at, ["q"], "2"),  # type: ignore[arg-type]
+    "1e\\+09 turns; allowed: up to 43690, or more with": lambda: solve.transient(plane(), 2.0, 10**9),
+    "start is 3; allowed: rest, orbit": lambda: solve.transient(plane(), 2.0, 3, 3),  # type: ignore[arg-type]
+    "no harmonics above the mean were kept": lambda: solve.sweep(
+        plane(), 2.0, spectra="q1", harmonics=0
+    ).waterfall("q1"),
+    "a phase is NaN": lambda: solve.periodic(plane(), 2.0).at(np.array([0.0, np.nan])),
+    "a phase is NaN or infinite; give": lambda: solve.periodic(plane(), 2.0).state(np.array([np.inf])),
+    "the start has coordinates q1, q2; cam has q1, q2, q3": lambda: solve.nonlinear(
+        solve.load("cam"), "100 rpm", solve.periodic(plane(), 2.0)
+    ),
+}
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_arguments_of_wrong_type_are_refused(words):
+    with pytest.raises(ValueOutOfBoundsError, match=words):
+        REFUSED[words]()
+
+
+def test_one_method_may_be_a_text_and_numbers_arrays():
+    rows = solve.compare(plane(), 2.0, "gauss", np.array([20]), np.array([0.1])).rows
+    assert {row.method for row in rows} == {"gauss"}
