@@ -90,7 +90,7 @@ def test_every_width_along_a_motion(width):
 
 def test_without_compiled_code_casadi_evaluates():
     model = solve.load("cam")
-    rest = solve.periodic(model, 20.0).motion
+    rest = solve.periodic(model, 20.0).curve
     phase = np.linspace(0, model.period, 9)
     with_none, without = (model.along(rest, each).entries(phase, 20.0) for each in (lambda *_: None, None))
     np.testing.assert_array_equal(with_none, without)

@@ -58,7 +58,7 @@ def test_what_is_certain_and_largest_is_named():
     found = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs", ["k1", "F", "speed"])
     sizes = found.elasticities("q3.max_abs")
     most = max(sizes, key=lambda name: abs(sizes[name]))
-    assert f"q3.max_abs with {most} ({sizes[most]:.3g} % per 1 % of it)" in found.summary
+    assert f"q3.max_abs by {most} ({sizes[most]:.3g} % per 1 %)" in found.summary
 
 
 def test_the_highest_maximum_is_named():
