@@ -130,7 +130,7 @@ class ResultKindError(FileError):
 
     def __init__(self, kind: str, what: str = "it"):
         super().__init__(
-            f"{what} holds a {kind}, which no module in use knows; import the model's results first"
+            f"{what} holds a {kind}, which no imported module defines; import the model's results first"
         )
         self.kind = kind
 

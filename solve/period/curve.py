@@ -311,7 +311,7 @@ def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
 
 
 def sufficient_strides(nodes: Array, motions: Array, jumps: bool, allowed: float) -> Array:
-    """Strides (turns,), powers of 2: curves through every so many states are within the allowed error."""
+    """Strides (turns,), powers of 2: curves through states at this stride are within the allowed error."""
     strides, stride = np.ones(len(motions), dtype=int), 2
     while stride * _FEWEST <= len(nodes) - 1:
         error = interpolation_error(nodes[::stride], motions[..., ::stride], jumps)

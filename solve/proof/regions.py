@@ -7,8 +7,10 @@ values of f at Chebyshev's points has an error of at most
 
     E_x + Λ_p E_y,    E_x = 4 S ρ_x^−p / (ρ_x − 1),    Λ_p ≤ 1 + (2/π) log(p + 1)
 
-(L. N. Trefethen, Approximation Theory and Approximation Practice, Theorems 8.2 and 15.2; the second term is
-the interpolant over x of the error over y). S is bounded by the logarithmic norm: ‖Φ‖₂ ≤ exp ∫ μ₂(A) dφ.
+(L. N. Trefethen, Approximation Theory and Approximation Practice, Theorem 8.2, which holds for the zeros of
+T_{p+1} by the same aliasing of coefficients; T. J. Rivlin, The Chebyshev Polynomials, for Λ_p; the second
+term is the interpolant over x of the error over y). S is bounded by the logarithmic norm,
+‖Φ‖₂ ≤ exp ∫ μ₂(A) dφ.
 """
 
 import itertools
@@ -36,7 +38,7 @@ _RATIOS = 2.0, 3.0, 5.0, 8.0, 12.0, 20.0
 """Candidates for ρ. A large one needs a lower degree for the same S, but S grows with the ellipse."""
 
 _PANELS = 48
-"""Intervals of the period on which μ₂ is bounded."""
+"""Intervals of the period on which μ₂ is bounded: a choice."""
 
 _SHORTEST = 2.0**-14
 """Fraction of the period below which an interval on which M may be singular is not bisected."""
@@ -45,16 +47,17 @@ _ACCURACY = 2.0**-20
 """Interpolation error: far below the variation of Φ over the smallest boxes that are decided."""
 
 _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
-"""Of the enclosures at the nodes: bits, largest h‖A‖, and allowed error of a step."""
+"""Bits, largest h‖A‖, and allowed error of a step of the enclosures at the nodes. Their error is far below
+the interpolation error."""
 
 _LARGEST = 1024
 """Binary exponent of bounds S above which no number of nodes serves."""
 
 _MOST_NODES = 1200
-"""Nodes of a box above which it is bisected instead."""
+"""Nodes of a box above which it is bisected instead: a choice, a minute of Mathieu's equation."""
 
 _TOGETHER = 16
-"""Nodes that a worker computes at a time."""
+"""Nodes that a worker computes at a time: a choice, about a second."""
 
 
 class Box(NamedTuple):
@@ -173,10 +176,8 @@ def _values(
                 (low + high) / arb(2) + (arb(high) - low) / 2 * _node(k, degree)
                 for (low, high), k, degree in zip(box, at, degrees, strict=True)
             )
-            made = turn(plane.moved(equation, x, y), period, breaks, _BITS, _ADVANCE, _ALLOWED).levels()[-1][
-                0
-            ]
-            Phi = arb_mat([row[:-1] for row in made.table()[:-1]])
+            steps = turn(plane.moved(equation, x, y), period, breaks, _BITS, _ADVANCE, _ALLOWED)
+            Phi = arb_mat([row[:-1] for row in steps.levels()[-1][0].table()[:-1]])
             balls = [Phi.trace(), Phi.det()] if Phi.nrows() == 2 else Phi.entries()
             middles = [float(ball.mid()) for ball in balls]
             radii = [above(abs(ball - middle)) for ball, middle in zip(balls, middles, strict=True)]

@@ -79,7 +79,7 @@ class ProvedBoxes:
     Attributes
     ----------
     ends : (k, 4) array
-        Lower and upper end of x, then of y.
+        Lower and upper end of x, then of y, rounded to double precision.
     verdicts : (k,) array of int
         Positions in VERDICTS of the verdict that holds everywhere on the box.
     assumed : str

@@ -143,7 +143,8 @@ def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
     if field.decided is None or field.open is None:
         return []
     edges: dict[str, Any] = {"facecolor": "none", "edgecolor": GREY, "linewidth": 0.2}
-    for boxes, style in ((field.decided, edges), (field.open, {"facecolor": BLACK, "edgecolor": "none"})):
+    filled: dict[str, Any] = {"facecolor": BLACK, "edgecolor": "none"}
+    for boxes, style in ((field.decided, edges), (field.open, filled)):
         corners = boxes[:, [[0, 2], [1, 2], [1, 3], [0, 3]]]
         axes.add_collection(PolyCollection(list(corners), rasterized=True, zorder=1.6, **style))
     return [

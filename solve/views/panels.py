@@ -172,8 +172,8 @@ def shades(count: int) -> list[dict[str, Any]]:
 
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
-    """Name the vertical axis for these values of a quantity, or of a figure of it, and say its meaning above;
-    the factor from SI units to those shown."""
+    """Label the vertical axis for values of a quantity and write its meaning above; return the factor from SI
+    units to those shown."""
     factor, unit = prefixed(system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
     axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
     axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)

@@ -230,5 +230,5 @@ def test_a_later_format_and_an_unknown_kind_are_named(tmp_path, monkeypatch):
     with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it is of format 3, known up to 2"):
         solve.open(tmp_path / "later.npz")
     monkeypatch.delitem(serialization.CLASSES, "Stability")
-    with pytest.raises(FileError, match=r"it holds a Stability, which no module in use knows"):
+    with pytest.raises(FileError, match=r"it holds a Stability, which no imported module defines"):
         solve.open(tmp_path / "now.npz")
