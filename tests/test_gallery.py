@@ -188,13 +188,13 @@ HELD = {
 }
 
 
-def test_there_are_at_least_sixteen_each_with_a_number_that_is_held():
+def test_gallery_has_at_least_sixteen_checked_pictures():
     assert set(HELD) == set(PICTURES)
     assert len(PICTURES) >= 16
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_a_script_is_short_and_its_picture_on_the_page_with_it(script):
+def test_gallery_script_is_short_and_shown_with_its_picture(script):
     text = script.read_text(encoding="utf-8")
     assert len(text.splitlines()) <= MOST_LINES
     assert PICTURES[script.stem].command == text

@@ -20,7 +20,7 @@ def code(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def test_there_are_three():
+def test_three_notebooks_exist():
     assert [path.stem for path in NOTEBOOKS] == ["fit", "own_machine", "stability_chart"]
 
 

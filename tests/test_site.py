@@ -53,7 +53,7 @@ def test_every_public_name_has_its_entry(package):
     assert {f"{package.__name__}.{name}" for name in package.__all__} - NAMED == set()
 
 
-def test_every_public_name_says_what_it_is():
+def test_every_public_name_has_a_docstring():
     """A dataclass without words has its signature in their place."""
     for name in solve.__all__:
         said = inspect.getdoc(getattr(solve, name)) or ""
@@ -92,7 +92,7 @@ def digits(text: str) -> tuple[str, list[float]]:
     ]
 
 
-def test_what_depends_on_the_machine_does_not_stand_below_a_command(tmp_path):
+def test_machine_dependent_output_is_removed_from_pages(tmp_path):
     page = tmp_path / "page.md"
     said = "derive: 10 s so far: 0 of 1 mechanisms", "compiling figures", "wrote a.png"
     page.write_text("```console\n$ printf '%s\\n' " + " ".join(f"'{each}'" for each in said) + "\n```\n")
@@ -102,7 +102,7 @@ def test_what_depends_on_the_machine_does_not_stand_below_a_command(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", EXECUTED, ids=lambda page: page.name)
-def test_what_commands_print_stands_below_them(page, tmp_path):
+def test_page_matches_the_output_of_its_commands(page, tmp_path):
     """Word by word. Numbers differ by rounding, and errors of that size by machine."""
     copy = shutil.copy(page, tmp_path)
     subprocess.run([sys.executable, str(pages.DOCS / "extensions" / "executed.py"), copy], check=True)

@@ -9,7 +9,7 @@ TRIALS = 30
 
 
 @pytest.mark.slow
-def test_intervals_of_the_cam_hold_the_truth_about_as_often_as_they_say():
+def test_cam_confidence_intervals_have_nominal_coverage():
     held = coverage(TRIALS, first=10_000)
     assert list(held) == list(FREE)
     # That fewer hold, in one of six parameters, is one case in a thousand at 95 %.

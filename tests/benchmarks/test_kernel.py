@@ -9,7 +9,7 @@ from tests.solve.kernel.test_lanes import needs_compiler
 
 
 @needs_compiler
-def test_compiled_products_are_those_of_numpy():
+def test_compiled_products_match_numpy():
     assert kernel.chain(6)[1] < 1e-13
 
 

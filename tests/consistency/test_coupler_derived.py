@@ -45,7 +45,7 @@ def derived(linkage, speed, branch="open", modes=MODES, phases=PHASES):
     return sampled(built("linearised", modes, branch), phases, speed, vector(linkage))
 
 
-def test_the_parameters_are_those_of_the_witnesses():
+def test_parameters_match_the_lagrangian_reference():
     assert " ".join(NAMES) == coupler_lagrangian.PARAMETERS
 
 

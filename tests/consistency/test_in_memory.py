@@ -28,7 +28,7 @@ def cam():
     return stated("cam")
 
 
-def test_a_mechanism_and_the_function_that_states_it_are_the_model_of_the_file(cam):
+def test_mechanism_in_memory_equals_the_model_of_the_file(cam):
     of_file = solve.load("cam")
     for given in (cam, cam()):
         model = solve.load(given, **of_file.parameters)
@@ -88,7 +88,7 @@ def test_a_structure_in_memory():
     np.testing.assert_array_equal(model.frequencies(position, 3), of_file.frequencies(position, 3))
 
 
-def test_what_is_no_mechanism_and_what_is_missing(cam):
+def test_invalid_mechanisms_and_missing_values_are_refused(cam):
     for given in (3, lambda: 3, None):
         with pytest.raises(ModelFileError, match=r"given as (int|NoneType); give a name, the path"):
             solve.load(given)
@@ -98,14 +98,14 @@ def test_what_is_no_mechanism_and_what_is_missing(cam):
         solve.load(cam, case=1)
 
 
-def test_a_faulty_statement_says_what_is_wrong(cam):
+def test_energy_with_wrong_unit_is_refused(cam):
     wrong = cam()
     wrong.kinetic = wrong.potential / wrong.speed
     with pytest.raises(UnitError, match="kinetic energy must be in"):
         solve.load(wrong)
 
 
-def test_options_may_stand_among_the_numbers():
+def test_options_may_be_given_as_keyword_arguments():
     named = solve.load("gear_pair", load="constant", zeta=0.03)
     assert named.options == solve.load("gear_pair", options={"load": "constant"}).options
     assert named.parameters["zeta"] == 0.03

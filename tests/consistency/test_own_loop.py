@@ -28,7 +28,7 @@ def press(tmp_path, monkeypatch):
     return str(path)
 
 
-def test_unknowns_may_be_named_like_parts_of_generated_code(tmp_path, monkeypatch):
+def test_loop_unknowns_may_reuse_names_of_generated_code(tmp_path, monkeypatch):
     """The same press, whose unknowns are called x0 and x1."""
     found = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
     assert found

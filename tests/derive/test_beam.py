@@ -87,7 +87,7 @@ def test_coupling_is_the_integral_of_axial_times_transverse_shapes(element):
 
 
 @pytest.mark.parametrize("name", BENDS)
-def test_rigid_motions_store_nothing_and_carry_the_rods_inertia(name):
+def test_rigid_motions_have_zero_strain_energy_and_rod_inertia(name):
     freedoms = generated().FAMILIES[name]["freedoms"]
     shift = np.array([1.0 if order == 0 else 0.0 for order, _ in freedoms])
     turn = np.array([at if order == 0 else float(order == 1) for order, at in freedoms])
@@ -111,7 +111,7 @@ def test_a_cantilever_under_an_end_force_is_solved_exactly(name):
     np.testing.assert_allclose(deflection(x), x**2 / 2 - x**3 / 6, atol=1e-12)
 
 
-def test_standard_elements_equal_those_of_scikit_fem():
+def test_standard_elements_match_scikit_fem():
     skfem = pytest.importorskip("skfem")
     from skfem.helpers import d, dd
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 ROTOR = (Path(__file__).parent / "rotor.py").read_text(encoding="utf-8")
 
 
-def test_users_module_is_written_beside_its_file(derive, rotor):
+def test_generated_module_is_written_next_to_the_user_file(derive, rotor):
     target = rotor.parent / "generated" / "rotor.py"
     assert derive(rotor) == (0, "", f"wrote {target}\n")
     assert freshness.MARK in target.read_text(encoding="utf-8")
@@ -73,8 +73,8 @@ def test_check_notices_an_edited_module_and_full_shows_the_difference(derive, ro
     assert f"Run: python -m derive {rotor}" in out
 
 
-def test_full_notices_what_no_hash_covers(derive, rotor):
-    """A module that bears its own right seal, but another SymPy's version."""
+def test_full_check_detects_changes_not_covered_by_hashes(derive, rotor):
+    """The module has a valid checksum but states another SymPy version."""
     derive(rotor)
     target = rotor.parent / "generated" / "rotor.py"
     text = target.read_text(encoding="utf-8").replace('SYMPY_VERSION = "', 'SYMPY_VERSION = "0.')
@@ -167,7 +167,7 @@ def test_an_unwritable_folder(derive, rotor, tmp_path):
     assert err.count("\n") == 1
 
 
-def test_show_prints_latex_and_writes_nothing(derive, rotor):
+def test_show_prints_latex_and_writes_no_file(derive, rotor):
     status, out, err = derive("--show", rotor)
     assert (status, err) == (0, "")
     assert out.splitlines()[-4:] == ["M = J", "C = 0", "K = k", "d = 0"]

@@ -235,7 +235,7 @@ def test_mode_functions_anywhere():
     np.testing.assert_allclose(shapes, 1 - np.cos((np.arange(1, 5) - 0.5) * np.pi * 0.3), rtol=1e-14)
 
 
-def test_the_residual_is_that_of_the_matrices():
+def test_residual_matches_the_matrices():
     module, modes = module_of(column(cantilever, "hub")), 4
     q, qd, qdd = np.random.default_rng(3).normal(size=(3, modes))
     r = np.array(module.residual(modes=modes)(0.3, 9.0, q, qd, qdd, [L, MU, EI, ALPHA])).ravel()
@@ -268,7 +268,7 @@ def declared(shape=sine, values=range(1, 4)):
     return beam, beam.field("w", "m", "deflection", length=length, shape=shape, modes=modes), mu
 
 
-def test_a_field_stands_alone():
+def test_field_excludes_other_coordinates_and_fields():
     beam, line, _ = declared()
     with pytest.raises(DeclarationError, match="no other coordinates and no second field"):
         beam.field("v", "m", "deflection", length=line.length, shape=sine, modes=beam.declared_options[0])
@@ -368,7 +368,7 @@ def test_densities_are_polynomials_of_the_position():
         projected(beam)
 
 
-def test_integrals_stand_side_by_side():
+def test_nested_integrals_are_refused():
     beam, line, mu = declared()
     inner = line.integral(mu * rate(line.deflection) ** 2 / 2)
     beam.kinetic = line.integral(inner / line.length)

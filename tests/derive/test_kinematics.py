@@ -107,7 +107,7 @@ def test_the_loop_closes_on_its_side(lengths, branch):
 
 @pytest.mark.parametrize("lengths", LINKAGES)
 @pytest.mark.parametrize("branch", SIDES)
-def test_three_derivatives_equal_those_of_the_spectrum(lengths, branch):
+def test_three_derivatives_match_spectral_derivatives(lengths, branch):
     values = angles(in_closed_form(), lengths, branch)
     for angle, first, second, third in (values[:4], values[4:]):
         unit = np.exp(1j * angle)
@@ -304,7 +304,7 @@ def loop_of(closure, start=lambda x: (0, 0), driven_by=None):
         {"closure": lambda r, s, beta: (s, beta), "start": lambda: (0, 0), "driven_by": ()},
     ],
 )
-def test_a_loop_needs_an_equation_and_a_guess_for_each_unknown(wrong):
+def test_loop_requires_an_equation_and_a_guess_per_unknown(wrong):
     with pytest.raises(DeclarationError, match="give an equation and a guess for each unknown"):
         loop_of(**wrong)
 
@@ -314,13 +314,13 @@ def test_units_in_a_loop():
         check(loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - r)))
 
 
-def test_unknown_symbols_in_a_loop():
+def test_undeclared_symbol_in_a_loop_is_refused():
     stray = sympy.Symbol("stray", real=True)
     with pytest.raises(UnknownSymbolError, match="loop of s, beta contains stray"):
         check(loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - stray)))
 
 
-def test_names_of_unknowns_are_taken():
+def test_parameter_cannot_reuse_the_name_of_an_unknown():
     one = loop_of(lambda r, x, s, beta: (s - r * cos(x), beta - x))
     with pytest.raises(DeclarationError, match='"beta" is declared twice'):
         one.parameters(beta=("rad", "angle"))

@@ -130,6 +130,6 @@ def test_fundamental_motion_is_substituted_before_everything_else():
         ("sinh", np.cosh(0.3)),
     ],
 )
-def test_elementary_functions_are_those_of_mathematics(name, slope):
+def test_elementary_functions_have_correct_derivatives(name, slope):
     q, qd = Moving("q"), Moving("qd")
     assert float(rate(getattr(derive, name)(q)).subs({q: 0.3, qd: 1})) == pytest.approx(slope, rel=1e-12)

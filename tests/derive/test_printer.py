@@ -60,6 +60,6 @@ def test_rationals_are_not_rounded_in_the_text():
 @pytest.mark.parametrize(
     "expression", [sympy.gamma(x), sympy.Piecewise((x, sympy.Eq(y, 0)), (y, True)), sympy.I * x]
 )
-def test_what_cannot_be_generated(expression):
+def test_unsupported_expressions_are_refused(expression):
     with pytest.raises(UnsupportedExpressionError, match="cannot be generated"):
         CasadiPrinter().doprint(expression)

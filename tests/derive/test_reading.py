@@ -54,7 +54,7 @@ def value(expression, point):
 
 
 @pytest.mark.parametrize("name", ["slider", "cam", "gear_pair"])
-def test_what_is_read_is_what_is_solved(name):
+def test_printed_equations_match_the_solved_equations(name):
     mechanism = slider() if name == "slider" else loader.load(loader.find(name))
     linearised = derive_equations(mechanism).linearised
     found = read(mechanism, linearised)
@@ -91,7 +91,7 @@ def test_fractions_in_a_line_mean_the_same():
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_numbers_of_cases_are_those_that_are_solved(name):
+def test_derive_and_solve_read_equal_case_numbers(name):
     """What derive reads of a case is what solve reads, in whatever units they are given."""
     source = loader.find(name)
     mechanism = loader.load(source)

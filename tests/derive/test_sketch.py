@@ -25,7 +25,7 @@ def slider():
     return made, q, r, (pin, place)
 
 
-def test_the_points_are_those_of_the_statement_in_coherent_units():
+def test_sketch_points_are_converted_to_coherent_units():
     made, _, r, (pin, place) = slider()
     made.sketch("rod", [pin, (place, 0)])
     made.sketch("disc", [(r * cos(made.around), r * sin(made.around) - made.metre / 4)])
@@ -59,7 +59,7 @@ def test_sketches_do_not_change_the_equations():
     assert texts[0] == texts[1]
 
 
-def test_a_mechanism_without_lines_generates_none():
+def test_mechanism_without_lines_generates_no_sketch():
     module = module_of(slider()[0])
     assert not hasattr(module, "SKETCH")
     assert not hasattr(module, "sketch")

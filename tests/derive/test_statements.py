@@ -93,7 +93,7 @@ def test_names_given_twice(name):
         oscillator()[0].parameters(**{name: ("kg", "mass")})
 
 
-def test_a_coordinate_whose_rate_is_a_parameter():
+def test_coordinate_rate_cannot_share_a_parameter_name():
     one, *_ = oscillator()
     one.parameters(xd=("m", "something"))
     with pytest.raises(DeclarationError, match='"xd" is declared twice'):
@@ -153,7 +153,7 @@ def test_a_rate_in_the_potential_energy_or_in_a_displacement():
 
 @pytest.mark.parametrize("attribute", ["kinetic", "potential", "dissipation", "period"])
 @pytest.mark.parametrize("given", [None, "k*q**2", [1]])
-def test_what_is_no_expression(attribute, given):
+def test_attribute_without_an_expression_is_refused(attribute, given):
     one, *_ = oscillator()
     setattr(one, attribute, given)
     with pytest.raises(DeclarationError, match=r" is .*; give a number or an expression"):
@@ -176,7 +176,7 @@ def test_periods_are_positive(period):
         check(one)
 
 
-def test_periods_are_known_before_the_numbers_are():
+def test_period_with_a_parameter_is_refused():
     one, q, _, k = oscillator()
     (z,) = one.parameters(z=("1", "teeth"))
     one.potential, one.period = z * k * q**2, 2 * sympy.pi * z
@@ -313,7 +313,7 @@ def test_one_coordinate_and_one_parameter():
         one.coordinate("q", "m", "displacement")
 
 
-def test_matrices_where_they_cannot_stand():
+def test_matrices_in_place_of_scalars_are_refused():
     mine = Mechanism("mine", "With vectors")
     q = Matrix(mine.coordinates(q1=("m", "one"), q2=("m", "other")))
     with pytest.raises(DeclarationError, match=r"kinetic is a matrix of 2 by 2; give one entry, such as q.T"):

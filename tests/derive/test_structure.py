@@ -71,7 +71,7 @@ def test_clamps_and_welds_of_selected_links():
     }
 
 
-def test_properties_are_those_of_the_sections():
+def test_section_properties_match_the_declared_values():
     frame, _ = stated()
     frame.clamp("foot")
     properties = module_of(frame).properties()

@@ -89,8 +89,8 @@ def test_jumps_have_no_slope(expression, where):
         slope(expression, x)
 
 
-def test_a_stop_beside_the_desired_motion():
-    """Open for a clearance, closed for a preload; the residual knows it whole."""
+def test_stop_is_linearised_about_the_desired_motion():
+    """The stop is open for a clearance and closed for a preload; the residual includes it fully."""
     one, q, p = oscillator(**STOP)
     one.potential += p["s"] * Max(0, q - p["gap"]) ** 2 / 2
     module = module_of(one)
@@ -151,7 +151,7 @@ def test_the_modulus_of_a_root():
     assert stiffness == pytest.approx(5 - 3 * 5 / 1.5**2, rel=1e-14)
 
 
-def test_kinks_that_cancel_are_none():
+def test_cancelling_kinks_leave_a_linear_stiffness():
     one, q, p = oscillator(s=STOP["s"])
     one.potential += p["s"] * (Max(0, q) ** 2 + Max(0, -q) ** 2) / 2
     K = values(module_of(one).linearised(), 0.1, 2.0, [2, 5, 7])[2]
@@ -358,6 +358,6 @@ def test_steps_that_cannot_be(kind):
         module_of(one)
 
 
-def test_a_rate_of_what_jumps_is_refused_where_it_is_written():
+def test_rate_of_a_discontinuous_expression_is_refused():
     with pytest.raises(ImpulseError, match="is discontinuous where"):
         rate(Heaviside(sin(oscillator()[0].phase)))

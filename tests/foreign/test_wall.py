@@ -32,7 +32,7 @@ def test_every_source_has_its_name_on_the_page():
         assert f"**{source.author}, {source.title}, {source.year}** ({source.where})" in PAGE
 
 
-def test_the_wall_is_as_large_as_the_page_says():
+def test_page_states_the_number_of_wall_cases():
     counted = re.search(r"(\d+) numbers of (\d+) sources", PAGE)
     assert counted
     sources = {case.source for case in CASES}

@@ -56,7 +56,7 @@ def test_spectral_radii(model, case, speed, value):
 @pytest.mark.parametrize(
     ("model", "speed"), [("cam", "100 rpm"), ("cam", "600 rpm"), ("gear_pair", "1800 rpm")]
 )
-def test_estimates_keep_what_was_asked_for(model, speed):
+def test_error_estimates_meet_the_tolerance(model, speed):
     assert max(orbit(model, speed).error_estimate) <= RTOL
 
 
@@ -108,7 +108,7 @@ def test_discretisation_errors_of_the_two_procedures(method, steps, error):
     ("speed", "largest", "trusted"),
     [("100 rpm", 0.0062, True), ("200 rpm", 0.026, True), ("300 rpm", 0.12, False), ("600 rpm", 0.87, False)],
 )
-def test_where_the_cams_linearisation_is_not_to_be_trusted(speed, largest, trusted):
+def test_cam_warns_where_the_linearisation_is_invalid(speed, largest, trusted):
     found = orbit("cam", speed)
     assert found.statistics("q1").max_abs == pytest.approx(largest, rel=0.04)
     doubts = [text for text in found.warnings if "linearisation" in text]

@@ -38,7 +38,7 @@ def test_coupler_midpoint_has_first_and_second_harmonic():
     assert found[2:].max() < 0.01 * found[0]
 
 
-def test_the_couplers_higher_modes_are_small_beside_the_first():
+def test_higher_coupler_modes_are_small_compared_with_the_first():
     """Paper § 3: by its own Table 2 they have 3.3 % and 0.4 % of it at 600 rpm."""
     first, *higher = (orbit("coupler", "600 rpm").statistics(name).max_abs for name in ("q1", "q2", "q3"))
     assert [each / first for each in higher] == pytest.approx([0.0090 / 0.2750, 0.0011 / 0.2750], rel=0.05)

@@ -86,7 +86,7 @@ def test_table_1_as_printed_comes_near_buckling_at_1500_rpm():
         (Misprint.CENTRIFUGAL_SIGN, True),
     ],
 )
-def test_which_misprints_table_2_can_see(misprint, seen):
+def test_table_2_detects_the_stated_misprints(misprint, seen):
     """The unseen ones change no printed digit: they rest on the second derivation alone."""
     assert reproduces_table_2(TABLE_2, frozenset({misprint})) is not seen
 

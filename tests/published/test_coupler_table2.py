@@ -145,7 +145,7 @@ def test_the_deflection_anywhere():
         ({"options": {"modes": 0}}, "option modes of coupler is 0; allowed: a whole number from 1 to 20"),
     ],
 )
-def test_what_cannot_be_computed_is_refused_in_one_line(given, message):
+def test_impossible_parameters_are_refused_in_one_line(given, message):
     with pytest.raises(ValueOutOfBoundsError, match=message) as refused:
         solve.load("coupler", **given)
     assert "\n" not in str(refused.value)

@@ -77,7 +77,7 @@ def test_p_version_is_more_accurate_at_equal_freedoms(quintic, cubic):
     assert (errors < coarser).all()
 
 
-def test_one_curvature_element_does_what_three_cubic_ones_do():
+def test_one_curvature_element_matches_three_cubic_elements():
     """4.3: "almost the same result", 10 freedoms beside 27."""
     (few, one), (many, three) = mean_errors(element="curvature"), mean_errors(elements=3)
     assert (few, many) == (10, 27)

@@ -43,7 +43,7 @@ def test_every_flag_of_every_command_has_values():
         (Ended(0, "solve: 10 s so far: 3 of 4 points\ncam: I0 moves nothing\nwrote cam.py\n"), ""),
     ],
 )
-def test_what_counts_as_a_fault(ended, says):
+def test_faults_are_classified(ended, says):
     assert complaint(ended).startswith(says)
     assert bool(complaint(ended)) == bool(says)
 

@@ -38,7 +38,7 @@ def test_missing_arguments_raise_a_type_error():
         solve.periodic(speed=1.0)  # type: ignore[call-arg]
 
 
-def test_a_public_function_keeps_its_signature_and_can_be_sent_to_other_processes():
+def test_public_function_keeps_its_signature_and_can_be_pickled():
     assert next(iter(inspect.signature(solve.sweep).parameters)) == "system"
     assert pickle.loads(pickle.dumps(solve.sweep)) is solve.sweep
 

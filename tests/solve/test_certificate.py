@@ -93,7 +93,7 @@ def test_an_estimate_above_the_tolerance_is_warned_of():
     assert periodic(random_system(1, 2), 1.0, "newmark", steps=40, rtol=0.9).warnings == []
 
 
-def test_a_precision_out_of_reach_is_warned_of_with_the_one_achieved():
+def test_unattainable_tolerance_gives_a_warning():
     orbit = periodic(cam(), "600 rpm", rtol=1e-14)
     assert 1e-14 < orbit.error_estimate.orbit < 1e-11
     assert any("at the attainable accuracy gives the orbit to" in text for text in orbit.warnings)
@@ -116,7 +116,7 @@ def test_a_stiff_mode_that_lives_on_is_not_lost(method, growth, verdict):
     assert found.verdict == verdict
 
 
-def test_too_few_steps_for_a_stiff_mode_that_lives_on_are_warned_of():
+def test_too_few_steps_for_a_stiff_mode_give_a_warning():
     for method in ("radau", "gauss", "newmark"):
         found = floquet(stiff(5e-3), 1.0, method, steps=64, rtol=1e-3)
         assert found.error_estimate.multipliers > 1e-2
@@ -133,7 +133,7 @@ def test_unresolved_stiff_modes_of_methods_that_keep_them_are_flagged(method):
 
 
 @pytest.mark.parametrize("steps", [0, -3, 1.5, "8", True, np.nan])
-def test_steps_that_are_none(steps):
+def test_invalid_step_counts_are_refused(steps):
     with pytest.raises(StepsError, match=rf"steps is {steps!r}; allowed: whole numbers of at least 1; leave"):
         periodic(random_system(1, 2), 1.0, steps=steps)
 
@@ -147,8 +147,8 @@ def test_steps_that_do_not_fit_in_memory():
 
 @pytest.mark.parametrize("method", ["newmark", "rk4", "radau", Gauss(16)])
 @pytest.mark.parametrize("n", [3, 6])
-def test_the_peak_of_memory_is_what_the_bound_counts(method, n):
-    """Twice as many steps as asked for are solved; within a factor of 2.5 of the count in any case."""
+def test_peak_memory_matches_the_bound(method, n):
+    """The finer grid has twice the given steps. The count is accurate within a factor of 2.5."""
     given, steps, rule = random_system(3, n), 1000, chosen(method)
     periodic(given, 1.0, rule, steps=steps, rtol=0.9)
     tracemalloc.start()
@@ -193,7 +193,7 @@ def test_the_mass_that_a_tuned_absorber_quiets_costs_no_endless_refinement():
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 @pytest.mark.parametrize("method", ["gauss", "radau"])
 @pytest.mark.parametrize("steps", [33, 64, 100, 192, 1024, 4096])
-def test_the_mass_that_a_tuned_absorber_quiets_rests_with_any_number_of_steps(method, steps, engine):
+def test_tuned_absorber_is_solved_exactly_with_any_step_count(method, steps, engine):
     orbit = periodic(tuned_absorber(), 1.0, method, steps=steps, engine=engine)
     assert orbit.warnings == []
     assert orbit.error_estimate.orbit < 1e-11

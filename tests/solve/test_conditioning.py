@@ -36,7 +36,7 @@ def test_growth_by_many_decades_keeps_the_periodic_solution(method, decades):
     assert orbit.verdict == "unstable"
 
 
-def test_single_shooting_loses_those_digits():
+def test_single_shooting_loses_accuracy():
     """What the cyclic system is for: (I - Φ) x0 = c, |ρ| = 1e13, misses x0 by more than 1e-6."""
     growth = 13 * np.log(10.0) / (2 * np.pi)
     given, K = rotated([-(growth**2), 2.0], two_waves)
@@ -73,7 +73,7 @@ def test_multipliers_are_resolved_however_small(method):
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("rtol", [1e-2, 1e-6])
-def test_a_radius_of_which_the_monodromy_matrix_holds_no_digit_has_its_own_error(method, rtol):
+def test_error_covers_a_spectral_radius_far_below_roundoff(method, rtol):
     """exp(2πλ), |ρ| = 1e-137, with λ = -50 ± 10i."""
     given = constant(np.eye(1), [[100.0]], [[2600.0]], lambda phase: np.ones((len(phase), 1)))
     found = floquet(given, 1.0, method, rtol=rtol)
@@ -99,7 +99,7 @@ def swelling(detuned, damping):
 
 @pytest.mark.parametrize("detuned", [0.0, -3.0, -7.0])
 @pytest.mark.parametrize("damping", [0.2, 0.28])
-def test_growth_within_a_turn_costs_no_digits_that_the_estimate_does_not_tell(detuned, damping):
+def test_error_estimate_covers_growth_within_a_turn(detuned, damping):
     """Orbits of 10^5 and more from loads of 1: the engines, and grids of other steps, meet."""
     given, phase = swelling(detuned, damping), np.linspace(0.0, 2 * np.pi, 400)
     finest = periodic(given, 1.0, "radau", steps=1024)
@@ -161,7 +161,7 @@ def oscillator(damping, stiffness):
 @pytest.mark.parametrize(
     ("damping", "stiffness"), [(0.0, 1.0), (0.0, 4.0)], ids=["resonance", "second harmonic"]
 )
-def test_a_multiplier_at_one_is_refused_for_orbits_and_named_for_floquet(method, damping, stiffness):
+def test_multiplier_at_one_is_refused_for_orbits_and_warned_otherwise(method, damping, stiffness):
     given = oscillator(damping, stiffness)
     with pytest.raises(ResonanceError, match=r"a Floquet multiplier is at \+1"):
         periodic(given, 1.0, method)
@@ -197,7 +197,7 @@ def test_digits_that_resonance_costs_are_in_the_estimate(method, damping):
     assert any("at the attainable accuracy gives the orbit to" in text for text in orbit.warnings)
 
 
-def test_away_from_resonance_nothing_is_said():
+def test_no_warning_away_from_resonance():
     assert periodic(oscillator(0.1, 2.0), 1.0).warnings == []
 
 
@@ -226,7 +226,7 @@ def test_all_methods_refuse_exact_resonance(method, steps):
 
 
 @pytest.mark.parametrize("method", ["rk4", "newmark"])
-def test_what_only_comes_near_to_resonance_is_solved(method):
+def test_system_near_resonance_is_solved(method):
     orbit = periodic(oscillator(1e-3, 1.0), 1.0, method, rtol=1e-4)
     assert orbit.statistics("q1").max == pytest.approx(1e3, rel=2e-4)
 

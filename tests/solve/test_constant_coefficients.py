@@ -33,7 +33,7 @@ def load(seed, n, orders=4):
 
 @given(seeds, st.integers(1, 4), st.floats(0.2, 5.0), METHODS)
 @settings(max_examples=40, deadline=None)
-def test_multipliers_are_those_of_the_matrix_exponential(seed, n, speed, method):
+def test_multipliers_match_the_matrix_exponential(seed, n, speed, method):
     M, C, K = structure(seed, n, damping=0.5)
     system = constant(M, C, K, lambda phase: np.zeros((len(phase), n)))
     truth = np.linalg.eigvals(expm(state_matrix(M, C, K) * 2 * np.pi / speed))

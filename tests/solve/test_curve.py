@@ -24,7 +24,7 @@ def test_quintics_and_their_derivatives_are_reproduced(quintic, derivative):
     np.testing.assert_allclose(quintic(phase, derivative), expected, rtol=0, atol=1e-10)
 
 
-def test_phases_of_other_turns_and_of_any_order_are_answered(quintic):
+def test_curve_accepts_unsorted_phases_of_any_turn(quintic):
     phase = np.array([1.7, 0.2, 1.1])
     for turns in (-3, -1, 1, 7):
         np.testing.assert_allclose(quintic(phase + turns * 2.0), quintic(phase), rtol=0, atol=1e-12)

@@ -54,7 +54,7 @@ def test_all_methods_solve_the_same_machine(C, method, rtol):
             assert mode.drift == pytest.approx(1 / 0.07, rel=1e-6)
 
 
-def test_approximations_are_those_of_the_machine():
+def test_approximate_methods_match_a_free_machine():
     """`modal` uncouples constant matrices exactly, except for its curve; the other is exact."""
     for method, error in (("modal", 1e-3), ("bahgat-willmert", 1e-12)):
         found = orders(solve.periodic(train(), SPEED, method))
@@ -133,7 +133,7 @@ def test_every_multiplier_of_a_free_machine():
     assert found.modes[0].unfolded == 0.0
 
 
-def test_twenty_speeds_are_those_of_the_complex_solve():
+def test_sweep_matches_the_complex_amplitudes():
     speeds = np.linspace(600, 3100, 20) * np.pi / 30
     for C in (NONE, DRAG):
         found = solve.sweep(train(C), speeds, spectra=["q1", "q5"], harmonics=2)
@@ -169,7 +169,7 @@ def test_drag_balances_the_mean_load_by_a_drift():
     assert orbit.residual < 1e-9
 
 
-def test_of_two_uncoupled_chains_one_may_drift():
+def test_one_of_two_uncoupled_chains_may_drift():
     M, stiffness = np.diag([1.0, 2, 1, 3, 1]), block(chain([30.0, 20]), chain([50.0]))
     C = 0.01 * stiffness + np.diag([0.0, 0.2, 0, 0, 0])
     torque = np.array([1.0, 0, 0, 2, 0])
@@ -326,7 +326,7 @@ def test_all_commands_agree(command):
         assert np.isfinite(found.sweep.figures("q5")).all() if hasattr(found, "sweep") else True
 
 
-def test_rigid_body_modes_are_the_first_of_multipliers_on_the_unit_circle():
+def test_rigid_body_modes_come_first_on_the_unit_circle():
     machine = mechanism(c=0.0)
     for speed in (500, 700, 1000, 1500, 2000):
         orbit = solve.periodic(machine, f"{speed} rpm")

@@ -15,7 +15,7 @@ from solve.threads import interruptible
 from tests.solve import systems
 
 
-def test_it_returns_and_raises_what_the_work_does():
+def test_interruptible_call_passes_on_results_and_errors():
     assert interruptible(lambda: 3) == 3
 
     def refused():

@@ -149,7 +149,7 @@ def test_newmarks_two_parameters_meet_where_the_step_vanishes(seed, n):
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss", "rk4", "newmark"])
-def test_residual_measures_what_is_left_of_the_equation_of_motion(method):
+def test_residual_is_the_defect_of_the_equation_of_motion(method):
     """Recomputed from the orbit at the middles of the steps, row by row."""
     given = random_system(5, 3)
     orbit = periodic(given, 1.0, method, steps=40, rtol=0.5)

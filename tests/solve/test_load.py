@@ -115,7 +115,7 @@ def test_a_users_model_with_its_cases(ready):
     assert ready.load("stiff", c=1).parameters == {"k": 50.0, "z": 3.0, "c": 1.0}
 
 
-def test_matrices_are_those_of_the_generated_functions(ready):
+def test_matrices_match_the_generated_functions(ready):
     phase = np.linspace(-7.0, 7.0, 601)
     M, C, K, d = ready.load(options={"modes": 2, "load": "none"}, k=7.0).at(phase, 1.0)
     np.testing.assert_array_equal(M, np.broadcast_to(np.eye(2), (601, 2, 2)))
@@ -294,7 +294,7 @@ def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where)
     assert not (tmp_path / "ran").exists()
 
 
-def test_code_that_was_edited_is_refused_and_line_endings_do_not_matter(ready):
+def test_edited_code_is_refused_regardless_of_line_endings(ready):
     text = ready.generated.read_text(encoding="utf-8")
     ready.generate(text=text.replace("\n", "\r\n"))
     assert ready.load().name == "mine"
@@ -342,7 +342,7 @@ def test_matrices_that_no_kinetic_energy_with_that_period_has(ready, matrix, mes
         (">= 0.9, < 9", ["x: force reaches 0.8", "bound >= 0.9"]),
     ],
 )
-def test_limits_of_two_clauses_warn_of_the_one_that_does_not_hold(ready, bound, found):
+def test_two_sided_limit_warns_of_the_violated_side(ready, bound, found):
     ready.generate(body=lambda body: body.replace('"<= 1.2", "the spring yields"', f'"{bound}", "x"'))
     warned = [text for text in solve.periodic(ready.load(), 0.1).warnings if text.startswith("x")]
     assert len(warned) == 1

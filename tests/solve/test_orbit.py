@@ -57,7 +57,7 @@ def test_one_phase_and_any_turn(orbit):
     np.testing.assert_allclose(orbit.at(0.3 + 40 * np.pi), orbit.at(0.3), rtol=1e-11)
 
 
-def test_statistics_are_those_of_the_continuous_curve(orbit):
+def test_statistics_match_the_continuous_curve(orbit):
     dense = orbit.at(np.linspace(0.0, 2 * np.pi, 400_001))
     for row, name in enumerate(orbit.coordinates):
         found = orbit.statistics(name)
@@ -140,13 +140,13 @@ def test_outputs_follow_from_phase_and_state(with_force):
 
 
 @pytest.mark.parametrize(("given", "near"), [("q4", "q1"), ("forse", "force"), ("Q1", "q1")])
-def test_unknown_names_are_answered_with_the_nearest(with_force, given, near):
+def test_unknown_names_are_refused_with_a_suggestion(with_force, given, near):
     for asked in (with_force.statistics, with_force.harmonics, with_force.quasi_static.signal):
         with pytest.raises(UnknownNameError, match=rf"unknown coordinate or output '{given}'; did you mean"):
             asked(given)
 
 
-def test_orbits_say_what_made_them():
+def test_orbit_states_its_method_steps_and_speed():
     found = periodic(random_system(2, 2), "3 Hz", "rk4", steps=200, rtol=0.1)
     assert isinstance(found, Orbit)
     assert (found.method, found.steps, found.coordinates) == ("rk4", 200, ("q1", "q2"))
@@ -166,7 +166,7 @@ def test_an_undriven_system_rests():
 
 
 @pytest.mark.parametrize(("angle", "warned"), [(1.0, True), (0.0, False)])
-def test_an_output_that_counts_turns_is_told(angle, warned):
+def test_output_that_grows_every_turn_gives_a_warning(angle, warned):
     class Shaft(PeriodicSystem):
         outputs = ("swing",)
 

@@ -84,7 +84,7 @@ assert not any(inspect.ismodule(getattr(solve, name)) for name in solve.__all__)
 """
 
 
-def test_no_module_of_solve_shares_its_name_with_what_is_public():
+def test_modules_and_public_names_do_not_collide():
     below = {name.split(".")[1] for name in MODULES}
     assert not below & set(solve.__all__)
     assert len(MODULES) > 80
@@ -93,7 +93,7 @@ def test_no_module_of_solve_shares_its_name_with_what_is_public():
 @pytest.mark.parametrize(
     "called", [[2], pytest.param([0, 1, 2], marks=pytest.mark.slow)], ids=["one", "every"]
 )
-def test_every_public_function_works_after_all_modules_were_imported_in_any_order(called):
+def test_public_functions_work_after_any_import_order(called):
     """Three orders in one process, which imports what others wrote once; functions are there after each, and
     called after one, or after every one."""
     lines = ["import importlib, inspect, sys"]

@@ -97,7 +97,7 @@ def test_the_torque_of_a_four_bar():
         assert orbit.signal("drive_torque")(np.array([phase]))[0] == pytest.approx(torque, rel=1e-8)
 
 
-def test_nothing_vibrates(crank):
+def test_rigid_mechanism_has_no_vibration(crank):
     orbit = solve.periodic(crank, "600 rpm")
     assert (crank.n, crank.coordinates, orbit.q.shape) == (0, (), (0, len(orbit.phase)))
     assert (orbit.multipliers.size, orbit.exponents.size, orbit.stable) == (0, 0, None)
@@ -192,7 +192,7 @@ def test_the_generated_module():
     assert not hasattr(module, "residual")
 
 
-def test_a_mechanism_of_nothing_is_refused():
+def test_empty_mechanism_is_refused():
     with pytest.raises(Exception, match="has no coordinates; declare one with coordinates"):
         module_of(Mechanism("empty", "Nothing"))
 

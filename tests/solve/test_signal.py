@@ -66,12 +66,12 @@ def test_any_number_of_harmonics_is_given_even_beyond_the_samples(count):
 
 
 @pytest.mark.parametrize("count", [-1, 2.5, "60", None])
-def test_counts_of_harmonics_that_are_none(count):
+def test_invalid_harmonic_counts_are_refused(count):
     with pytest.raises(ValueOutOfBoundsError, match=r"harmonics are .*; allowed: whole numbers from 0 on"):
         harmonics(np.cos, 2 * np.pi, count)
 
 
-def test_an_extremum_between_two_samples_is_that_of_the_curve():
+def test_extremum_between_samples_matches_the_curve():
     """Resonant peak 1/(1 + (φ - φ0)²/w²), narrower than four samples, off the grid."""
     centre, width = 1.2345678, 4e-3
 

@@ -61,7 +61,7 @@ def test_at_an_even_count_the_highest_order_is_a_cosine():
     np.testing.assert_allclose(found[:, 0, 0], 3.0 + np.cos(2 * PHASES), rtol=0, atol=1e-13)
 
 
-def test_an_orbit_from_samples_is_that_of_the_function():
+def test_orbit_from_samples_matches_the_function():
     speed, nodes = 20 * np.pi, np.arange(64) * (np.pi / 32)
     sampled = PeriodicSystem.from_samples(*cam().at(nodes, speed), ["q1", "q2", "q3"])
     ours, truth = periodic(sampled, speed), periodic(cam(), speed)
@@ -97,7 +97,7 @@ def test_samples_that_are_no_real_numbers_are_refused(K):
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, np.nan])
-def test_samples_over_a_period_that_is_none(period):
+def test_invalid_sample_period_is_refused(period):
     parts = np.ones((4, 1, 1)), np.ones((4, 1, 1)), np.ones((4, 1, 1)), np.ones((4, 1))
     with pytest.raises(ValueOutOfBoundsError, match=rf"period is {period}; allowed: a finite phase > 0"):
         PeriodicSystem.from_samples(*parts, ["q"], period=period)
@@ -155,7 +155,7 @@ def test_a_function_of_one_phase_gets_a_note_on_many_phases():
 
 
 @pytest.mark.parametrize("part", ["K", "d"])
-def test_nan_between_the_phases_of_the_check_is_found_by_the_solver(part):
+def test_solver_detects_nan_between_the_checked_phases(part):
     """Between 2.8 and 3.2 only, where no check looks."""
 
     def gap(phase):
@@ -212,7 +212,7 @@ def test_coordinates_have_names_of_their_own(coordinates):
 
 @given(seeds, st.integers(1, 4), st.floats(0.3, 3.0))
 @settings(max_examples=20, deadline=None)
-def test_state_rate_and_frozen_eigenvalues_are_those_of_eq_5(seed, n, speed):
+def test_state_rate_and_frozen_eigenvalues_satisfy_eq_5(seed, n, speed):
     given_system = random_system(seed, n)
     phase = np.linspace(0.1, 6.0, 7)
     M, C, K, d = given_system.at(phase, speed)
@@ -282,7 +282,7 @@ def test_a_function_may_change_the_phases_that_it_is_given():
     np.testing.assert_array_equal(changed.q, same.q)
 
 
-def test_attributes_that_are_set_after_a_solve_hold_in_every_unit_of_speed():
+def test_attributes_set_after_a_solve_apply_to_later_solves():
     oscillator = random_system(3, 1)
     assert floquet(oscillator, "5 rad/s").system.title == ""
     oscillator.title = "set later"

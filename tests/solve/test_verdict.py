@@ -81,7 +81,7 @@ def test_one_is_met_within_1e_9(growth, verdict):
     assert found.stable == (verdict != "unstable")
 
 
-def test_a_coarse_grid_cannot_tell_growth_below_its_own_error():
+def test_growth_below_the_grid_error_leaves_the_verdict_undetermined():
     slow = free([[1]], [[-2e-4]], [[2]])
     coarse = floquet(slow, 1.0, "rk4", steps=12, rtol=0.5)
     assert (coarse.verdict, coarse.stable) == ("undetermined", None)
@@ -89,8 +89,8 @@ def test_a_coarse_grid_cannot_tell_growth_below_its_own_error():
 
 
 @pytest.mark.parametrize("growth", [-5e-7, 5e-7])
-def test_stable_is_said_only_of_what_is_within_1e_6_of_the_circle_with_its_error(growth):
-    """|ρ| = 1 + growth, which so many steps know to somewhat more than that."""
+def test_growth_near_1e_6_leaves_the_verdict_undetermined(growth):
+    """|ρ| = 1 + growth; the error with 76 steps is slightly below 1e-6."""
     slow = free([[1]], [[-growth / np.pi]], [[0.5]])
     found = floquet(slow, 1.0, "rk4", steps=76)
     assert found.spectral_radius == pytest.approx(1 + growth, abs=1e-7)
@@ -99,8 +99,8 @@ def test_stable_is_said_only_of_what_is_within_1e_6_of_the_circle_with_its_error
 
 
 @pytest.mark.parametrize("stiffness", [3e3, 2e4])
-def test_a_loose_tolerance_leaves_no_verdict_open_that_a_few_steps_decide(stiffness):
-    """The multipliers of an undamped system are on the circle: to 1e-6, whatever is asked of the rest."""
+def test_undamped_system_is_stable_even_with_a_loose_tolerance(stiffness):
+    """Multipliers of an undamped system lie on the unit circle; they are found to 1e-6 at any tolerance."""
     found = floquet(free([[1.0]], [[0.0]], [[stiffness]]), 1.0, "gauss", rtol=1e-3)
     assert found.verdict == "stable"
     assert found.error_estimate.multipliers <= 1e-6
@@ -172,7 +172,7 @@ def test_dissipation_makes_stable_and_taking_it_away_leaves_stable(seed, n):
     assert floquet(free(np.eye(n), -C, K), 1.0).verdict == "unstable"
 
 
-def test_a_rigid_body_mode_beside_a_stiff_mode_is_left_out():
+def test_rigid_body_mode_with_a_stiff_mode_is_excluded():
     """q1 = a + bt beside an undamped stiff mode."""
     for stiffness in (1e2, 1e4, 1e6):
         found = floquet(free(np.eye(2), np.zeros((2, 2)), np.diag([0.0, stiffness])), 1.0)
@@ -227,7 +227,7 @@ def test_the_drift_of_a_free_chain_is_left_out(seed, n, ground):
         np.testing.assert_allclose(np.array(mode.vector) * unit, mode.vector[0] * unit[0], rtol=1e-10)
 
 
-def test_a_pulse_between_the_phases_looked_at_holds_what_would_drift():
+def test_short_stiffness_pulse_prevents_a_rigid_body_drift():
     """K = 1e-3 over 1e-4 of the turn: ρ = 1 ± 7.9e-4 i."""
     start = 2 * np.pi * 10.1 / 128
 
@@ -241,7 +241,7 @@ def test_a_pulse_between_the_phases_looked_at_holds_what_would_drift():
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-6])
-def test_a_drift_that_turns_another_coordinate_is_left_out_in_any_unit(unit):
+def test_drift_coupled_to_another_coordinate_is_excluded(unit):
     """q = (v t, 0.35 v) solves it."""
     D = np.diag([1.0, unit])
     found = floquet(free(D @ D, D @ [[0, 0.7], [-0.7, 0]] @ D, D @ np.diag([0.0, 2.0]) @ D), 1.0)
@@ -251,7 +251,7 @@ def test_a_drift_that_turns_another_coordinate_is_left_out_in_any_unit(unit):
 
 @pytest.mark.parametrize("seed", [0, 11, 24, 45])
 @pytest.mark.parametrize("method", ["gauss", "radau"])
-def test_three_multipliers_in_one_block_are_known_to_the_cube_root_of_rounding(seed, method):
+def test_error_covers_a_triple_defective_multiplier(seed, method):
     """Three equal modes, each driving the next, seen from other axes: |ρ| = exp(-1e-6 π)."""
     Q = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
     K = Q.T @ (2 * np.eye(3) + np.eye(3, k=1)) @ Q
@@ -266,7 +266,7 @@ def test_a_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
 
 
 @pytest.mark.parametrize(("k", "ground"), [(1e6, 1e-8), (1e4, 1e-10), (1.0, 1e-14)])
-def test_what_a_weak_spring_holds_does_not_drift(k, ground):
+def test_weak_spring_prevents_a_rigid_body_drift(k, ground):
     found = floquet(free(np.eye(2), np.zeros((2, 2)), [[k + ground, -k], [-k, k]]), 1.0)
     assert found.verdict in {"stable", "undetermined"}
 

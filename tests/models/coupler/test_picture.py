@@ -33,7 +33,7 @@ def panels(figure):
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])
 @pytest.mark.parametrize("theta", [0.0, 0.4])
-def test_joints_are_those_of_the_loop_closed_by_hand(branch, theta):
+def test_joints_match_the_loop_solved_by_hand(branch, theta):
     model, orbit = solved(options={"branch": branch}, theta=theta)
     phase = np.linspace(0.1, 6.2, 9)
     motion = link_angles(phase, orbit.speed, TABLE_2 | {"theta": theta}, branch)

@@ -35,7 +35,7 @@ def magnus(system, speed):
 
 
 @pytest.mark.slow
-def test_magnus_series_finds_growth_in_the_bands_and_none_between(four_bar):
+def test_magnus_series_confirms_growth_only_inside_the_bands(four_bar):
     found = solve.bands(four_bar, [LOW, HIGH], rtol=1e-6)
     wide = [band for band in found if band.high - band.low > 0.01]
     assert [band.kind for band in wide] == ["+1", "-1"]

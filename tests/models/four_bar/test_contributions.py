@@ -47,7 +47,7 @@ def test_modes_are_followed_through_a_crossing_with_their_signs():
     np.testing.assert_allclose(along, along[0], rtol=1e-9)
 
 
-def test_what_has_no_modal_parts_is_refused(orbit):
+def test_modal_contributions_refuse_unsupported_quantities(orbit):
     with pytest.raises(UnknownNameError, match="deflection or stress"):
         orbit.system.modal_contributions(orbit, "strain_energy")
     with pytest.raises(ValueOutOfBoundsError, match="allowed: 1 to 18"):

@@ -17,7 +17,7 @@ def orbit():
     return solve.periodic(solve.load("four_bar"), 30.0, rtol=1e-6)
 
 
-def test_deviation_at_the_joints_is_that_of_the_joints(orbit):
+def test_coupler_curve_deviation_matches_the_joint_displacements(orbit):
     q = dict(zip(orbit.coordinates, orbit.at(PHASE), strict=True))
     for along, joint in ((0.0, "A"), (1.0, "B")):
         found = coupler_curve(orbit.system, orbit, along, 0.0, PHASE)
@@ -34,7 +34,7 @@ def test_the_rigid_curve_is_the_linkages(orbit):
         assert place == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_point_beside_the_axis_turns_with_its_section(orbit):
+def test_off_axis_point_rotates_with_its_section(orbit):
     q = dict(zip(orbit.coordinates, orbit.at(PHASE), strict=True))
     for along, end in ((0.0, "A"), (1.0, "B")):
         on, beside = (coupler_curve(orbit.system, orbit, along, across, PHASE) for across in (0.0, 0.05))

@@ -52,7 +52,7 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
         allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
 
 
-def test_peaks_and_bands_are_those_of_the_stress_over_speed(design):
+def test_peaks_and_quiet_bands_match_single_solutions(design):
     """At the own L4, against single solutions at the mean frequency's divisions 7 and 6 and beside them."""
     assert [peak.speed for peak in design.peaks][-2:] == pytest.approx([26.1, 30.4], abs=0.15)
     model = design.map.model
@@ -190,7 +190,7 @@ def test_json(answer):
     assert record["trials"][0]["greatest_ratio"] < 1
 
 
-def test_files_of_every_kind_hold_what_a_run_up_needs(design, tmp_path):
+def test_design_is_saved_in_every_file_format(design, tmp_path):
     xarray = pytest.importorskip("xarray")
     found = carry_out(design, 29.0, duration=2.0)
     for ending in ("npz", "csv", "mat", "nc"):

@@ -44,7 +44,7 @@ def stresses_once(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("stresses_once")
 @pytest.mark.parametrize("line", COMMANDS)
-def test_the_page_shows_what_its_commands_give(line, capsys, tmp_path, monkeypatch):
+def test_page_matches_the_output_of_its_commands(line, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', line)][3:]
     assert run([*arguments, "--json"]) == 0

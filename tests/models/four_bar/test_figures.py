@@ -43,7 +43,7 @@ def test_the_coupler_curve_and_twelve_positions_are_drawn():
     assert picture.get_aspect() == 1.0
 
 
-def test_curves_over_the_turn_are_those_of_the_linkage():
+def test_plotted_curves_match_the_linkage():
     linkage = Linkage(*THESIS)
     figure = linkage_figure(linkage, LINKS, 30.0, [POINT])
     panels = {axes.get_title(loc="left"): axes for axes in figure.axes}

@@ -11,7 +11,7 @@ PHASES = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])
-def test_links_stand_where_the_rigid_linkage_has_them(branch):
+def test_link_positions_match_the_rigid_linkage(branch):
     model = solve.load("four_bar", options={"branch": branch})
     rigid = Linkage(*(model.parameters[f"L{i}"] for i in range(1, 5)), branch=branch).motion(PHASES)
     positions = model.at_positions(PHASES)
@@ -81,7 +81,7 @@ def test_exact_elements_have_frequencies_alone():
     ],
     ids=lambda value: str(value),
 )
-def test_low_frequencies_keep_their_digits_beside_very_high_ones(element, elements):
+def test_low_frequencies_stay_accurate_with_very_high_modes(element, elements):
     """A short crank in many parts has modes a million times as fast as the lowest."""
     exact = solve.load("four_bar", options={"element": "dynamic"}, L1=0.02)
     fine = solve.load("four_bar", options={"element": element, "elements": elements}, L1=0.02)

@@ -186,7 +186,7 @@ def test_a_bad_transmission_angle_is_a_warning():
 
 
 @given(cranks())
-def test_dead_points_are_where_the_follower_stands_still(linkage):
+def test_follower_velocity_is_zero_at_dead_points(linkage):
     over_the_turn = linkage.motion(np.linspace(0, 2 * math.pi, 721)).omega[2]
     if not linkage.dead_points:
         assert np.all(np.sign(over_the_turn) == np.sign(over_the_turn[0]))

@@ -18,7 +18,7 @@ def stresses():
     return StressMap(solve.load("four_bar"), 0.53, 0.62)
 
 
-def test_rates_of_the_drive_are_those_of_its_curves():
+def test_drive_rates_match_finite_differences():
     run_up = RunUp(PLAN, 8.0, 5.0, home=0.547, returning=2.0)
     phi = np.linspace(0, run_up.turns * TURN, 40_001)
     drive = run_up(phi)

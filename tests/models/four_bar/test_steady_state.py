@@ -106,7 +106,7 @@ def test_rayleigh_damping_gives_the_lowest_mode_the_ratio_on_average():
 
 
 @pytest.mark.parametrize("element", ["cubic", "internal", "curvature"])
-def test_the_load_is_what_the_rigid_acceleration_takes(element):
+def test_load_matches_the_rigid_body_inertia(element):
     """Virtual work of the load along a rigid turn of the follower about C, by Newton's law of a bar."""
     options = {"element": element, "elements": "1,1,2"}
     model = solve.load("four_bar", options=options, mA=0.0, mB=0.0)
@@ -172,7 +172,7 @@ def test_uncoupled_modes_are_accurate_for_the_follower_only():
     assert error["coupler"] == pytest.approx(98, abs=0.5)
 
 
-def test_compression_beyond_eulers_load_is_said_with_link_force_and_angle():
+def test_euler_buckling_warning_states_link_load_and_angle():
     """The coupler pulls and pushes what turns the follower; its own inertia is small beside mB."""
     heavy = {"options": {"stiffening": "on"}, "mB": 20.0}
     light = model_with(stiffening="on")

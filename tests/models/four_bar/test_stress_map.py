@@ -34,7 +34,7 @@ def worst(model, speed, L4, places):
         pytest.param({"elements": "1,2,1"}, marks=pytest.mark.slow),
     ],
 )
-def test_points_of_the_map_are_those_of_single_solutions(options):
+def test_stress_map_matches_single_solutions(options):
     model = solve.load("four_bar", options=options)
     found = StressMap(model, 0.53, 0.63)
     peaks = found.peaks(SPEEDS, LENGTHS)
@@ -46,8 +46,8 @@ def test_points_of_the_map_are_those_of_single_solutions(options):
             assert peaks.stress[point, place] == pytest.approx(single, rel=3e-3)
 
 
-def test_it_is_the_same_to_the_last_bit_in_every_run():
-    """SciPy's interpolator goes through its nodes in random order unless it is told one."""
+def test_stress_map_weights_are_bitwise_reproducible():
+    """SciPy's interpolator visits its nodes in random order unless an order is given."""
     found = StressMap(solve.load("four_bar"), 0.53, 0.63)
     first, *others = (found.weights(LENGTHS) for _ in range(20))
     assert all(np.array_equal(first, each) for each in others)

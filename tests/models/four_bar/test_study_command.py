@@ -44,7 +44,7 @@ def test_equation_warnings_are_printed_for_every_system(answer):
     assert "(at 90 rad/s)" in err
 
 
-def test_the_largest_stress_is_that_of_both_surfaces(answer):
+def test_largest_stress_covers_both_surfaces(answer):
     """At L4 = 0.66 m, 30 rad/s, the minus surface has it: 92.96 MPa at the crank's root, 86.20 MPa at the
     follower's midpoint (another program)."""
     names = {"crank_root_stress": 92.96, "follower_midpoint_stress": 86.20}
@@ -69,7 +69,7 @@ def test_several_quantities_rms_and_damping(answer):
 
 
 @pytest.mark.slow
-def test_the_corrected_model_beside_others(answer, tmp_path):
+def test_corrected_model_is_compared_with_others(answer, tmp_path):
     picture = tmp_path / "corrected.png"
     out, _ = answer("corrected", "--elements", "1", "--json", "--plot", str(picture))
     models = {each["name"]: each for each in json.loads(out)["models"]}

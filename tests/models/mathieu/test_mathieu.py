@@ -16,7 +16,7 @@ coefficients = st.floats(-5.0, 12.0)
 
 @given(coefficients, coefficients, st.floats(0.0, 0.5), st.floats(0.2, 5.0))
 @settings(max_examples=40, deadline=None)
-def test_matrices_are_those_of_the_equation(delta, epsilon, zeta, speed):
+def test_matrices_match_the_equation(delta, epsilon, zeta, speed):
     phase = np.linspace(0.0, np.pi, 17)
     M, C, K, d = load("mathieu", delta=delta, epsilon=epsilon, zeta=zeta).at(phase, speed)
     np.testing.assert_array_equal(M, np.ones((17, 1, 1)))
@@ -37,7 +37,7 @@ def test_another_speed_is_the_equation_with_coefficients_by_its_square(delta, ep
 
 @given(st.floats(0.3, 9.0), st.floats(-4.0, 4.0), st.floats(0.0, 0.2))
 @settings(max_examples=20, deadline=None)
-def test_the_product_of_the_multipliers_is_that_of_the_damping(delta, epsilon, zeta):
+def test_product_of_the_multipliers_follows_from_the_damping(delta, epsilon, zeta):
     values = floquet(load("mathieu", delta=delta, epsilon=epsilon, zeta=zeta), 1.0, rtol=1e-11).multipliers
     assert np.prod(values).real == pytest.approx(
         np.exp(-2 * zeta * np.sqrt(delta) * np.pi), abs=1e-9 * np.abs(values).max() ** 2

@@ -28,14 +28,14 @@ def test_all_frequencies_are_multiples_of_one_number(factors):
     np.testing.assert_allclose(values(**scaled), ratio * BASE, rtol=1e-9)
 
 
-def test_it_stands_still():
+def test_portal_frame_does_not_move():
     model = solve.load("portal_frame")
     assert model.module.MOVES is False
     joints = model.at_positions(np.array([0.0])).joints
     np.testing.assert_allclose(joints, [[0, 1j, 1 + 1j, 1]], atol=1e-15)
 
 
-def test_symmetric_modes_are_those_of_half_the_frame():
+def test_symmetric_modes_match_half_the_frame():
     """Half the frame, its beam's middle free to move up and down but not to turn."""
     from scipy.optimize import brentq
 

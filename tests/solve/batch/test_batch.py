@@ -217,7 +217,7 @@ class NothingDrifts:
 
 @settings(max_examples=40, deadline=None)
 @given(seed=systems.seeds, N=st.sampled_from([2, 4, 6]), decades=st.floats(0, 14))
-def test_multipliers_of_many_matrices_are_those_of_each(seed, N, decades):
+def test_batched_multipliers_match_single_matrices(seed, N, decades):
     rng = np.random.default_rng(seed)
     Phi = rng.standard_normal((12, N, N)) @ np.diag(10.0 ** -np.linspace(0, decades, N))
     ours, finer = Multipliers.of(Phi), Multipliers.of(Phi * (1 + 1e-6 * rng.standard_normal(Phi.shape)))
@@ -334,7 +334,7 @@ def meissner_turn(delta, amplitude, duty, speed):
 
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
-def test_points_whose_jumps_move(engine):
+def test_points_with_moving_jumps_match_single_solutions(engine):
     """Groups of points that jump alike, points that jump like no other, and points that do not jump."""
     duties, deltas = np.array([0.0, 0.004, 0.3, 0.7]), np.linspace(0.6, 2.0, 5)
     chart = solve.chart(meissner, x={"duty": duties}, y={"delta": deltas}, speed=0.9, engine=engine)

@@ -141,7 +141,7 @@ def test_exact_stiffness_tends_to_the_finite_elements_at_low_frequencies():
     np.testing.assert_allclose(M_exact, M, atol=1e-6 * abs(M).max())
 
 
-def test_elements_of_one_link_may_differ_from_those_of_another():
+def test_links_may_have_different_element_types():
     """Every mixture of elements tends to the same structure."""
     frequencies = [
         solve.frequencies(solve.load("four_bar", options=options), 1.0).values[0]

@@ -161,7 +161,7 @@ def test_no_overflow_at_high_frequencies():
     np.testing.assert_allclose(functions, np.stack(limits, axis=1), rtol=1e-9)
 
 
-def test_interior_frequencies_are_those_of_clamped_beams():
+def test_interior_count_matches_clamped_beam_frequencies():
     roots = []
     for k in range(1, 9):
         centre = (k + 0.5) * np.pi

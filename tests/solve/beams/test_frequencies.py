@@ -166,7 +166,7 @@ def test_frequency_count_agrees_with_a_fine_mesh(stated):
 
 @settings(max_examples=15, deadline=None)
 @given(frames(), st.integers(2, 4))
-def test_dividing_exact_elements_changes_nothing(stated, parts):
+def test_dividing_exact_elements_keeps_the_frequencies(stated, parts):
     whole, divided = of(stated, "dynamic"), of(stated, "dynamic", parts)
     np.testing.assert_allclose(
         exact_frequencies(divided, 8), exact_frequencies(whole, 8), rtol=1e-9, atol=1e-3

@@ -48,7 +48,7 @@ def test_links_meet_at_their_joints_in_every_mode():
         np.testing.assert_allclose(follower[0], 0, atol=1e-9)
 
 
-def test_exact_shapes_and_masses_are_those_of_a_fine_mesh():
+def test_exact_shapes_and_modal_masses_match_a_fine_mesh():
     exact, fine = (
         solve.frequencies(solve.load("four_bar", options=options), 2.0, 4).shapes()
         for options in ({"element": "dynamic"}, {"element": "internal", "elements": 6})

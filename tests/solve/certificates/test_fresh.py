@@ -105,7 +105,7 @@ def test_a_system_depends_on_seed_and_index_alone():
             assert np.array_equal(one, other)
 
 
-def test_the_matrices_are_those_of_periodic_systems():
+def test_members_are_valid_periodic_systems():
     for index in range(0, fresh.SIZE, 9):
         member = fresh.member(index)
         assert member.kind == fresh.KINDS[index % 7]
@@ -146,7 +146,7 @@ def test_verdicts_of_all_sorts_are_true():
         assert part.mean() > 0.1
 
 
-def test_undamped_systems_are_those_of_an_energy():
+def test_undamped_systems_have_constant_mass_and_symmetric_stiffness():
     phase = np.linspace(0.1, 6.0, 50)
     undamped = 0
     for index in range(140):

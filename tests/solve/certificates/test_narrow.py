@@ -128,7 +128,7 @@ RIPPLES = [
 
 @pytest.mark.parametrize("case", [*RIPPLES, *map(kinked, (0.0, 0.7, 1.777, 2.9))])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
-def test_orders_above_what_a_step_follows_count_as_error(case, rtol):
+def test_error_covers_harmonics_above_the_step_resolution(case, rtol):
     """The samples of a step look at orders above their number alike on every grid, more or less."""
     given, truth = case
     found, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)

@@ -63,7 +63,7 @@ def test_the_population_is_as_described():
 
 
 @pytest.mark.parametrize("index", [0, 1, 4, 8, 21])
-def test_the_integrated_truth_is_that_of_dop853(index):
+def test_integrated_reference_matches_dop853(index):
     """Another method, another code: explicit, adaptive, shooting. Soft systems, which it can follow."""
     given = member(index)
     assert given.kind in SERIES[:2]
@@ -72,7 +72,7 @@ def test_the_integrated_truth_is_that_of_dop853(index):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [2, 7, 15, 19, 30, 31])
-def test_the_integrated_truth_of_stiff_systems_is_that_of_dop853(index):
+def test_integrated_reference_of_stiff_systems_matches_dop853(index):
     given = member(index)
     assert given.kind in SERIES[2:]
     assert_as_dop853(given.truth(), given.system, given.speed, 1e-8, 1e-9)
@@ -86,7 +86,7 @@ def assert_as_dop853(truth: Truth, system: PeriodicSystem, speed, orbit, multipl
 
 @pytest.mark.parametrize("energetic", [True, False])
 @pytest.mark.parametrize("n", [1, 2])
-def test_the_formula_of_transformed_systems_is_that_of_dop853(n, energetic):
+def test_formula_of_transformed_systems_matches_dop853(n, energetic):
     rng = np.random.default_rng(n)
     omega = rng.uniform(0.5, 4.0, n)
     coupled = np.triu(rng.standard_normal((2, n, n)), 1)
@@ -97,7 +97,7 @@ def test_the_formula_of_transformed_systems_is_that_of_dop853(n, energetic):
 
 
 @pytest.mark.parametrize("energetic", [True, False])
-def test_units_scale_coordinates_and_nothing_else(energetic):
+def test_units_only_scale_the_coordinates(energetic):
     rng = np.random.default_rng(0)
     f = rng.standard_normal((3, 2)) + 0j
     modes = Modes(np.diag([0.1, 0.3]), np.diag([2.0, 7.0]), np.arange(3), f)

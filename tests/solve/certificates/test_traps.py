@@ -45,7 +45,7 @@ def truths():
     return {name: floquet(*case, Radau(13), rtol=1e-11) for name, case in CASES.items()}
 
 
-def test_which_methods_keep_what_they_do_not_follow():
+def test_every_method_without_stiff_damping_is_listed():
     """A new method joins the traps by being registered."""
     assert set(METHODS) - set(KEEPING) == {"auto", "radau"}
 
@@ -78,7 +78,7 @@ def test_the_l_stable_method_needs_no_flag(case, truths):
     assert found.warnings == []
 
 
-def test_gauss_on_the_slow_cam_invents_a_multiplier_beside_the_right_orbit():
+def test_gauss_flags_a_spurious_multiplier_of_the_slow_cam():
     """Order 12 on 100 steps: |ρ| = 0.185 where 1.466125e-7 is true, while the orbit is right to 4e-4."""
     given = cam("1")
     truth = periodic(given, SLOW, "radau", rtol=1e-10)
@@ -93,7 +93,7 @@ def test_gauss_on_the_slow_cam_invents_a_multiplier_beside_the_right_orbit():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["fourier", "hill"])
-def test_series_that_agree_without_a_resonant_harmonic_are_not_believed(method):
+def test_series_without_a_resonant_harmonic_report_their_error(method):
     """The cam at 600 rpm: series of order 96 and 128 agree to 1e-7, and both lack order 353 of its mode."""
     given, speed = cam("1"), 20 * np.pi
     truth = periodic(given, speed, "gauss", rtol=1e-10)
@@ -124,7 +124,7 @@ def undamped_stiff():
 
 
 @pytest.mark.parametrize("method", ["radau", "rk4"])
-def test_modes_that_a_method_damps_without_damping_are_not_lost_in_silence(method):
+def test_artificially_damped_modes_give_a_warning(method):
     """The other side of L-stability: two grids agree on multipliers that both of them lost."""
     steps = {"radau": 64, "rk4": 600}[method]
     found = floquet(undamped_stiff(), 1.0, method, steps=steps, rtol=1e-3)
@@ -138,7 +138,7 @@ def test_modes_that_a_method_damps_without_damping_are_not_lost_in_silence(metho
     assert abs(refined.liouville) < 1e-5
 
 
-def test_two_grids_that_meet_by_chance_are_not_believed():
+def test_accidental_agreement_of_two_grids_is_not_accepted():
     """Newmark turns an undamped mode too slowly: on 32 and 64 steps by so many radians a period that the
     multipliers of both grids meet to 1e-3, each of them 1.3 from the truth."""
     given = member(275)
@@ -161,7 +161,7 @@ def test_two_grids_that_meet_by_chance_are_not_believed():
         (Gauss(10), 20),
     ],
 )
-def test_a_mode_is_misplaced_as_the_phase_constant_says(method, steps):
+def test_phase_error_of_a_mode_follows_the_phase_constant(method, steps):
     omega = 3.3
     free = constant([[1.0]], [[0.0]], [[omega**2]], lambda phase: np.ones((len(phase), 1)))
     found = floquet(free, 1.0, method, steps=steps)

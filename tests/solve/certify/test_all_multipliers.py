@@ -25,7 +25,7 @@ def decaying():
     return system(matrices, 1)
 
 
-def test_exponents_whose_multipliers_differ_by_65_decades():
+def test_exponents_are_exact_for_multipliers_65_decades_apart():
     found = solve.floquet(decaying(), 1.0, rtol=1e-11, all_multipliers=True)
     np.testing.assert_allclose(found.exponents, [0.0, -24.0], rtol=0, atol=1e-10)
     assert found.unresolved == 0
@@ -83,7 +83,7 @@ def test_modes_that_given_steps_do_not_follow_have_no_digit():
     assert np.isnan(found.multiplier_errors).sum() == found.unresolved
 
 
-def test_methods_without_maps_say_so():
+def test_methods_without_step_maps_refuse_all_multipliers():
     with pytest.raises(StepsError, match=r"fourier has no step maps.* use radau or gauss"):
         solve.floquet(decaying(), 1.0, "fourier", rtol=1e-6, all_multipliers=True)
 

@@ -41,7 +41,7 @@ REGULAR = {
 
 
 @pytest.mark.parametrize("name", SINGULAR)
-def test_every_way_to_solve_says_where_m_is_singular(name):
+def test_every_solver_reports_the_phase_of_a_singular_mass_matrix(name):
     given, phase = SINGULAR[name]
     texts = {sweep(given, [1.0, 1.1], rtol=1e-6).record()["points"][at]["error"] for at in range(2)}
     for solved in (periodic, floquet):

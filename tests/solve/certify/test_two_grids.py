@@ -23,7 +23,7 @@ def hill(delta):
 
 
 @pytest.mark.parametrize("between", [(4.0, 4.3), (6.2, 6.5), (8.9, 9.2), (12.1, 12.4)])
-def test_multipliers_that_meet_by_chance_are_known_by_their_matrices(between):
+def test_accidentally_equal_multipliers_are_detected_from_the_monodromy_matrices(between):
     """Without damping ρ is a matter of tr Φ alone, and there are δ at which 8 and 12 steps have the same."""
 
     def difference(delta):
@@ -53,7 +53,7 @@ def of_pieces(breaks, K, damping):
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_pieces_between_jumps_that_a_finer_grid_divides_no_finer_are_not_believed(seed):
+def test_error_covers_pieces_that_the_finer_grid_does_not_refine(seed):
     """8 steps among six pieces are 1 1 1 1 3 1, and 12 are two each."""
     rng = np.random.default_rng(seed)
     breaks = np.sort(rng.uniform(0, 2 * np.pi, 5))
@@ -66,7 +66,7 @@ def test_pieces_between_jumps_that_a_finer_grid_divides_no_finer_are_not_believe
 
 @pytest.mark.parametrize("seed", [35, 70, 231, 259])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-5, 1e-8])
-def test_a_stiff_piece_that_two_of_three_grids_divide_alike_is_not_believed(seed, rtol):
+def test_error_covers_a_stiff_piece_divided_alike_on_two_grids(seed, rtol):
     rng = np.random.default_rng((991, seed))
     count = int(rng.integers(1, 6))
     breaks = np.sort(rng.uniform(0, 2 * np.pi, count))
@@ -79,6 +79,6 @@ def test_a_stiff_piece_that_two_of_three_grids_divide_alike_is_not_believed(seed
 
 @pytest.mark.parametrize("damping", [1e-5, 1e-7, -1e-7])
 @pytest.mark.parametrize("rtol", [1e-2, 1e-6])
-def test_weak_damping_decides_whatever_accuracy_is_asked_for(damping, rtol):
+def test_weak_damping_decides_the_verdict_at_any_tolerance(damping, rtol):
     given = constant(np.eye(1), damping * np.eye(1), 5.3 * np.eye(1), lambda phase: np.zeros((len(phase), 1)))
     assert floquet(given, 1.0, rtol=rtol).verdict == ("asymptotically stable" if damping > 0 else "unstable")

@@ -8,7 +8,7 @@ import solve
 CAM = ("animate", "cam", "--speed", "600 rpm", "--rtol", "1e-3", "--frames", "3")
 
 
-def test_the_animation_is_that_of_python(command, tmp_path):
+def test_command_and_python_produce_the_same_animation(command, tmp_path):
     ran = command(*CAM, "--out", "mine.html", "--scale", "2", "--show", "q2")
     assert ran.status == 0
     made = solve.animate(solve.load("cam"), "600 rpm", 2.0, 3, ["q2"], rtol=1e-3)
@@ -43,7 +43,7 @@ def test_the_nonlinear_orbit(command):
     assert "not to be trusted" not in ran.err
 
 
-def test_a_model_without_lines_is_told_how_to_state_them(command, tmp_path, monkeypatch):
+def test_model_without_lines_is_refused_with_advice(command, tmp_path, monkeypatch):
     monkeypatch.setattr("solve.model.setup.Setup.stated_lines", lambda *_: {})
     ran = command(*CAM, "--out", "mine.gif")
     assert (ran.status, ran.out) == (2, "")

@@ -33,7 +33,7 @@ def test_json_holds_the_bands_of_the_undamped_coupler(command):
     assert [band["open_high"] for band in wide] == [False, True]
 
 
-def test_the_table_says_what_may_be_missed(command):
+def test_table_states_that_narrower_bands_may_be_missed(command):
     ran = command("bands", *UNDAMPED, "--speeds", "5600:6000:3 rpm")
     assert ran.status == 0, ran.err
     (row,) = [line.split() for line in ran.out.splitlines() if line.startswith("+1")]
@@ -44,7 +44,7 @@ def test_the_table_says_what_may_be_missed(command):
     assert max(map(len, ran.out.splitlines())) <= 80
 
 
-def test_no_band_is_said_and_not_claimed(command):
+def test_search_without_bands_reports_none_found(command):
     ran = command("bands", "coupler", "--speeds", "600 1500 rpm")
     assert "no unstable band found from 600 to 1500 rpm" in ran.out
     assert "narrower bands may be missed" in ran.out

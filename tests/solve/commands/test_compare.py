@@ -56,7 +56,7 @@ def test_tables_fit_80_columns(command):
     assert "modal: out of reach" in " ".join(ran.out.split())
 
 
-def test_the_picture_has_a_line_a_method_and_says_what_it_shows(command, monkeypatch, tmp_path):
+def test_picture_has_one_labelled_line_per_method(command, monkeypatch, tmp_path):
     from solve.commands import deliver
 
     figures = []
@@ -89,7 +89,7 @@ def points(*errors):
     ]
 
 
-def test_a_reference_that_is_not_known_at_all_shades_the_whole_picture():
+def test_infinite_reference_error_shades_the_whole_picture():
     made = work_precision_figure("one", {"rk4": points(0.1, 0.01)}, {"orbit": np.inf}, {})
     low, high = made.axes[0].get_ylim()
     shade = made.axes[0].patches[0].get_extents().transformed(made.axes[0].transData.inverted())
@@ -97,7 +97,7 @@ def test_a_reference_that_is_not_known_at_all_shades_the_whole_picture():
     assert (shade.y0, shade.y1) == pytest.approx((low, high))
 
 
-def test_the_picture_tells_every_method_and_draws_what_is_in_its_range():
+def test_picture_distinguishes_all_methods_and_omits_points_out_of_range():
     work = points(np.inf, 40.0, 0.5, 1e-4, 1e-9, 0.0)
     made = work_precision_figure("all", dict.fromkeys(METHODS, work), {"orbit": 1e-8}, {"orbit": [1e-3]})
     lines = made.axes[0].lines[: len(METHODS)]

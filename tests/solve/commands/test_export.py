@@ -7,7 +7,7 @@ from scipy.io import loadmat
 import solve
 
 
-def test_the_file_is_that_of_python(command, tmp_path):
+def test_command_and_python_export_the_same_file(command, tmp_path):
     ran = command(
         "export", "cam", "--speed", "600 rpm", "--set", "k1=9e4", "--out", "mine.mat", "--samples", "6"
     )
@@ -19,7 +19,7 @@ def test_the_file_is_that_of_python(command, tmp_path):
     assert found["C"].shape == (7, 6, 6)
 
 
-def test_c_needs_no_speed_and_tells_of_both_files(command, tmp_path):
+def test_c_export_needs_no_speed_and_reports_both_files(command, tmp_path):
     ran = command("export", "coupler", "--option", "modes=2", "--out", "mine.c")
     assert ran.status == 0
     assert ran.err.splitlines() == ["wrote mine.c", "wrote mine.h"]
@@ -27,14 +27,14 @@ def test_c_needs_no_speed_and_tells_of_both_files(command, tmp_path):
 
 
 @pytest.mark.parametrize("wrong", [("--speed", "90"), ("--speed", "-1 rpm"), ("--samples", "0")])
-def test_what_c_does_not_need_is_read_all_the_same(command, tmp_path, wrong):
+def test_c_export_validates_unused_arguments(command, tmp_path, wrong):
     ran = command("export", "mathieu", "--out", "mine.c", *wrong)
     assert ran.status == 2
     assert len(ran.err.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_doubtful_is_warned_of(command, tmp_path):
+def test_export_prints_model_warnings(command, tmp_path):
     ran = command("export", "four_bar", "--speed", "30 rad/s", "--option", "terms=instantaneous", "--set",
                   "zeta=0", "--out", "mine.mat", "--samples", "4")  # fmt: skip
     assert ran.status == 0

@@ -41,7 +41,7 @@ def test_as_many_as_there_are_where_there_are_fewer(command):
     assert len(record(command, "manipulator")["frequencies"]) == 2
 
 
-def test_frozen_frequencies_of_a_mechanism_are_those_of_m_and_k_at_rest(command):
+def test_frozen_frequencies_follow_from_m_and_k_at_rest(command):
     found = record(command, "cam", "--position", "1.2 rad")
     M, _, K, _ = solve.load("cam").at(np.array([1.2]), 0.0)
     expected = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.inv(M[0]) @ K[0]).real))
@@ -59,7 +59,7 @@ def test_over_the_turn(command):
     np.testing.assert_allclose(turn["max"], values.max(axis=0))
 
 
-def test_over_a_parameter_with_a_value_that_the_linkage_does_not_have(command):
+def test_parameter_range_reports_impossible_linkages(command):
     ran = command("frequencies", "four_bar", "--over", "L2=0.1:0.5:3", "--count", "2", "--json")
     over = json.loads(ran.out)["over"]
     assert over["values"] == pytest.approx([0.1, 0.3, 0.5])
@@ -115,7 +115,7 @@ def test_tables_fit_80_columns(command):
         assert "Natural frequencies" in ran.out
 
 
-def test_a_table_says_how_many_there_are_beside_those_it_lists(command):
+def test_table_states_the_total_number_of_frequencies(command):
     assert "Natural frequencies: the lowest 4 of 9\n" in command("frequencies", "four_bar").out
     assert "Natural frequencies\n" in command("frequencies", "four_bar", "--count", "9").out
 
@@ -191,7 +191,7 @@ def test_many_positions_are_taken_in_parts(monkeypatch):
     np.testing.assert_allclose(in_parts, together, rtol=1e-12)
 
 
-def test_the_picture_says_of_how_many_modes_it_shows_some():
+def test_picture_states_the_total_number_of_modes():
     model = solve.load("four_bar", options={"elements": 3})
     titles = [solve.frequencies(model, 0.5, count).plot().get_suptitle() for count in (8, 10)]
     assert titles[0].endswith("mode shapes at 28.65°")
@@ -211,7 +211,7 @@ def test_bad_input_is_refused_in_one_line(command, tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ["periodic", "floquet", "sweep", "bands", "compare"])
-def test_other_commands_refuse_a_frame_that_stands_still(command, name):
+def test_other_commands_refuse_a_stationary_frame(command, name):
     speeds = ("--speeds", "10:20:3 rpm") if name in ("sweep", "bands") else ()
     ran = command(name, "portal_frame", *speeds)
     assert ran.status == 2

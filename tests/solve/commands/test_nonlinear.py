@@ -31,7 +31,7 @@ def test_several_periods_are_one_of_the_orbit(command):
     assert record["coordinates"]["q1"]["harmonics"][2] > 100 * record["coordinates"]["q1"]["harmonics"][1]
 
 
-def test_tables_pictures_and_files_are_those_of_any_orbit(command, tmp_path):
+def test_nonlinear_orbit_is_printed_plotted_and_saved(command, tmp_path):
     ran = command(*CAM, "--plot", "cam.png", "--save", "cam.npz")
     assert ran.status == 0
     assert "linear orbit" in ran.out
@@ -40,12 +40,12 @@ def test_tables_pictures_and_files_are_those_of_any_orbit(command, tmp_path):
     assert np.load(tmp_path / "cam.npz")["q"].shape[0] == 3
 
 
-def test_a_linear_orbit_says_how_far_the_nonlinear_one_is(command):
+def test_linear_orbit_reports_the_linearisation_error_per_coordinate(command):
     record = json.loads(command("periodic", "cam", "--speed", "100 rpm", "--json").out)
     assert record["linearisation_error"].keys() == record["coordinates"].keys()
 
 
-def test_validity_says_up_to_where_the_linear_model_is_trusted(command, tmp_path):
+def test_validity_reports_the_highest_valid_speed_of_the_linear_model(command, tmp_path):
     speeds = ("--speeds", "50:150:3 rpm")
     ran = command("validity", "cam", *speeds, "--at", "2%", "--json", "--plot", "v.png", "--save", "v.csv")
     record = json.loads(ran.out)
@@ -70,7 +70,7 @@ def test_a_start_of_another_kind_is_named(command, tmp_path, monkeypatch):
     )
 
 
-def test_a_branch_is_told_drawn_and_kept(command, tmp_path):
+def test_branch_is_printed_plotted_and_saved(command, tmp_path):
     line = "branch", "cam", "--speeds", "300:302 rpm", "--rtol", "1e-2"
     record = json.loads(command(*line, "--json").out)
     assert record["points"][0]["speed"] == pytest.approx(10 * np.pi)
@@ -86,7 +86,7 @@ def test_a_branch_is_told_drawn_and_kept(command, tmp_path):
     assert solve.open(tmp_path / "b.npz").record() == record
 
 
-def test_a_run_down_to_rest_tells_and_draws_its_outputs(command, tmp_path):
+def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
     line = "transient", "manipulator", "--speeds", "300:0 rpm", "--turns", "2"
     record = json.loads(command(*line, "--json").out)
     assert record["speeds"] == pytest.approx([10 * np.pi, 0.0])
@@ -125,7 +125,7 @@ def test_bad_input_is_refused_in_one_line(command, arguments, words):
     assert all(word in ran.err for word in words)
 
 
-def test_a_transient_says_after_how_many_turns_the_orbit_is_reached(command, tmp_path):
+def test_transient_reports_the_turns_needed_to_reach_the_orbit(command, tmp_path):
     cam = ("transient", "cam", "--speed", "300 rpm", "--turns", "4")
     ran = command(*cam, "--json", "--plot", "t.png", "--save", "t.npz")
     record = json.loads(ran.out)

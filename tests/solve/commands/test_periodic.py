@@ -174,7 +174,7 @@ def test_tables_show_the_cam_of_the_chapter(command):
     assert strongest[1] == "59:"
 
 
-def test_what_the_user_chose_is_shown(command):
+def test_chosen_options_and_parameters_are_shown(command):
     out = command("periodic", "gear_pair", "--option", "load=constant", "--set", "zeta=0.05").out
     assert "load=constant, zeta=0.05" in out
     assert "1800 rpm" in out

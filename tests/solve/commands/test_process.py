@@ -86,7 +86,7 @@ def test_tables_survive_a_stream_that_is_not_unicode():
     assert "asymptotically stable" in ran.stdout
 
 
-def test_the_installed_command_is_the_module_and_ignores_what_lies_around(tmp_path):
+def test_installed_command_ignores_modules_in_the_working_directory(tmp_path):
     installed = shutil.which("solve", path=sysconfig.get_path("scripts"))
     if installed is None:
         pytest.skip("the package is not installed, so there is no command `solve`")
@@ -100,7 +100,7 @@ def test_the_installed_command_is_the_module_and_ignores_what_lies_around(tmp_pa
     assert subprocess.run([installed], cwd=tmp_path, capture_output=True, text=True).stdout == solved().stdout
 
 
-def test_the_list_of_commands_says_what_each_says_itself():
+def test_listed_commands_match_their_docstrings():
     from models.four_bar.__main__ import PROGRAM
     from solve.commands.app import SOLVE
 

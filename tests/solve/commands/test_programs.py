@@ -40,7 +40,7 @@ def inside(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
-def test_an_interruption_while_packages_are_read_or_while_it_works_is_130(program):
+def test_interruption_during_import_or_work_exits_with_130(program):
     long = ("sweep", "four_bar", "--speeds", "20:400:4000 rad/s")
     reads = {"solve": long, "models.four_bar": ("linkage", "--help")}
     arguments = reads.get(program, ("--help",))

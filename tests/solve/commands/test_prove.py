@@ -13,7 +13,7 @@ from solve.proof import prove as proving
 MATHIEU = "floquet", "mathieu", "--speed", "1 rad/s"
 
 
-def test_json_holds_the_proof_beside_the_result(command):
+def test_json_contains_the_proof_and_the_result(command):
     ran = command("periodic", *MATHIEU[1:], "--prove", "--digits", "30", "--json")
     assert ran.status == 0, ran.err
     found = json.loads(ran.out)
@@ -60,7 +60,7 @@ def test_the_terminal_shows_verdict_bounds_and_assumption(command):
         ((*MATHIEU, "--prove", "--digits", "0"), "solve: digits is 0; allowed: 1 to 1000\n"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_line(command, arguments, said):
+def test_invalid_combinations_are_refused_in_one_line(command, arguments, said):
     assert command(*arguments) == (2, "", said)
 
 

@@ -5,7 +5,7 @@ import solve
 MATHIEU = ("report", "mathieu", "--speeds", "1.1:1.2:3 rad/s", "--rtol", "1e-3")
 
 
-def test_the_page_is_that_of_python(command, tmp_path):
+def test_command_and_python_write_the_same_report(command, tmp_path):
     ran = command(*MATHIEU, "--set", "epsilon=0.2", "--out", "mine.html")
     assert ran.status == 0
     made = solve.report(solve.load("mathieu", epsilon=0.2), "1.1:1.2:3 rad/s", rtol=1e-3)

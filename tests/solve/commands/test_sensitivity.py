@@ -9,7 +9,7 @@ import solve
 CAM = ("sensitivity", "cam", "--speed", "600 rpm")
 
 
-def test_json_is_what_python_gives(command):
+def test_json_matches_the_python_result(command):
     ran = command(*CAM, "--of", "q3.max_abs", "--of", "rho1", "--by", "k1", "--by", "speed", "--json")
     assert ran.status == 0
     record = json.loads(ran.out)

@@ -57,7 +57,7 @@ def test_a_single_speed_in_radians(command):
     assert len(found["points"]) == 1
 
 
-def test_a_failed_point_says_why_and_the_sweep_goes_on(command):
+def test_failed_point_reports_its_reason_and_the_sweep_continues(command):
     """Without damping a constant stiffness resonates at φ = Ωt with Ω = sqrt(delta): I - Φ is singular."""
     ran = command(
         "sweep", "mathieu", "--set", "delta=4", "--set", "epsilon=0", "--set", "zeta=0",
@@ -70,7 +70,7 @@ def test_a_failed_point_says_why_and_the_sweep_goes_on(command):
     assert f"warning: no result: {failed['error']} (at 1 rad/s)" in ran.err
 
 
-def test_warnings_are_whole_and_told_once_a_kind(command):
+def test_each_kind_of_warning_is_printed_once_in_full(command):
     ran = command("sweep", "cam", "--speeds", "400 200 300 rpm", "--json")
     first, _, last = record(ran)["points"]
     lines = ran.err.splitlines()
@@ -169,7 +169,7 @@ def test_python_takes_one_speed_one_text_or_many():
         ([62.8, -1.0], ValueOutOfBoundsError, "speed is -1.0; allowed: finite and > 0"),
     ],
 )
-def test_python_refuses_what_is_no_speed(speeds, error, message):
+def test_sweep_refuses_invalid_speeds(speeds, error, message):
     with pytest.raises(error, match=message):
         solve.sweep(solve.load("coupler"), speeds)
 
@@ -247,7 +247,7 @@ NUMBERS = "--set", "m=2", "--set", "F=3", "--set", "c=0.1"
         (("frequencies", "--over", "k=10:40:2"), lambda found: found["over"]["values"]),
     ],
 )
-def test_what_varies_needs_no_number_besides(command, tmp_path, study, read):
+def test_varied_parameter_needs_no_fixed_value(command, tmp_path, study, read):
     (tmp_path / "spring.py").write_text(WITHOUT_CASE)
     derive_run(["spring.py"])
     name, *flags = study
@@ -257,7 +257,7 @@ def test_what_varies_needs_no_number_besides(command, tmp_path, study, read):
     assert "gives no value for m;" in refused.err
 
 
-def test_a_number_that_is_given_is_not_that_of_the_range(command):
+def test_parameter_range_does_not_change_the_given_value(command):
     for flags in ((), ("--set", "k1=7e4")):
         found = record(command("frequencies", "cam", "--over", "k1=6e4:9e4:2", "--json", *flags))
         alone = record(command("frequencies", "cam", "--json", *flags))

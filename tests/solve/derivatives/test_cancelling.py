@@ -35,7 +35,7 @@ def shifted():
 
 @pytest.mark.parametrize("nonlinear", [True, False])
 @pytest.mark.parametrize("by", [["s"], list(NUMBERS)])
-def test_what_rounding_leaves_of_them_is_told(by, nonlinear):
+def test_reported_error_covers_roundoff_of_vanishing_derivatives(by, nonlinear):
     """By few parameters the orbit's own derivatives are summed, by many an adjoint problem's."""
     model = model_of(shifted(), **NUMBERS)
     for speed in (0.7, 1.3, 2.1):

@@ -59,7 +59,7 @@ def wedged(**changed):
 
 @pytest.mark.parametrize("nonlinear", [False, True])
 @pytest.mark.parametrize("begin", [1.0, 3.5])
-def test_an_extremum_in_a_corner_of_an_output_goes_with_the_corner(begin, nonlinear):
+def test_extremum_at_a_kink_moves_with_the_kink(begin, nonlinear):
     found = solve.sensitivities(wedged(begin=begin), 2.0, "wedge.min", ["begin", "k"], nonlinear=nonlinear)
     answer = 1 / (7.0 - 2.0**2 + 2j * 0.5)
     # Of both corners the one where k q is below 0; between them the wedge is higher.
@@ -71,7 +71,7 @@ def test_an_extremum_in_a_corner_of_an_output_goes_with_the_corner(begin, nonlin
 
 
 @pytest.mark.parametrize("name", ["late", "early"])
-def test_an_extremum_beside_a_jump_is_that_of_its_side(name):
+def test_extremum_at_a_jump_uses_the_one_sided_limit(name):
     found = solve.sensitivities(wedged(begin=1.0), 2.0, f"{name}.max", ["f", "k"])[f"{name}.max"]
     answer, wave = 1 / (7.0 - 2.0**2 + 2j * 0.5), np.exp(1j)
     assert found["f"] == pytest.approx((7.0 * wave * answer).imag + 4, rel=1e-9)
@@ -120,7 +120,7 @@ def test_meissners_interval_in_closed_form():
     assert found["rho1.abs"]["share"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_an_output_that_jumps_has_none_and_says_so():
+def test_derivative_of_a_jumping_output_is_nan_with_a_warning():
     found = solve.sensitivities(pushed(), 2.0, ["push.mean", "spring.mean"], ["f", "begin"])
     assert np.isnan(found["push.mean"]["begin"])
     assert found["push.mean"]["f"] == pytest.approx(1.0)

@@ -6,7 +6,7 @@ import solve
 
 
 @pytest.mark.parametrize(("speed", "of", "by"), [(21.0, "rho3.abs", "c1"), (60.0, "rho6.abs", "c1")])
-def test_the_error_of_the_multiplier_is_told(speed, of, by):
+def test_reported_error_covers_the_multiplier_derivative(speed, of, by):
     cam = solve.load("cam")
     found = solve.sensitivities(cam, speed, of=[of], by=[by])
     finer = solve.sensitivities(cam, speed, of=[of], by=[by], method=found.method, steps=4 * found.steps)

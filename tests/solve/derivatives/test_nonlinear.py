@@ -44,7 +44,7 @@ def test_a_small_load_has_the_linear_derivatives():
         assert nonlinear[quantity] == pytest.approx(linear[quantity], rel=1e-8)
 
 
-def test_multipliers_of_an_orbit_that_stays_at_rest_change_with_the_stroke():
+def test_multiplier_derivatives_at_rest_match_the_linear_model():
     model = model_of(pendulum(), c=0.2, b=0.3, g=1.0)
     of, by = ["rho1.re", "rho1.im", "exponent1.re"], ["b", "g", "speed"]
     linear, nonlinear = (
@@ -60,7 +60,7 @@ def test_the_cam():
     check(solve.load("cam"), 30.0, of, ["k1", "speed"], 1024)
 
 
-def test_errors_hold_what_finer_steps_change():
+def test_errors_cover_the_change_by_finer_steps():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.5, f=1.5)
     of, by = ["q.max", "q.rms", "rho1"], ["alpha", "f", "speed"]
     rough, exact = (solve.sensitivities(model, 1.3, of, by, steps=m, nonlinear=True) for m in (48, 384))
@@ -69,12 +69,12 @@ def test_errors_hold_what_finer_steps_change():
         assert (off <= 3 * rough.found[quantity].errors).all()
 
 
-def test_what_has_none_is_said():
+def test_nonlinear_derivatives_of_a_linear_model_are_refused():
     with pytest.raises(LinearModelError):
         solve.sensitivities(solve.load("four_bar"), 30.0, "rho1", nonlinear=True)
 
 
-def test_damping_ratios_along_an_orbit_of_linear_springs_are_those_of_the_linear_orbit():
+def test_nonlinear_derivatives_match_linear_ones_for_linear_springs():
     damped = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **NUMBERS)
     of, by = ["q1.max", "q2.harmonic1", "rho1"], ["k", "zeta2", "m", "speed"]
     linear, nonlinear = (
@@ -84,7 +84,7 @@ def test_damping_ratios_along_an_orbit_of_linear_springs_are_those_of_the_linear
         assert nonlinear[quantity] == pytest.approx(linear[quantity], rel=1e-8)
 
 
-def test_an_orbit_of_two_periods_that_repeats_after_one_has_its_derivatives():
+def test_two_period_orbit_repeating_after_one_has_equal_derivatives():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.5, f=0.4)
     of, by = ["q.max", "q.rms", "rho1.abs", "exponent1.re"], ["alpha", "zeta", "speed"]
     one, two = (

@@ -119,7 +119,7 @@ def test_an_elasticity_is_relative_change_by_relative_change(found):
     assert found.elasticities("q.harmonic2")["k"] == pytest.approx(found["q.harmonic2"]["k"] * K / a)
 
 
-def test_errors_hold_what_finer_steps_change():
+def test_errors_cover_the_change_by_finer_steps():
     of, by = ["q1.max_abs", "q3.rms", "spectral_radius"], ["k1", "a1", "speed"]
     cam = solve.load("cam")
     rough = solve.sensitivities(cam, 60.0, of, by, steps=256)
@@ -130,7 +130,7 @@ def test_errors_hold_what_finer_steps_change():
         assert (rough.found[quantity].errors <= 1e3 * off).any()
 
 
-def test_a_quantity_does_not_change_with_what_else_is_asked_for():
+def test_derivative_does_not_depend_on_other_requested_quantities():
     cam = solve.load("cam")
     alone = solve.sensitivities(cam, 60.0, "q3.max_abs", "k1", steps=384)
     beside = solve.sensitivities(cam, 60.0, ["q1.rms", "q3.max_abs"], ["c2", "k1"], steps=384)
@@ -187,13 +187,13 @@ def check(name, parameters):
 
 
 @pytest.mark.parametrize("name", FEW)
-def test_derivatives_are_those_of_the_grid(name):
+def test_derivatives_match_the_discrete_solution(name):
     check(name, FEW[name])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
-def test_derivatives_are_those_of_the_grid_by_every_parameter(name):
+def test_all_parameter_derivatives_match_the_discrete_solution(name):
     check(name, None)
 
 
@@ -212,7 +212,7 @@ def test_a_radius_that_two_multipliers_share_has_no_derivative():
     assert found["rho1.abs"]["c"] != 0
 
 
-def test_an_extremum_has_a_kink_where_two_are_alike_and_change_differently():
+def test_equal_extrema_with_different_slopes_have_no_derivative():
     found = solve.sensitivities(solve.load("manipulator"), "50 rpm", ["q1.max", "q1.rms"], ["F", "k1"])
     assert math.isnan(found["q1.max"]["F"])
     assert found["q1.max"]["k1"] != 0
@@ -220,7 +220,7 @@ def test_an_extremum_has_a_kink_where_two_are_alike_and_change_differently():
     assert found["q1.rms"]["F"] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_what_cannot_be_asked_is_said_in_a_line():
+def test_invalid_sensitivity_requests_are_refused():
     cam = solve.load("cam")
     for of, by, error in (
         ("q3.maxabs", "k1", UnknownNameError),
@@ -257,7 +257,7 @@ def test_damping_ratios_change_with_the_stiffness():
         solve.sensitivities(at_rest, 3.0, of, "e")
 
 
-def test_one_adjoint_gives_what_all_columns_give():
+def test_adjoint_and_direct_derivatives_agree():
     cam = solve.load("cam")
     of, many = ["q3.max_abs", "contact_force.harmonic3"], ["k1", "a1", "F", "speed", "m2", "c2", "b3"]
     adjoint = solve.sensitivities(cam, 60.0, of, many, steps=192)

@@ -42,7 +42,7 @@ def called(function, results, *inputs):
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["cam", "coupler", "meissner"])
-def test_the_linearised_equations_are_those_of_python(library, name):
+def test_linearised_c_code_matches_python(library, name):
     model, speed = solve.load(name), 40.0
     n, p = model.n, np.array(list(model.parameters.values()))
     function = library(model)[f"{name}_linearised"]
@@ -103,7 +103,7 @@ def test_the_header_lists_parameters_with_unit_and_meaning(tmp_path):
     assert "#define COUPLER_COORDINATES 2\n" in header
 
 
-def test_what_has_no_formulas_is_refused(tmp_path):
+def test_c_export_refuses_models_without_formulas(tmp_path):
     def oscillator(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]

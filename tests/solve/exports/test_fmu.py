@@ -71,7 +71,7 @@ def shaken(tmp_path_factory):
     return str(file), (q[0, 0], qd[0, 0])
 
 
-def test_it_is_valid_and_states_units_and_meanings(cam):
+def test_fmu_is_valid_with_units_and_descriptions(cam):
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(cam) == []
@@ -95,7 +95,7 @@ def test_it_is_valid_and_states_units_and_meanings(cam):
     ("name", "tolerance"),
     [("coupler", 1e-9), ("gear_pair", 1e-10), pytest.param("cam", 1e-9, marks=pytest.mark.slow)],
 )
-def test_it_stays_on_the_nonlinear_orbit_over_several_turns(tmp_path, name, tolerance):
+def test_fmu_stays_on_the_nonlinear_orbit(tmp_path, name, tolerance):
     model, speed = solve.load(name), 40.0
     file = str(tmp_path / "made.fmu")
     solve.export(model, file, speed)
@@ -184,7 +184,7 @@ def named_speed():
     return made
 
 
-def test_what_is_refused_leaves_no_file(tmp_path, monkeypatch):
+def test_refused_fmu_export_leaves_no_file(tmp_path, monkeypatch):
     file = tmp_path / "a.fmu"
     with pytest.raises(LinearModelError, match="matrices of four_bar are numbers"):
         solve.export(solve.load("four_bar"), file, SPEED)

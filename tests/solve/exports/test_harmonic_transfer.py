@@ -40,7 +40,7 @@ def test_constant_coefficients_give_the_ordinary_transfer_matrix():
     assert H.warnings == []
 
 
-def test_the_response_to_a_modulated_force_is_that_of_the_equations_in_time():
+def test_modulated_force_response_matches_time_integration():
     """u = Re exp((s + iΩ)t): from the state that H gives, the equations in time stay on y = Σ H y_k."""
     speed, s, N = 1.3, 0.05 + 0.4j, 12
     H = solve.harmonic_transfer(MATHIEU, speed, N).at(s).values[:, 0, N + 1, 0]
@@ -82,7 +82,7 @@ def test_an_output_of_a_model_responds_as_on_the_orbit():
 
 
 @pytest.mark.slow
-def test_about_a_nonlinear_orbit_the_response_to_the_load_is_that_orbit():
+def test_transfer_about_a_nonlinear_orbit_reproduces_that_orbit():
     """Its outputs too, which are not linear, but for the orders beyond N; the linear orbit is 35 % off and
     more."""
     model, N, speed = solve.load("manipulator"), 60, "300 rpm"
@@ -164,7 +164,7 @@ def test_slow_convergence_at_jumps_raises_a_warning():
     assert np.abs(found.values - finer.values).max() / np.abs(finer.values).max() < 2 * found.error
 
 
-def test_what_is_refused():
+def test_invalid_requests_are_refused():
     with pytest.raises(NoMotionError, match="portal_frame"):
         solve.harmonic_transfer(solve.load("portal_frame"), 1.0)
     with pytest.raises(ValueOutOfBoundsError, match="harmonics is -1; allowed for 1 coordinates: 0"):

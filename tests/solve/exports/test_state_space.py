@@ -115,7 +115,7 @@ def test_names_with_dots_are_converted_for_python_control():
     assert solve.harmonic_transfer(given, 1.0, 1).lifted().input_labels[1] == "force_q_1_c1"
 
 
-def test_what_is_refused(monkeypatch):
+def test_invalid_requests_are_refused(monkeypatch):
     with pytest.raises(NoMotionError, match="solve frequencies portal_frame"):
         solve.state_space(solve.load("portal_frame"), 1.0)
     for samples in (0, 1.5, True):

@@ -51,7 +51,7 @@ def test_libraries_are_kept(own_cache):
     assert {file: file.stat().st_mtime_ns for file in own_cache.iterdir()} == made
 
 
-def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypatch):
+def test_broken_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypatch):
     monkeypatch.setenv(
         "CC", script(tmp_path / "cc", 'case "$*" in *-dM*) exit 0;; esac; echo no luck >&2; exit 1')
     )
@@ -67,8 +67,8 @@ def test_a_broken_compiler_is_told_of_in_one_line(own_cache, tmp_path, monkeypat
 
 @needs_compiler
 @pytest.mark.parametrize("known", ["-mcpu=*", ""])
-def test_a_compiler_that_does_not_know_some_flags_of_the_processor(own_cache, tmp_path, monkeypatch, known):
-    """As Clang for ARM does not; here the compiler itself gets none of them."""
+def test_compiler_may_lack_processor_flags(own_cache, tmp_path, monkeypatch, known):
+    """Clang for ARM, for example, rejects some flags; here none reaches the compiler."""
     refusal = 'echo "the compiler does not support $each" >&2; exit 1'
     kept = f"{known}) ;; -m*) {refusal};;" if known else f"-m*) {refusal};;"
     command = f'for each; do case "$each" in {kept} *) set -- "$@" "$each";; esac; shift; done; exec cc "$@"'
@@ -77,13 +77,13 @@ def test_a_compiler_that_does_not_know_some_flags_of_the_processor(own_cache, tm
     assert (found.engine, found.notes) == ("compiled", [])
 
 
-def test_without_a_compiler_one_line_says_why_it_is_slower(own_cache, tmp_path, monkeypatch):
+def test_missing_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypatch):
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
     assert refused(own_cache).startswith("no C compiler (cc, gcc, clang) on this machine; ")
 
 
-def test_compiled_code_that_is_asked_for_and_cannot_be_had(own_cache, monkeypatch):
+def test_compiled_engine_without_a_compiler_is_refused(own_cache, monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(EngineError, match=r"no C compiler \(no-such-compiler\).*leave the engine out"):
         solve.sweep(solve.load("mathieu"), [1.0], engine="compiled")
@@ -98,7 +98,7 @@ def replace(file: Path, content: bytes) -> None:
 @needs_compiler
 @pytest.mark.parametrize("suffix", [".so", ".sha256"])
 @pytest.mark.parametrize("cut", [0, 10])
-def test_what_is_cut_or_overwritten_is_compiled_anew(own_cache, suffix, cut):
+def test_damaged_cache_files_are_recompiled(own_cache, suffix, cut):
     library.library(SMALL)
     made = files(own_cache)
     whole = made[".so"].read_bytes()
@@ -139,7 +139,7 @@ def test_a_library_that_others_may_change_is_not_loaded(own_cache):
 @needs_compiler
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
 @pytest.mark.parametrize("which", ["folder", ".so", ".sha256"])
-def test_what_belongs_to_another_user_is_not_used(own_cache, which):
+def test_cache_of_another_user_is_not_used(own_cache, which):
     library.trouble()
     os.chown(own_cache if which == "folder" else files(own_cache)[which], 65534, 65534)
     library.library.cache_clear()
@@ -165,7 +165,7 @@ def test_a_file_in_place_of_the_folder(own_cache):
 
 
 @needs_compiler
-def test_a_folder_in_place_of_a_library_leaves_that_size_to_numpy(own_cache, caplog):
+def test_folder_in_place_of_a_library_selects_numpy(own_cache, caplog):
     library.trouble()
     library.library(SMALL)
     for file in own_cache.iterdir():
@@ -197,7 +197,7 @@ def test_a_user_without_a_home(own_cache, monkeypatch):
 
 
 @needs_compiler
-def test_an_ordinary_user_whose_cache_cannot_be_written_or_searched(tmp_path, as_ordinary_user):
+def test_inaccessible_cache_selects_numpy(tmp_path, as_ordinary_user):
     for mode in (0o500, 0o000):
         cache = tmp_path / f"{mode:o}"
         cache.mkdir(mode=mode)

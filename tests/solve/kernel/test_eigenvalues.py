@@ -43,7 +43,7 @@ def test_any_pencils(n, count, width):
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 1e3), st.floats(-0.5, 0.99)), min_size=1, max_size=4), st.randoms())
-def test_modes_that_are_known(modes, random):
+def test_eigenvalues_match_prescribed_modes(modes, random):
     """Modes with ω and ζ, mixed by a change of coordinates, in units far apart."""
     omega, zeta = np.array(modes).T
     n = len(omega)
@@ -75,7 +75,7 @@ def test_shifts_that_would_go_round_in_circles():
     np.testing.assert_allclose(found[0] ** 6, 1.0, rtol=1e-12)
 
 
-def test_what_is_not_finite_is_not_found_and_leaves_others_alone():
+def test_non_finite_pencils_give_nan_and_leave_others_unchanged():
     pencils = np.repeat(np.stack((np.eye(2), np.zeros((2, 2)), np.diag([4.0, 9.0])))[..., None], 3, axis=3)
     pencils[0, :, :, 0], pencils[2, 0, 0, 2] = 0.0, np.inf
     found = eigenvalues(pencils)

@@ -100,8 +100,8 @@ def test_refusals_are_the_same():
 
 
 @needs_compiler
-def test_the_call_alone_decides_what_solves(monkeypatch):
-    """Compiled from the first solution on, and NumPy where that is asked for, however many came before."""
+def test_engine_depends_on_the_call_only(monkeypatch):
+    """Compiled code is used from the first solution on, and NumPy if requested, independent of history."""
     asked = []
     solved = collocation.solved
     monkeypatch.setattr(collocation, "solved", lambda *given: asked.append(1) or solved(*given))
@@ -115,7 +115,7 @@ def test_the_call_alone_decides_what_solves(monkeypatch):
     assert counts[1] == counts[3] == counts[4] > 0
 
 
-def test_without_a_compiler_numpy_serves_unless_compiled_code_is_asked_for(monkeypatch):
+def test_missing_compiler_selects_numpy_unless_compiled_is_required(monkeypatch):
     monkeypatch.setattr(engines, "trouble", lambda: "no C compiler (cc) on this machine")
     assert chosen_engine("auto")[0] == NUMPY
     with pytest.raises(EngineError, match=r"no C compiler \(cc\) on this machine; leave the engine out"):

@@ -65,7 +65,7 @@ def beats(order, depth, turned, steps):
 @pytest.mark.parametrize(
     ("order", "depth", "turned"), [(277, 0.028, 0.4), (321, 0.064, 2.9), (237, 0.037, 5.0)]
 )
-def test_the_highest_of_many_maxima_is_found_though_its_samples_are_lower(engine, order, depth, turned):
+def test_highest_maximum_is_found_between_lower_samples(engine, order, depth, turned):
     curve = beats(order, depth, turned, 512)
     found = Quantities(curve, np.ones(1), engine=engine).figures()[0, 0]
     phases = np.linspace(0, 2 * np.pi, 400 * order)
@@ -128,12 +128,12 @@ def quantities(points, engine):
 
 
 @needs_compiler
-def test_formulas_are_those_of_casadi_at_every_width(width):
+def test_compiled_formulas_match_casadi_at_every_width(width):
     assert quantities(11, COMPILED).compiled_figures() is not None
     compared(quantities(11, COMPILED).figures(), quantities(11, NUMPY).figures())
 
 
-def test_an_operation_without_a_text_gives_none():
+def test_unsupported_operation_has_no_c_text():
     x = casadi.SX.sym("x")
     assert c_text(casadi.Function("f", [x], [casadi.erf(x)])) is None
     assert c_text(casadi.Function("f", [x], [x * casadi.inf])) is None
@@ -162,8 +162,8 @@ def test_parameters_that_vary_and_some_outputs():
 
 @pytest.mark.parametrize("engine", [NUMPY, pytest.param(COMPILED, marks=needs_compiler)])
 @pytest.mark.parametrize("second", [1 - 1e-13, 1.0, 1 + 1e-13])
-def test_of_extrema_alike_but_for_rounding_the_first_has_the_phase(engine, second):
-    """A wave of order 2, whose second half is as large but for rounding."""
+def test_first_of_nearly_equal_extrema_gives_the_phase(engine, second):
+    """A wave of order 2, whose halves have equal amplitude up to round-off."""
     nodes = np.linspace(0, 2 * np.pi, 65)
     size = np.where(nodes[:-1] < np.pi, 1.0, second)
     q, v, a = ((2**part * np.cos(2 * (nodes - 0.7) + part * np.pi / 2))[None, :, None] for part in range(3))

@@ -129,7 +129,7 @@ def test_rows_are_exchanged_where_pivots_vanish(method):
 
 
 @needs_compiler
-def test_what_overflows_or_resonates_is_not_sound():
+def test_overflow_and_resonance_are_reported_as_failures():
     def matrices(delta):
         def of(phase, speed):
             one = np.ones((len(phase), 1, 1))

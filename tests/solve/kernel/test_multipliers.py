@@ -70,7 +70,7 @@ def test_the_size_of_two_rows_is_the_least_in_any_units(entries, power):
 
 
 @pytest.mark.parametrize("N", SIZES[1:])
-def test_norms_and_conditions_are_those_of_eigenvectors(N, width):
+def test_norms_and_conditions_match_numpy_eigenvectors(N, width):
     matrices = np.random.default_rng(N).standard_normal((9, N, N))
     found, balanced = solved(matrices), balance_matrices(matrices)[0]
     np.testing.assert_allclose(found.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
@@ -85,7 +85,7 @@ radii = st.floats(-1.5, 1.5)
 
 
 @given(st.lists(st.tuples(radii, radii, st.booleans()), min_size=1, max_size=4), st.integers(0, 2**32 - 1))
-def test_multipliers_that_are_known(pairs, seed):
+def test_multipliers_match_prescribed_spectra(pairs, seed):
     """Real ones and conjugate pairs, of a normal matrix in units far apart."""
     numbers = np.random.default_rng(seed)
     values = np.ravel([(x, y) if real else (x + 1j * y, x - 1j * y) for x, y, real in pairs]).astype(complex)
@@ -103,7 +103,7 @@ def test_multipliers_that_are_known(pairs, seed):
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 @pytest.mark.parametrize("size", [2, 4])
-def test_a_defective_pair_is_known_to_half_of_the_digits(engine, size):
+def test_defective_pair_has_roundoff_near_the_square_root(engine, size):
     matrix = np.diag([0.5, 0.5, 0.1, -0.2][:size])
     matrix[0, 1] = 1.0
     errors = multiplier_roundoff(matrix[None], np.ones((1, size)), engine)
@@ -135,7 +135,7 @@ def test_each_is_as_it_is_alone(width):
         np.testing.assert_array_equal(part, np.concatenate(alone))
 
 
-def test_what_is_large_or_has_no_units_is_left_to_others():
+def test_large_matrices_are_not_solved_by_the_kernel():
     assert eigenvalues(np.zeros((1, 2 * SMALL + 2, 2 * SMALL + 2)), np.ones((1, 2 * SMALL + 2))) is None
     assert eigenvalues(np.zeros((1, 4, 4)), None) is None
     assert eigenvalues(np.zeros((1, 2, 2)), None) is not None

@@ -50,7 +50,7 @@ def test_every_width(width):
 
 
 @needs_compiler
-def test_points_that_no_linkage_has_stay_unknown():
+def test_impossible_linkages_give_nan_entries():
     family = SystemFamily(solve.load("coupler"), ["l2"], 400.0)
     points = np.array([[0.3], [0.7]])
     for engine in (COMPILED, NUMPY):

@@ -20,7 +20,7 @@ def residual(A):
 
 
 @pytest.mark.parametrize(("N", "m"), [(1, 1), (1, 4), (2, 1), (2, 3), (5, 2), (8, 40), (24, 60)])
-def test_factors_are_those_of_the_chain(N, m):
+def test_periodic_schur_factors_reproduce_the_chain(N, m):
     error, below = residual(np.random.default_rng([N, m]).standard_normal((m, N, N)))
     assert error < 60
     assert below == 0.0

@@ -43,12 +43,12 @@ def same(method, n, steps, inertia=1.0):
 @needs_compiler
 @pytest.mark.parametrize("method", [Radau(), Gauss(), Radau(order=3)], ids=repr)
 @pytest.mark.parametrize(("n", "steps"), [(1, 1), (3, 21), (4, 8)])
-def test_of_any_method_and_size(method, n, steps):
+def test_stage_solutions_match_for_any_method_and_size(method, n, steps):
     same(method, n, steps, inertia=6.0)
 
 
 @needs_compiler
-def test_of_steps_that_exchange_other_rows():
+def test_stage_solutions_match_with_different_pivots():
     same(Radau(order=3), 3, 16, inertia=0.0)
 
 

@@ -21,7 +21,7 @@ def test_the_compiler_chooses_the_width(width):
 
 @needs_compiler
 @pytest.mark.parametrize("method", [solve.Radau(5), solve.Gauss(4)], ids=["radau", "gauss"])
-def test_every_width_gives_what_numpy_gives(width, method):
+def test_every_width_matches_numpy(width, method):
     family = over_speed(systems.random_system(7, 3))
     for points, steps in ((1, 24), (1, 7), (11, 24)):
         for own in (False, True):

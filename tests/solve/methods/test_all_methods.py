@@ -150,7 +150,7 @@ def test_errors_fall_faster_than_any_power(method):
 
 
 @each(APPROXIMATIONS)
-def test_no_grid_brings_an_approximation_to_the_truth_and_it_says_so(method, truth):
+def test_approximate_methods_do_not_converge_and_report_their_error(method, truth):
     steps, q = (101, 151, 201), truth.states(PHASES)[:2]
     found = solved(method, steps)
     errors = [relative_error(orbit.at(PHASES), q) for orbit in found]
@@ -179,7 +179,7 @@ def stiff_direction_that_turns():
 
 
 @each(STEPPING)
-def test_stiff_modes_are_damped_out_exactly_where_the_method_says_so(method):
+def test_stiff_modes_are_damped_only_by_l_stable_methods(method):
     """48 steps, ω h = 1300: what is left of two multipliers is nothing, and the others are right."""
     equation = stiff_direction_that_turns()
     truth = floquet(equation, 1.0, Radau(13), rtol=1e-8)
@@ -247,7 +247,7 @@ def oscillator(omega):
 
 @each(EVERY)
 @pytest.mark.parametrize("steps", [0, -3, 2.5, True, "many"])
-def test_what_is_no_number_of_steps_is_refused(method, steps):
+def test_invalid_step_counts_are_refused(method, steps):
     with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave steps out"):
         periodic(SYSTEM, 1.0, method, steps=steps)
 
@@ -269,7 +269,7 @@ def test_too_many_steps_are_refused(method):
 
 
 @each(EVERY)
-def test_steps_beyond_the_stability_limit_are_refused_and_the_least_ones_are_stable(method):
+def test_least_steps_are_stable_and_fewer_are_refused(method):
     equation = oscillator(40.3)
     (least,) = method.least_steps(frozen_modes(equation, 1.0))
     if least > 1:
@@ -316,7 +316,7 @@ def test_points_without_matrices_fail_alone(method):
 
 
 @each(EVERY)
-def test_what_a_method_says_of_itself_fits_together(method):
+def test_method_attributes_are_consistent(method):
     assert method.spectral == (method.order == method.curve_order == math.inf)
     assert method.converges == (method.order > 0) == (method.curve_order > 0)
     assert method.curve_order <= method.order
@@ -338,7 +338,7 @@ class Watched(OnePoint):
 
 
 @each(EVERY)
-def test_samples_are_evenly_spaced_exactly_where_the_method_says_so(method):
+def test_samples_are_evenly_spaced_if_the_method_declares_it(method):
     seen: list = []
     method.solutions(Watched(SYSTEM, 1.0, phases=(seen,)), Grid.uniform(31, TURN), True)
     asked = np.unique(np.round(np.mod(np.concatenate(seen), TURN), 9) % round(TURN, 9))
@@ -347,7 +347,7 @@ def test_samples_are_evenly_spaced_exactly_where_the_method_says_so(method):
 
 
 @each(EVERY)
-def test_limits_of_steps_and_errors_of_phase_have_a_sign_and_a_direction(method):
+def test_step_limits_and_phase_errors_are_monotonic(method):
     most = [method.most_steps(n) for n in (1, 2, 8, 40)]
     assert all(isinstance(count, int) and count > 1 for count in most)
     assert all(more >= fewer for more, fewer in pairwise(most))

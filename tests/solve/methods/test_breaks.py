@@ -27,7 +27,7 @@ def test_piecewise_constant_steps_are_exact_on_two_steps():
     np.testing.assert_allclose(orbit.q[0], [*states(orbit.phase[:-1])[0], START[0]], rtol=1e-13)
 
 
-def test_jumps_are_nodes_and_the_acceleration_behind_them_is_that_of_the_next_piece():
+def test_jump_is_a_node_with_the_acceleration_after_it():
     orbit = periodic(EQUATION, 1.0, "radau", steps=50)
     at = np.flatnonzero(np.isclose(orbit.phase, JUMP, atol=1e-12))
     assert len(at) == 1
@@ -40,7 +40,7 @@ def sawtooth(phase, speed):
     return one, 0.1 * one, (1.0 + 0.1 * phase)[:, None, None], one[:, 0]
 
 
-def test_a_jump_where_the_turn_closes_is_refused_unless_it_is_a_break():
+def test_jump_at_phase_zero_must_be_declared_as_a_break():
     with pytest.raises(
         MatricesError, match=r"K is not periodic: .* changes by 0.628; .* jump at 0 as a break"
     ):

@@ -31,7 +31,7 @@ def test_an_object_is_its_own_choice():
 
 
 @pytest.mark.parametrize(("given", "near"), [("raddau", "radau"), ("rk5", "rk4"), ("Newmark", "newmark")])
-def test_an_unknown_name_is_answered_with_the_nearest(given, near):
+def test_unknown_method_name_is_refused_with_a_suggestion(given, near):
     with pytest.raises(UnknownNameError, match=rf"unknown method '{given}'; did you mean '{near}'"):
         chosen(given)
 
@@ -42,7 +42,7 @@ def test_a_setting_of_another_method_names_its_owner():
 
 
 @pytest.mark.parametrize("given", [3, None, Radau, object()])
-def test_what_is_no_method_is_refused(given):
+def test_invalid_methods_are_refused(given):
     with pytest.raises(
         ValueOutOfBoundsError, match=r"method is .*; give a name or an object such as Radau\(\)"
     ):
@@ -52,12 +52,12 @@ def test_what_is_no_method_is_refused(given):
 @pytest.mark.parametrize(
     ("frequency", "named"), [(1.0, "gauss"), (80.0, "gauss"), (82.0, "radau"), (1e4, "radau")]
 )
-def test_auto_takes_gauss_while_every_mode_can_be_followed_and_radau_beyond(frequency, named):
+def test_auto_selects_gauss_for_resolvable_modes_and_radau_beyond(frequency, named):
     """ω T = 512 divides them: ω = 81.5 at speed 1. Rates of damping count as frequencies do."""
     for damping, stiffness in ((0.02, frequency**2), (frequency, 1.0)):
         given = constant([[1.0]], [[damping]], [[stiffness]], lambda phase: np.ones((len(phase), 1)))
         assert floquet(given, 1.0, rtol=1e-4).method == named
 
 
-def test_auto_says_which_method_it_took():
+def test_auto_reports_the_selected_method():
     assert floquet(cam(), "600 rpm").method == "radau"

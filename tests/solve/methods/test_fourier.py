@@ -34,7 +34,7 @@ def test_even_steps_become_odd():
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill"])
-def test_the_condition_is_that_of_the_problem_and_not_of_the_orders(method):
+def test_condition_number_does_not_grow_with_the_harmonics(method):
     coarse, fine = (periodic(random_system(4, 2), 1.0, method, steps=m, rtol=0.9) for m in (31, 81))
     assert fine.condition < 2 * coarse.condition < 1e4
 
@@ -53,7 +53,7 @@ def test_vectors_at_the_edge_of_the_orders_give_no_multipliers(index, steps):
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill"])
-def test_a_mode_is_not_taken_twice_in_place_of_one_that_grows(method):
+def test_growing_mode_is_not_replaced_by_a_duplicate(method):
     """On 33 and 49 phases the fast mode comes twice before the soft one, whose stiffness is negative over a
     part of the turn and whose p is wide: both grids then had two pairs alike, and no growth."""
     M, C = np.array([[1.15, -0.44], [-0.44, 0.8]]), np.array([[0.2, -0.11], [-0.11, 0.04]])
@@ -108,7 +108,7 @@ def test_bahgat_and_willmerts_variant_is_exact_for_constant_matrices_only():
     assert relative_error(found.at(PHASES), truth.at(PHASES)) < 1e-12
 
 
-def test_bahgat_and_willmerts_variant_is_right_when_slow_and_wrong_when_fast():
+def test_bahgat_and_willmert_variant_reports_its_error_growing_with_speed():
     """Its error against harmonic balance on the full matrices grows with the speed: in proportion to it
     while the motion is quasi-static, to the size of the motion itself when it is not (thesis 6.4). Both
     are stated."""

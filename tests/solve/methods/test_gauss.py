@@ -54,7 +54,7 @@ def test_an_undamped_mode_keeps_its_amplitude_at_any_step(order, angle):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_a_stiff_damped_mode_that_is_not_followed_is_kept_and_flagged(order):
+def test_unresolved_stiff_mode_of_gauss_is_flagged(order):
     """True: exp(-2π·2500) beside |ρ| = exp(-0.05·2π). |R(-∞)| = 1, so that the stiff one seems to live;
     the estimate and the warning tell."""
     given = constant(

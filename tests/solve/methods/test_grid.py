@@ -38,7 +38,7 @@ def test_breaks_are_marked_where_they_are_and_nowhere_else():
     np.testing.assert_allclose(wrapped.nodes[:-1][wrapped.at_break], [0.0, 1.5])
 
 
-def test_stages_beside_a_jump_stay_on_their_own_side():
+def test_stages_do_not_cross_a_jump():
     jump = 1.1
     stages = Grid.uniform(9, PERIOD, (0.0, jump)).stages(np.array([0.0, 0.5, 1.0]))
     nodes = Grid.uniform(9, PERIOD, (0.0, jump)).nodes

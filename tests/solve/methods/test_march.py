@@ -27,7 +27,7 @@ def turns(orbit):
 
 
 @pytest.mark.parametrize("radius", [0.2, 0.485, 0.674, 0.9, 0.97])
-def test_a_mode_takes_as_many_turns_as_its_multiplier_says(radius):
+def test_turns_to_convergence_follow_the_multiplier(radius):
     orbit = periodic(oscillator(1.0, radius), 1.0, "march", steps=400, rtol=0.9)
     expected = np.log(1e-4) / np.log(orbit.spectral_radius)
     assert abs(turns(orbit) - np.ceil(expected)) <= 1
@@ -42,7 +42,7 @@ def test_turns_at_the_spectral_radius_of_the_thesis_four_bar(frequency):
 
 @pytest.mark.parametrize("frequency", [0.3, 0.7, 1.6, 3.4])
 @pytest.mark.parametrize("radius", [0.2, 0.674, 0.9, 0.97])
-def test_the_norm_shifts_the_number_by_what_it_weighs_rates_against_displacements(frequency, radius):
+def test_convergence_norm_shifts_the_number_of_turns(frequency, radius):
     """‖(q, q′)‖ of a free motion varies by the factor ω within a cycle."""
     orbit = periodic(oscillator(frequency, radius), 1.0, "march", steps=400, rtol=0.9)
     decay = -np.log(orbit.spectral_radius)
@@ -51,7 +51,7 @@ def test_the_norm_shifts_the_number_by_what_it_weighs_rates_against_displacement
 
 
 @pytest.mark.parametrize("index", [0, 4, 8, 20, 24, 40, 56])
-def test_every_further_decade_takes_as_many_turns_as_the_slowest_mode_says(index):
+def test_turns_per_decade_follow_the_slowest_mode(index):
     """With several modes the first decades depend on the load; later ones on the spectral radius alone."""
     given = member(index)
     needed = [
@@ -83,7 +83,7 @@ def test_marching_by_hand_gives_the_same_turns():
     assert abs(turns(periodic(system, 1.0, "march", steps=400, rtol=0.9)) - turn) <= 1
 
 
-def test_what_is_left_of_the_transient_counts_as_error():
+def test_error_estimate_includes_the_remaining_transient():
     system = random_system(3, 2)
     phases = np.linspace(0.0, 2 * np.pi, 301)
     limit = periodic(system, 1.0, "newmark", steps=2000, rtol=0.9)
@@ -112,6 +112,6 @@ def test_a_transient_that_does_not_die_is_refused(radius, most):
 
 
 @pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-3, np.nan])
-def test_tolerances_that_mean_nothing_are_refused(tolerance):
+def test_invalid_march_tolerances_are_refused(tolerance):
     with pytest.raises(ValueOutOfBoundsError, match=r"tolerance of march is .*; allowed: between 0 and 1"):
         March(tolerance=tolerance)

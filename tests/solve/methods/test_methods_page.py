@@ -21,7 +21,7 @@ def test_every_method_has_its_row():
 
 
 @pytest.mark.parametrize("name", [name for name in METHODS if name not in ("auto", "fourier", "hill")])
-def test_orders_l_stability_and_reach_are_those_of_the_method(name):
+def test_table_matches_orders_and_l_stability_of_each_method(name):
     method = chosen(name)
     orders, keeps_out, follows, *_ = ROWS[name]
     if method.order == 0:
@@ -34,7 +34,7 @@ def test_orders_l_stability_and_reach_are_those_of_the_method(name):
 
 
 @pytest.mark.parametrize(("name", "place"), [("cam", 0), ("four_bar", 1)])
-def test_the_page_says_how_many_steps_fourier_takes(name, place, capsys):
+def test_page_states_the_step_limit_of_fourier(name, place, capsys):
     """3 coordinates and 27."""
     most = re.search(r"`--steps` takes half as many, (\d+) and (\d+)", PAGE.read_text("utf-8"))
     elements = ("--option", "elements=3") if name == "four_bar" else ()

@@ -48,7 +48,7 @@ def test_orbits_converge_for_constant_symmetric_proportional_systems(n):
     assert errors[-1] < 1e-2
 
 
-def test_modes_that_stand_still_may_change_their_frequencies():
+def test_modal_converges_for_constant_shapes_with_varying_frequencies():
     """Uncoupled equations of Mathieu's kind, seen in coordinates that mix them."""
     T = np.array([[0.6, -0.8], [0.8, 0.6]])
 
@@ -82,7 +82,7 @@ def turning(rate):
     return system(matrices, 2)
 
 
-def test_modes_that_turn_make_it_wrong_and_it_says_so():
+def test_modal_reports_its_error_for_rotating_modes():
     """The terms left out are of the size of the Coriolis forces, 2Ω θ′: no grid mends them. The error is
     stated, orbit and multipliers apart, and equals the true one."""
     truth = periodic(turning(1), 1.0, rtol=1e-10)

@@ -64,7 +64,7 @@ def test_core_of_order_2n_equals_the_map_of_order_3n(seed, n, speed, steps, para
 
 @given(seeds, st.integers(1, 4), parameters)
 @settings(max_examples=30, deadline=None)
-def test_one_step_of_the_core_is_the_printed_step_seen_through_the_predictor(seed, n, parameters):
+def test_newmark_step_is_equivalent_to_the_printed_step(seed, n, parameters):
     """D A_1 = B D: z = D x carries the whole step, and A_1 has n eigenvalues more, all zero."""
     gamma, beta = parameters
     system = random_system(seed, n)

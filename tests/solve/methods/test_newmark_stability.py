@@ -33,7 +33,7 @@ def radius_of_a_step(gamma, beta, angle):
 
 @given(gammas, betas, st.floats(1e-2, 50.0))
 @settings(max_examples=200, deadline=None)
-def test_spectral_radius_is_that_of_the_printed_matrix_and_of_the_method(gamma, beta, angle):
+def test_spectral_radius_matches_the_printed_matrix_and_the_method(gamma, beta, angle):
     found = spectral_radius(gamma, beta, angle)
     for other in (
         np.abs(np.linalg.eigvals(printed_matrix(gamma, beta, angle))).max(),
@@ -44,7 +44,7 @@ def test_spectral_radius_is_that_of_the_printed_matrix_and_of_the_method(gamma, 
 
 @given(st.floats(0.5, 1.0), betas)
 @settings(max_examples=100, deadline=None)
-def test_up_to_its_limit_a_step_does_not_grow_and_beyond_it_does(gamma, beta):
+def test_step_amplifies_only_beyond_the_stability_limit(gamma, beta):
     limit = stability_limit(gamma, beta)
     top = min(limit, 1e3)
     inside = np.linspace(1e-3, 0.999 * top, 200)

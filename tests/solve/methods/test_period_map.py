@@ -140,7 +140,7 @@ def test_points_of_a_sweep_are_solved_as_each_alone(m):
         assert condition[point] == pytest.approx(its_condition, rel=1e-10)
 
 
-def test_steps_that_leave_nothing_of_the_state():
+def test_zero_step_matrices_give_the_forced_state():
     states, condition = periodic_states(Steps(np.zeros((40, 2, 2)), np.ones((40, 2))))
     np.testing.assert_array_equal(states, np.ones((41, 2)))
     assert np.isfinite(condition)

@@ -81,7 +81,7 @@ def test_the_printed_load_vector_costs_orders_of_the_orbit():
     assert slope(steps, errors) == pytest.approx(1.0, abs=0.15)
 
 
-def test_the_printed_form_is_unstable_for_the_slow_cam_where_the_method_is_not():
+def test_printed_form_is_unstable_and_corrected_form_is_stable():
     system, speed, steps = cam("1"), 100 * np.pi / 30, 20_000
     spectral_radius = {
         k: np.abs(np.linalg.eigvals(monodromy(chain(system, speed, steps, k)[0]))).max()

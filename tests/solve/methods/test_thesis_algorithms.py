@@ -94,7 +94,7 @@ def test_from_any_initial_state_algorithm_1_finds_the_same_start():
     np.testing.assert_allclose(start, states[:, 0], rtol=0, atol=1e-12 * np.abs(states).max())
 
 
-def test_marching_nears_what_the_algorithms_give_at_once():
+def test_marching_converges_to_the_direct_algorithm():
     system = random_system(2, 2)
     chain = steps_of(system)
     states, transition = algorithm_1(chain)
@@ -108,7 +108,7 @@ def test_marching_nears_what_the_algorithms_give_at_once():
     np.testing.assert_allclose(marched.q[:, 0], states[:2, 0], rtol=0, atol=1e-9 * np.abs(states[:2]).max())
 
 
-def test_the_recursion_that_the_thesis_takes_over_is_the_same_for_one_coordinate():
+def test_two_step_recursion_matches_newmark_for_one_coordinate():
     """(6.6.a), the two-step form with γ = 1/2 for constant matrices: D q_{k+1} = B q_k - F q_{k-1} + β h²
     [f_{k+1} + (1/β - 2) f_k + f_{k-1}]."""
     M, C, K, beta, h = 1.3, 0.2, 4.0, 0.25, 0.05

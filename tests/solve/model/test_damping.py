@@ -107,7 +107,7 @@ def test_drive_power_equals_modal_dissipation():
     assert gained == pytest.approx(lost.mean(), rel=1e-8)
 
 
-def test_jumps_of_the_stiffness_are_those_of_the_damping():
+def test_damping_follows_jumps_of_the_stiffness():
     model = solve.load(
         chain(lambda phase: rectangle(phase, 0, 2), 1), e=0.5, zeta1=0.04, m=2.0, k=50.0, F=1.0
     )

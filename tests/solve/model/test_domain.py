@@ -223,7 +223,7 @@ def rotor(angle):
     ],
     ids=["ellipse", "part", "beside the phase", "continuous", "steep", "a break"],
 )
-def test_an_angle_that_jumps_by_a_turn_is_named_with_its_phase(angle, phase, change):
+def test_jump_of_an_angle_is_reported_with_its_phase(angle, phase, change):
     made = rotor(angle)
     if phase is None:
         made.checked(3.0)

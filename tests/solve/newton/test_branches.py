@@ -57,7 +57,7 @@ def test_verdicts_keep_the_margins_of_single_orbits(rotor_branch):
     assert verdicts[:4] == ["unstable", "unstable", "undetermined", "undetermined"]
 
 
-def test_it_turns_back_where_the_closed_form_does(rotor_branch):
+def test_turning_points_match_the_closed_form(rotor_branch):
     places = np.flatnonzero(rotor_branch.turns)
     assert len(places) == 2
     for place in places:
@@ -96,7 +96,7 @@ def test_a_branch_that_ends_shortly_before_it_turns_back(rotor_branch, up, part)
 
 
 @pytest.mark.slow
-def test_the_branch_of_the_cam_turns_back_where_following_by_the_speed_ends():
+def test_cam_branch_turns_back_near_436_rpm():
     cam = solve.load("cam")
     found = solve.branch(cam, "420:500 rpm", points=30)
     going_on, lifted = found.warnings
@@ -111,7 +111,7 @@ def test_the_branch_of_the_cam_turns_back_where_following_by_the_speed_ends():
     assert found.radius[at] == pytest.approx(1.0, abs=0.05)
 
 
-def test_a_branch_that_is_cut_says_so():
+def test_truncated_branch_gives_a_warning():
     model = model_of(cubic_rotor(), **NUMBERS)
     found = solve.branch(model, "0.8:1.6 rad/s", points=4)
     assert len(found.speeds) == 4
@@ -165,6 +165,6 @@ def test_a_coordinate_at_rest_stays_at_rest():
     assert not found.peaks.any()
 
 
-def test_what_is_linear_has_no_branches():
+def test_branch_of_a_linear_model_is_refused():
     with pytest.raises(LinearModelError, match="linear by construction"):
         solve.branch(solve.load("four_bar"), "10:20 rad/s")

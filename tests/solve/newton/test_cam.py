@@ -46,7 +46,7 @@ def test_how_far_the_linear_answer_is_off(speed, q1, q3):
 
 
 @pytest.mark.slow
-def test_one_turn_from_its_start_returns_to_it_and_finite_differences_give_its_multipliers():
+def test_orbit_closes_and_finite_differences_confirm_the_multipliers():
     cam, speed = solve.load("cam"), 10 * np.pi
     orbit = solve.nonlinear(cam, speed, rtol=1e-9)
     around, start = turn(cam, speed), np.concatenate((orbit.q[:, 0], orbit.qd[:, 0]))
@@ -88,7 +88,7 @@ def chaos(monkeypatch):
 
 
 @pytest.mark.slow
-def test_where_no_orbit_is_reached_the_refusal_says_how_far_each_way_came(chaos):
+def test_missing_orbit_error_reports_the_progress_of_each_strategy(chaos):
     with pytest.raises(solve.errors.NoOrbitError) as refused:
         solve.nonlinear(solve.load("cam"), "450 rpm")
     text = str(refused.value)
@@ -101,7 +101,7 @@ def test_where_no_orbit_is_reached_the_refusal_says_how_far_each_way_came(chaos)
 
 
 @pytest.mark.slow
-def test_an_unstable_orbit_is_said_to_be_one_beside_which_nothing_settles():
+def test_unstable_orbit_warns_that_the_motion_does_not_settle():
     orbit = solve.nonlinear(solve.load("cam"), "500 rpm")
     assert orbit.verdict == "unstable"
     assert any("does not settle" in text for text in orbit.warnings)

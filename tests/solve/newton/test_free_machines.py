@@ -35,7 +35,7 @@ def test_nonlinear_orbits_of_a_free_machine(T0, b):
         assert mode.drift == pytest.approx(drift, rel=1e-9)
 
 
-def test_motions_in_time_lead_to_the_nonlinear_orbit_of_a_machine_that_drifts():
+def test_transients_converge_to_the_orbit_of_a_drifting_machine():
     """However far they have turned; the drift is T0/b."""
     machine = cubic(T0=0.3, b=2.0)
     run = solve.transient(machine, 1.3, turns=40, nonlinear=True)
@@ -56,7 +56,7 @@ def test_a_nonlinear_machine_that_is_driven_is_refused():
 
 
 @pytest.mark.parametrize(("T0", "b"), [(0.0, 0.0), (0.3, 0.1)])
-def test_a_branch_of_a_free_machine_is_that_of_its_orbits(T0, b):
+def test_branch_of_a_free_machine_matches_single_orbits(T0, b):
     system = cubic(T0, b)
     found = solve.branch(system, "1.3:1.5 rad/s")
     orbit = solve.nonlinear(system, 1.5)
@@ -80,7 +80,7 @@ def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
     assert not [text for text in found.warnings if "not reached" in text]
 
 
-def test_more_turns_are_asked_for_where_they_help():
+def test_more_turns_are_suggested_only_with_damping():
     for damping, words in ((1e-4, "give more turns"), (0.0, "start on the orbit")):
         run = solve.transient(mechanism(c=damping), SPEED, turns=5)
         assert run.warnings[0].endswith(words)

@@ -99,7 +99,7 @@ def test_a_pendulum_on_a_moving_pivot_swings_with_half_the_frequency():
         assert bool(np.abs(run.y[:, -1] - start).max() < 1e-7) is back
 
 
-def test_an_orbit_of_two_periods_that_repeats_after_one_is_said_to_do_so():
+def test_two_period_orbit_repeating_after_one_gives_a_warning():
     model, _ = known_system(0)
     one, two = solve.nonlinear(model, 1.0), solve.nonlinear(model, 1.0, periods=2)
     np.testing.assert_allclose(two.at([0.3, 7.1]), one.at([0.3, 7.1]), atol=1e-8)
@@ -109,7 +109,7 @@ def test_an_orbit_of_two_periods_that_repeats_after_one_is_said_to_do_so():
     assert any("repeats after each of its 2 periods" in text for text in two.warnings)
 
 
-def test_what_has_no_nonlinear_equations_is_refused():
+def test_linear_model_is_refused():
     structure = solve.load("four_bar")
     with pytest.raises(LinearModelError, match="four_bar is linear by construction"):
         solve.nonlinear(structure, 30.0)
@@ -129,7 +129,7 @@ def test_bad_input_is_refused(given, words):
         solve.nonlinear(model, 1.0, **given)
 
 
-def test_an_orbit_survives_copies_and_is_written_with_how_it_was_found(tmp_path):
+def test_orbit_is_pickled_and_saved_with_its_solution_strategy(tmp_path):
     orbit = solve.nonlinear(solve.load("cam"), "100 rpm", rtol=1e-6)
     copied = pickle.loads(pickle.dumps(orbit))
     np.testing.assert_array_equal(copied.q, orbit.q)
@@ -151,7 +151,7 @@ def test_every_multiplier_of_a_strongly_damped_oscillator():
     assert product == pytest.approx(-2 * 9.0 * 2 * np.pi / speed, rel=1e-9)
 
 
-def test_what_the_linear_equations_leave_out_is_said_of_linear_results_alone():
+def test_only_linear_results_warn_of_neglected_terms():
     model, left = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4), "the linear answer ignores it"
     nonlinear = solve.nonlinear(model, 1.6)
     results = (

@@ -9,7 +9,7 @@ import solve
 PAGE = Path(__file__).parents[3] / "docs" / "nonlinear.md"
 
 
-def test_the_spectral_radius_of_the_costly_march_is_what_its_orbit_has():
+def test_page_states_the_spectral_radius_of_the_example():
     from tests.solve.newton.mechanisms import duffing, model_of
 
     orbit = solve.nonlinear(model_of(duffing(), zeta=0.0005, k=1.0, alpha=0.1, f=0.1), 0.5)

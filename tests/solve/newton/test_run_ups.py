@@ -81,7 +81,7 @@ def test_a_run_up_and_a_run_down_of_a_crank(ramp, linear):
 
 
 @pytest.mark.parametrize("ramp", [(0.0, 25.0), (14.0, 8.0)])
-def test_the_drive_gives_what_energy_and_dissipation_take(ramp):
+def test_drive_work_balances_energy_and_dissipation(ramp):
     """∫ torque Ω dt = change of energy + ∫ c q̇² dt, the energies written by hand."""
     found = solve.transient(solve.load(crank(), **CRANK), turns=4, nonlinear=True, speeds=ramp)
     (q,), (v,), t = found.q, found.qd, found.time
@@ -200,7 +200,7 @@ def test_jumps_are_met_at_their_times_and_modes_damped():
     np.testing.assert_allclose(np.append(found.q[:, -1], found.qd[:, -1]), state, rtol=1e-5)
 
 
-def test_a_run_up_starts_on_an_orbit_and_goes_on_from_a_file(tmp_path):
+def test_run_up_starts_on_an_orbit_and_can_be_resumed(tmp_path):
     model = solve.load(crank(), **CRANK)
     orbit = solve.periodic(model, 8.0)
     found = solve.transient(model, turns=4, start="orbit", speeds="8:14 rad/s")

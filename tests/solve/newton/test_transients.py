@@ -27,7 +27,7 @@ def integrated(alpha, state, time):
 
 
 @pytest.mark.parametrize(("alpha", "atol"), [(0.0, 1e-7), (1.0, 1e-5)])
-def test_a_start_from_a_state_is_that_of_time_integration(alpha, atol):
+def test_transient_from_a_state_matches_time_integration(alpha, atol):
     model, state = model_of(duffing(), alpha=alpha, **NUMBERS), (np.array([0.3]), np.array([-0.2]))
     found = solve.transient(model, SPEED, 5, state, nonlinear=alpha != 0)
     truth = integrated(alpha, [0.3, -0.2], found.time)
@@ -71,8 +71,8 @@ def test_outputs_belong_to_the_state_of_each_instant():
     assert found.to_xarray()["contact_force"].shape == found.time.shape
 
 
-def test_what_leaves_the_bounds_of_the_model_is_warned_of():
-    """The nonlinear motion is not bound by what the linear one is trusted for, but by the contact."""
+def test_motion_outside_the_model_range_gives_a_warning():
+    """The linearisation limit applies to the linear motion only, the contact condition to both."""
     cam = solve.load("cam")
     linear, nonlinear = (solve.transient(cam, "600 rpm", 3, nonlinear=way) for way in (False, True))
     trusted = "the linearisation is not to be trusted"
@@ -115,7 +115,7 @@ def test_a_saved_transient_goes_on_from_its_end(tmp_path):
         solve.transient(solve.load("cam"), "300 rpm", 1, tmp_path / "first.npz")
 
 
-def test_a_transient_too_short_says_so():
+def test_short_transient_warns_that_the_orbit_is_not_reached():
     found = solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, 3)
     assert found.reached is None
     assert any("not reached" in text for text in found.warnings)
@@ -204,7 +204,7 @@ def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch)
 
 
 @pytest.mark.slow
-def test_steps_of_a_start_that_excites_fast_modes_are_many_for_a_while_only():
+def test_start_with_fast_modes_needs_small_steps_only_initially():
     """Of the first turn's 760 000 steps, the first of 256 equal times takes more than the mean allows."""
     found = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1, nonlinear=True)
     linear = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1)
@@ -233,7 +233,7 @@ def test_a_start_of_another_model_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("drive", [{"speed": 2.0}, {"speeds": (0.0, 4.0)}, {"speeds": (1.0, 3.0)}])
-def test_a_load_that_begins_later_in_the_turn_moves_what_is_at_rest(drive):
+def test_load_starting_within_the_turn_moves_a_resting_system(drive):
     followed, linear = (
         solve.transient(pushed(), turns=4, nonlinear=nonlinear, **drive) for nonlinear in (True, False)
     )

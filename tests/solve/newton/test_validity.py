@@ -44,7 +44,7 @@ def test_all_models_at_ten_speeds(name, case):
     assert sum(check(model, rpm * np.pi / 30) for rpm in SPEEDS[name, case]) >= 5
 
 
-def test_the_model_is_trusted_up_to_the_speed_before_the_first_that_is_off():
+def test_valid_range_ends_before_the_first_speed_above_tolerance():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3)
     found = solve.validity(model, [0.9, 0.1, 0.3, 0.2], at=0.05)
     np.testing.assert_array_equal(found.speeds, [0.1, 0.2, 0.3, 0.9])

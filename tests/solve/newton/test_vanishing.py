@@ -123,7 +123,7 @@ def test_at_the_antiresonance_the_closed_form_is_met(module, numbers, speed, res
 
 
 @pytest.mark.parametrize("speeds", [(80.0, 120.0), (120.0, 80.0)])
-def test_the_unit_of_a_coordinate_changes_nothing(speeds):
+def test_branch_does_not_depend_on_the_unit_of_a_coordinate(speeds):
     """With the slide in micrometres instead of metres, the branch passes through zero at the same speeds."""
     per_metre = 1e6
     power = {"m": -2, "c": -2, "k": -2, "k3": -4, "r": 1, "F": -1}
@@ -150,7 +150,7 @@ def test_a_slide_passes_through_rest_while_the_disc_turns(speeds):
         assert x == pytest.approx(part, rel=1e-3, abs=1e-10 * TORSION["r"])
 
 
-def test_the_scale_of_a_coordinate_is_the_vibration_against_its_own_impedance():
+def test_coordinate_scale_is_load_over_own_impedance():
     """Scale of an oscillator: F/(k + cΩ + mΩ²), a lower bound of max|q| = F/|k - mΩ² + icΩ|."""
     numbers = {"zeta": 0.2, "k": 3.0, "alpha": 0.0, "f": 0.7}
     model, grid = model_of(duffing(), **numbers), Grid.uniform(64, 2 * np.pi)

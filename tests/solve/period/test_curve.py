@@ -8,7 +8,7 @@ from solve.period.grid import Grid
 
 
 @pytest.mark.parametrize("breaks", [(), (1.0, 2.5)])
-def test_states_at_stages_are_those_of_the_pieces(breaks):
+def test_states_at_stages_match_the_piecewise_polynomials(breaks):
     rng = np.random.default_rng(1)
     grid = Grid.uniform(12, 2 * np.pi, breaks)
     curve = Curve(grid.nodes, rng.standard_normal((2, grid.steps, 6)))

@@ -47,7 +47,7 @@ def test_modes_that_turn_too_far_in_a_step_get_no_order():
     assert [mode.order for mode in found.modes] == [None] * 4
 
 
-def test_steps_of_different_lengths_tell_the_same():
+def test_floquet_modes_do_not_depend_on_step_lengths():
     M, C, K, _ = chain()
     without = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, "radau", rtol=1e-6)
     given = system(lambda phase, speed: constant(M, C, K, no_load(2)).at(phase, speed), 2, breaks=(0.4, 3.0))

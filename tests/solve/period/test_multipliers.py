@@ -15,15 +15,15 @@ def _of(*values: complex) -> Multipliers:
     return Multipliers(np.array(values), np.array(len(values)), np.array(0.0))
 
 
-def test_those_below_the_error_are_left_out():
+def test_multipliers_below_the_error_are_omitted():
     kept = _of(0.5, 1e-3).with_digits(np.array(0.01), 1.0)
     assert kept.resolved == 1
     assert list(kept.values) == [0.5, 0.0]
     assert kept.bound == 0.005
 
 
-def test_an_unknown_error_leaves_no_digit_of_any():
-    """Nor of multipliers that are all 0, where the spectral radius says nothing: only what all are below."""
+def test_infinite_error_leaves_no_multiplier_resolved():
+    """The same holds if all multipliers are 0; only their bound remains."""
     for values in ((0.5, 1e-3), (0.0, 0.0)):
         kept = _of(*values).with_digits(np.array(np.inf), 0.75)
         assert kept.resolved == 0
@@ -42,7 +42,7 @@ def test_pairs_have_the_least_sum(seed, size, near):
     assert distance[matched(distance)].sum() == pytest.approx(least, rel=1e-12)
 
 
-def test_the_distance_is_that_of_the_best_pairs():
+def test_multiplier_distance_uses_the_best_pairing():
     """Two of ours are nearest to one of theirs, and by places no pair is farther apart than it must be."""
     ours, theirs = _of(1.0, 0.5, 0.4), _of(1.25, 0.48, 0.2)
     assert ours.distance(theirs) == pytest.approx(0.25)

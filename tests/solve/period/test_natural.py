@@ -27,7 +27,7 @@ def test_the_first_frequency_of_a_free_chain_is_exactly_zero():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_frequencies_are_accurate_beside_rigid_body_and_stiff_modes(seed):
+def test_frequencies_are_accurate_with_rigid_body_and_stiff_modes(seed):
     """Two unconnected geared trains with two rigid-body modes, in mixed units."""
     draw = np.random.default_rng(seed)
     M, K = np.zeros((2, 7, 7))

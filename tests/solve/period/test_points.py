@@ -123,13 +123,13 @@ def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points)
         np.testing.assert_array_equal(alone[3], among[3])
 
 
-def test_matrices_of_several_points_are_those_of_each(points):
+def test_batched_matrices_match_each_point(points):
     phase = np.linspace(0.0, 6.0, 5)
     for part, own in zip(matrices(points, phase), points.each[-1].in_phase(phase, 1.0), strict=True):
         np.testing.assert_array_equal(part[PLACE], own)
 
 
-def test_factors_of_equations_are_those_of_each_point_alone():
+def test_equation_factors_match_each_single_point():
     """Points with equations in their own units and in others, side by side."""
     far = 2.0 ** np.array([0, 30, -30])
 

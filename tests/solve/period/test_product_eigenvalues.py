@@ -87,7 +87,7 @@ def one(factors, **settings):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("m", [1, 7, 60, 1000])
-def test_known_spectra_down_to_1e_minus_300(m, seed):
+def test_prescribed_spectra_are_found_down_to_1e_minus_300(m, seed):
     rng = np.random.default_rng([m, seed])
     N = int(rng.integers(2, 7))
     decades = min(300, 3 * m)
@@ -167,7 +167,7 @@ def test_scaling_does_not_hide_instability():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_logarithms_add_up_to_those_of_the_determinants(seed):
+def test_logarithms_sum_to_the_log_determinants(seed):
     rng = np.random.default_rng(seed)
     factors = rng.standard_normal((200, 5, 5))
     sign, logarithm = (part.sum() if k else part.prod() for k, part in enumerate(np.linalg.slogdet(factors)))
@@ -239,7 +239,7 @@ def test_permutations_have_roots_of_unity(N, m):
     assert sorted(found.imag % (2 * np.pi)) == pytest.approx(2 * np.pi * np.arange(N) / N, abs=1e-12)
 
 
-def test_defective_multipliers_say_their_error():
+def test_reported_errors_cover_defective_multipliers():
     rng = np.random.default_rng(2)
     for size, split in ((2, 1e-6), (3, 1e-3)):
         core = block_diag(0.5 * np.eye(size) + np.diag(np.ones(size - 1), 1), 0.1 * np.eye(4 - size))

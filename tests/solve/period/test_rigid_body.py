@@ -34,7 +34,7 @@ def block(*parts):
     return whole
 
 
-def test_a_free_chain_has_one_and_an_anchored_chain_none():
+def test_only_a_free_chain_has_a_rigid_body_mode():
     K = np.stack([chain(CHAIN), chain(CHAIN) + np.diag([0.1, 0, 0, 0, 0]), np.diag([1.0, 2, 3, 4, 5])])
     modes = rigid_body_modes(over_the_period(K[:, None]), np.zeros((3, 32, 5, 5)))
     assert modes.any.tolist() == [True, False, False]

@@ -41,7 +41,7 @@ def inside(box, rng):
 
 
 @pytest.mark.parametrize("accuracy", [2.0**-20, 1e-2])
-def test_the_trace_over_a_box_contains_that_of_taylor_series(accuracy, monkeypatch):
+def test_trace_bound_over_a_box_contains_the_exact_trace(accuracy, monkeypatch):
     """A low degree leaves a visible error, which the bound covers."""
     monkeypatch.setattr(regions, "_ACCURACY", accuracy)
     box, rng = Box((3.0, 3.25), (0.5, 0.75)), np.random.default_rng(5)
@@ -114,7 +114,7 @@ def test_boxes_of_two_coordinates_agree_with_the_oscillators_alone(monkeypatch):
         assert found.verdicts[at] == (ASYMPTOTICALLY_STABLE if stable else UNSTABLE)
 
 
-def test_a_chart_states_what_is_proved():
+def test_chart_reports_proved_fractions_and_contradictions():
     chart = solve.chart(
         mathieu(), {"delta": [0.9, 1.0, 1.1]}, {"epsilon": [0.0, 0.1, 0.2]}, 1.0, prove=True, boundaries=False
     )
@@ -131,7 +131,7 @@ def test_a_chart_states_what_is_proved():
     assert dataclasses.replace(chart, proved=wrong).contradicted > 0
 
 
-def test_what_cannot_be_proved_is_refused():
+def test_unsupported_proofs_are_refused():
     ranges = ((60.0, 63.0), (7e4, 8e4))
     with pytest.raises(
         StepsError, match=r"cam is too stiff for a proved chart: a box of 0.0117 by 39.1 needs"

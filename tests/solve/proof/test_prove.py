@@ -161,7 +161,7 @@ def test_a_result_is_proved_at_its_own_speed():
         prove(orbit.system)
 
 
-def test_on_a_stability_boundary_nothing_is_proved():
+def test_stability_boundary_stays_unproved():
     """Without stiffness a mass drifts: a double multiplier +1."""
     found = prove(mathieu(delta=0.0, epsilon=0.0, zeta=0.0), 1.0, orbit=False)
     assert found.verdict == "undetermined"
@@ -241,7 +241,7 @@ def test_a_step_beyond_a_singular_inertia_is_given_up():
     assert found.result.verdict == found.verdict
 
 
-def test_what_cannot_be_proved_is_refused():
+def test_unsupported_proofs_are_refused():
     def oscillator(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
@@ -279,7 +279,7 @@ def test_the_response_of_constant_coefficients_has_the_closed_form():
 
 
 @pytest.mark.parametrize("place", [0.7, 2.9, 5.1])
-def test_a_bump_of_a_five_thousandth_of_the_period_is_not_missed(place):
+def test_proof_detects_a_very_short_stiffness_pulse(place):
     """Its impulse alone, of which the product of two maps is the limit, makes the motion unstable."""
     width = 2 * math.pi / 5000
     strength = 4.0

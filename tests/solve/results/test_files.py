@@ -47,7 +47,7 @@ def test_an_exception_between_two_files_leaves_neither(tmp_path):
     assert held(tmp_path) == {}
 
 
-def test_where_the_second_cannot_be_put_in_its_place_the_first_is_as_before(tmp_path):
+def test_failed_joint_write_restores_earlier_files(tmp_path):
     """A folder of its name made in the meantime cannot be replaced."""
     (tmp_path / "old.csv").write_text("before")
     (tmp_path / "c.csv").mkdir()
@@ -57,7 +57,7 @@ def test_where_the_second_cannot_be_put_in_its_place_the_first_is_as_before(tmp_
     assert held(tmp_path) == {"old.csv": "before"}
 
 
-def test_the_rights_of_a_replaced_file_stay_and_new_ones_follow_the_mask(tmp_path):
+def test_replaced_file_keeps_its_mode_and_new_files_follow_umask(tmp_path):
     old, new = tmp_path / "old.csv", tmp_path / "new.csv"
     old.write_text("before")
     old.chmod(0o640)
@@ -109,7 +109,7 @@ def test_temporary_names_cannot_be_foreseen(tmp_path, monkeypatch):
     assert len(set(seen)) == len(seen) == 2
 
 
-def test_what_processes_that_died_left_is_removed_and_what_others_write_stays(tmp_path):
+def test_only_temporary_files_of_dead_processes_are_removed(tmp_path):
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     (tmp_path / f"{module._prefix(gone.pid)}abc").write_text("half")
@@ -160,7 +160,7 @@ def tiny(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["orbit.npz", "orbit.csv", "orbit.mat", "orbit.nc", "orbit.png"])
-def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tiny, name, capsys):
+def test_full_disk_is_reported_and_leaves_no_file(tiny, name, capsys):
     flag = "--plot" if name.endswith(PICTURES) else "--save"
     command = ["periodic", "gear_pair", "--method", "radau", "--steps", "3000"]
     assert run([*command, flag, str(tiny / name)]) == 2
@@ -171,7 +171,7 @@ def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(tiny, name, capsys):
 
 
 @pytest.mark.parametrize("mode", [0o500, 0o300, 0o000])
-def test_an_ordinary_user_is_told_where_it_may_not_write(tmp_path, as_ordinary_user, mode):
+def test_write_without_permission_is_refused(tmp_path, as_ordinary_user, mode):
     """A folder that can be written, but not listed, is no obstacle."""
     place = tmp_path / "place"
     place.mkdir(mode=mode)

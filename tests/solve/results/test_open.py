@@ -37,7 +37,7 @@ def test_the_curve_is_the_same_function(first, again):
     assert again.harmonics("x", 300)[0].tobytes() == first.harmonics("x", 300)[0].tobytes()
 
 
-def test_outputs_are_those_of_the_nodes_and_between_samples_a_spline(first, again):
+def test_reopened_outputs_are_exact_at_nodes_and_splines_between(first, again):
     np.testing.assert_array_equal(again.outputs["power"], first.outputs["power"])
     assert again.statistics("power") == first.statistics("power")
     assert again.harmonics("power")[0].tobytes() == first.harmonics("power")[0].tobytes()
@@ -45,7 +45,7 @@ def test_outputs_are_those_of_the_nodes_and_between_samples_a_spline(first, agai
     np.testing.assert_allclose(again.signal("power")(PHASE), first.signal("power")(PHASE), atol=between)
 
 
-def test_what_needs_the_equations_is_refused_in_one_line(again):
+def test_reopened_result_refuses_requests_that_need_the_equations(again):
     for ask in (
         lambda: again.quasi_static.statistics("x"),
         lambda: again.certified,
@@ -75,7 +75,7 @@ def test_a_chart_of_a_quantity_is_read_back(tmp_path):
     assert read.record() == made.record()
 
 
-def test_a_chart_that_was_read_refuses_further_points_and_keeps_its_cuts(tmp_path):
+def test_reopened_chart_keeps_its_cuts_and_refuses_new_points(tmp_path):
     made = solve.chart("mathieu", "delta=0:5:7", "epsilon=0:5:7", 1.0).with_cuts([("epsilon", 1.0)])
     made.save(tmp_path / "chart.nc")
     read = solve.open(tmp_path / "chart.nc")
@@ -140,7 +140,7 @@ def test_values_of_every_kind_come_back_to_the_bit():
         assert same(value, read), value
 
 
-def test_arrays_of_a_kind_lie_in_one_and_those_of_format_1_each_in_its_own():
+def test_arrays_are_joined_by_type_and_format_1_is_readable():
     encoder = serialization._Encoder()
     encoded = [
         encoder.plain(value) for value in (np.arange(3.0), np.array([1 + 2j]), np.arange(4), 2.5 * np.ones(1))
@@ -199,8 +199,8 @@ def test_foreign_files_are_refused_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_damage_anywhere_is_refused_or_changes_nothing(tmp_path, ending):
-    """Of a cut file nothing is read; of a changed byte either nothing, or it was none of the result's."""
+def test_damaged_files_are_refused_or_read_correctly(tmp_path, ending):
+    """A truncated file is refused. A file with a changed byte is refused or gives the same result."""
     made = solve.floquet(oscillators(), SPEED)
     file = tmp_path / f"result{ending}"
     made.save(file)
@@ -221,7 +221,7 @@ def test_damage_anywhere_is_refused_or_changes_nothing(tmp_path, ending):
     assert refused > 10
 
 
-def test_a_later_format_and_an_unknown_kind_are_named(tmp_path, monkeypatch):
+def test_later_format_and_undefined_class_are_refused(tmp_path, monkeypatch):
     made = solve.floquet(oscillators(), SPEED)
     made.save(tmp_path / "now.npz")
     monkeypatch.setattr(serialization, "FORMAT", serialization.FORMAT + 1)

@@ -62,7 +62,7 @@ def test_names_that_no_file_can_hold_are_refused(name, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
-def test_names_that_begin_as_those_of_the_state_are_read_back(ending, tmp_path):
+def test_coordinate_names_resembling_internal_names_are_read_back(ending, tmp_path):
     alike = chain(2)
     found = solve.sweep(PeriodicSystem(alike.at, ["seal_gap", "state_of_valve"]), [3.0, 4.0], rtol=1e-3)
     found.save(tmp_path / f"sweep{ending}")
@@ -104,7 +104,7 @@ def test_names_that_matlab_cannot_hold_are_refused(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["steps", "verdict", "spectral_radius", "x_max"])
-def test_a_parameter_that_is_named_as_a_column_is_refused_not_lost(name, tmp_path):
+def test_parameter_named_like_a_column_is_refused(name, tmp_path):
     mechanism = Mechanism("lever", "Lever")
     x = mechanism.coordinate("x", "m", "way")
     mass, k = mechanism.parameter(name, "kg", "mass", "> 0"), mechanism.parameter("k", "N/m", "spring", "> 0")

@@ -33,12 +33,12 @@ def test_a_verdict_in_plain_words(damping, words):
     assert words in solve.floquet(oscillator(damping), 1.0).summary
 
 
-def test_an_orbit_says_how_far_it_goes():
+def test_orbit_summary_states_the_maximum():
     # 1/√((4 − 1)² + 0.2²)
     assert solve.periodic(oscillator(0.2), 1.0).summary.endswith(f"max|q| = {1 / math.sqrt(9.04):.3g}.")
 
 
-def test_a_linearised_answer_says_how_far_it_is_off():
+def test_linearised_orbit_summary_states_the_linearisation_error():
     orbit = solve.periodic(solve.load("manipulator"), "50 rpm")
     (shown,) = re.findall(r"Estimated linearisation error: ([\d.]+) %", orbit.summary)
     assert float(shown) == pytest.approx(100 * max(orbit.linearisation_error.values()), rel=0.05)
@@ -54,7 +54,7 @@ def test_bands_are_named_and_the_rest_counted():
     assert Bands([], system, (1.0, 9.0), 0.1).summary.startswith("No unstable band found")
 
 
-def test_what_is_certain_and_largest_is_named():
+def test_summary_names_the_largest_elasticity():
     found = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs", ["k1", "F", "speed"])
     sizes = found.elasticities("q3.max_abs")
     most = max(sizes, key=lambda name: abs(sizes[name]))
@@ -71,7 +71,7 @@ def test_the_highest_maximum_is_named():
 @pytest.mark.parametrize(
     "calculate", [solve.frequencies, lambda system: solve.critical_speeds(system, [1, 2])]
 )
-def test_without_inertia_is_said(calculate):
+def test_singular_mass_matrix_is_refused(calculate):
     def massless(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return 0.0 * one, one, one, one[..., 0]

@@ -50,7 +50,7 @@ def extremum(signal, period, sign):
 
 
 @pytest.mark.parametrize("name", ["crank_tip_deflection", "O_moment", "B_force_x", "strain_energy", "B_x"])
-def test_figures_are_those_of_the_quantity_alone(orbit, name):
+def test_figures_match_the_single_quantity(orbit, name):
     signal, figures = orbit.signal(name), orbit.statistics(name)
     allowed = 1e-10 * figures.max_abs
     assert figures.max == pytest.approx(extremum(signal, orbit.system.period, 1.0), abs=allowed)
@@ -58,7 +58,7 @@ def test_figures_are_those_of_the_quantity_alone(orbit, name):
 
 
 @pytest.mark.parametrize("name", ["crank_tip_deflection", "C_force_y"])
-def test_harmonics_are_those_of_the_quantity_alone(orbit, name):
+def test_harmonics_match_the_single_quantity(orbit, name):
     """Compared with trapezoidal sums on a grid with a different number of phases."""
     count, (amplitudes, angles) = 6001, orbit.harmonics(name, 5)
     phases = np.arange(count) * (2 * np.pi / count)

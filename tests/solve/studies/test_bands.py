@@ -83,7 +83,7 @@ def test_a_combination_resonance_is_a_complex_pair():
     assert (band.high - band.low) / 2 == pytest.approx(0.4 / (2 * 4.5**0.25), rel=0.05)
 
 
-def test_of_three_modes_that_are_nearly_equal_one_alone_may_be_unstable():
+def test_bands_of_three_nearly_equal_modes_are_separated():
     """Beside a band in which both of the others are."""
 
     def shaken(w, share):
@@ -116,7 +116,7 @@ def test_growth_within_rounding_is_no_band():
     assert solve.bands(mathieu(epsilon=1e-7), np.linspace(0.9, 4.0, 40)) == []
 
 
-def test_its_steps_and_points_are_told():
+def test_progress_reports_stages_and_points():
     steps, fractions = [], []
 
     def listen(tracker):
@@ -131,8 +131,8 @@ def test_its_steps_and_points_are_told():
     assert max(fractions) == 1.0
 
 
-def test_multipliers_of_which_no_digit_is_known_are_far_inside():
-    """At 1 rad/s those of the cam are smaller than any grid tells, and their relative errors infinite."""
+def test_unresolved_tiny_multipliers_count_as_stable():
+    """At 1 rad/s no grid resolves the cam's multipliers; their relative errors are infinite."""
     cam = solve.load("cam")
     found = solve.bands(cam, [1.0, 1.2], rtol=1e-2)
     assert list(found) == []
@@ -181,7 +181,7 @@ def test_bands_do_not_depend_on_the_speeds_between_the_ends(count):
         assert all(solve.floquet(coupler, speed).spectral_radius > 1 + 1e-6 for speed in inside), band
 
 
-def test_a_run_of_unstable_speeds_is_split_where_the_inside_is_stable(monkeypatch):
+def test_unstable_range_is_split_at_a_stable_interior(monkeypatch):
     """Both ends lie in bands of the same kind; without further speeds they look like a single one."""
     monkeypatch.setattr("solve.studies.bands._MIN_INTERVALS", 1)
     monkeypatch.setattr("solve.studies.bands._MAX_ANGLE", 1e9)
@@ -220,7 +220,7 @@ def test_the_picture_shows_the_largest_multiplier_of_each_band():
         assert found.spectral_radius[inside].max() == band.spectral_radius
 
 
-def test_what_is_no_sweep_is_not_drawn():
+def test_plot_refuses_an_invalid_sweep():
     found = solve.bands(mathieu(), [1.95, 2.05])
     with pytest.raises(ValueOutOfBoundsError, match=r"sweep is 'bands.png'; give a Sweep, .* or nothing"):
         found.plot("bands.png")

@@ -12,7 +12,7 @@ OUT_ABOVE, BACK, OUT_BELOW = 0.3, 0.6, 0.7
 
 @pytest.mark.parametrize("far", [0.9, 1.0, 1.3])
 @pytest.mark.parametrize("turned", [False, True])
-def test_an_edge_of_another_kind_in_between_costs_no_more_than_bisection(far, turned):
+def test_intermediate_edge_of_another_kind_costs_at_most_bisection(far, turned):
     """Beyond +1 between 0.3 and 0.6, beyond -1 from 0.7 on: whichever edge is found, within 1e-9."""
     evaluated = 0
 
@@ -36,7 +36,7 @@ def test_an_edge_of_another_kind_in_between_costs_no_more_than_bisection(far, tu
 
 
 @pytest.mark.parametrize("edges", [1, 40, 2000])
-def test_smooth_edges_beside_known_points_take_few_calls(edges):
+def test_smooth_edges_are_found_in_few_calls(edges):
     """ρ = 1 + f(x) with f bent as much as inclined: a chord over the bracket misses its zero by a tenth."""
     zeros, calls = np.linspace(0.2, 0.8, edges), []
 

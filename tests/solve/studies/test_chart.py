@@ -186,7 +186,7 @@ def test_a_case_belongs_to_a_name():
         solve.chart(solve.load("mathieu"), X, Y, case="stable")
 
 
-def test_the_speed_is_that_of_the_case_unless_given():
+def test_chart_uses_the_case_speed_by_default():
     model = solve.load("mathieu")
     assert solve.load("mathieu").case_speed == "1 rad/s"
     plain, named, given = (
@@ -223,7 +223,7 @@ def test_axes_may_be_texts_as_on_the_command_line():
         np.testing.assert_allclose(found.spectral_radius, numbers.spectral_radius, rtol=1e-10)
 
 
-def test_a_quantity_is_that_of_single_solves():
+def test_chart_quantity_matches_single_solutions():
     cam, speeds, stiff = solve.load("cam"), np.array([50.0, 60.0]), np.array([7e4, 8e4])
     for of in (
         "q3.max_abs",
@@ -244,7 +244,7 @@ def test_a_quantity_is_that_of_single_solves():
         solve.chart(cam, {"speed": speeds}, {"k1": stiff}, of="q3.maximal")
 
 
-def test_a_chart_of_orbits_says_where_the_model_is_left():
+def test_orbit_chart_warns_where_the_linear_model_fails():
     """By the orbit that is farthest beyond; a chart of multipliers has no orbits to judge."""
     cam, speeds, stiff = solve.load("cam"), {"speed": [50.0, 60.0]}, {"k1": [7e4, 8e4]}
     orbits = [solve.periodic(cam.varied({"k1": k1}), speed) for k1 in (7e4, 8e4) for speed in (50.0, 60.0)]
@@ -269,7 +269,7 @@ def test_points_without_an_orbit_hide_no_bound_that_others_leave():
     assert "max|q| = 10 m, beyond 1" in beyond
 
 
-def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_there_is_no_orbit(monkeypatch):
+def test_orbit_chart_solves_once_and_keeps_stability_without_an_orbit(monkeypatch):
     """Without damping cos(φ) forces the oscillator x″ + k x at speed 1: at k = 1 it has no orbit."""
     solved, whole = [], Task.solved
     monkeypatch.setattr(Task, "solved", lambda *of: solved.append(len(of[2])) or whole(*of))
@@ -298,7 +298,7 @@ def test_a_quantity_of_the_orbit_is_solved_once_and_stability_is_known_where_the
         solve.chart(lambda a, b: build(1, 0), {"a": [1.0, 2.0]}, {"b": [1.0, 2.0]}, 1.0, of="x.max_abs")
 
 
-def test_a_chart_is_pickled_with_what_it_solves_further():
+def test_pickled_chart_can_solve_further_points():
     found = solve.chart("mathieu", {"delta": [1.0, 2.0, 3.0]}, {"epsilon": [0.5, 1.0]})
     other = pickle.loads(pickle.dumps(found))
     assert other.record() == found.record()

@@ -72,7 +72,7 @@ def test_equal_accuracy_is_reached_with_the_least_steps(comparison):
         assert true_errors(row.method, fewer)[0] > row.target, row
 
 
-def test_least_steps_grow_as_the_order_of_the_method_says(comparison):
+def test_required_steps_grow_with_the_order_of_the_method(comparison):
     for method, order in (("newmark", 2), ("rk4", 4)):
         coarse, fine = rows(comparison, "equal accuracy", method)
         assert math.log(coarse.target / fine.target) / math.log(fine.steps / coarse.steps) == pytest.approx(
@@ -112,7 +112,7 @@ def test_settings_that_are_not_the_usual_ones_are_named():
     assert [row.method for row in rows(found, "equal steps")] == ["newmark", f"newmark beta {1 / 6}"]
 
 
-def test_a_method_beyond_its_stability_limit_says_what_to_do():
+def test_steps_beyond_the_stability_limit_give_a_required_minimum():
     stiff = oscillator(stiffness=1e6)
     row = rows(compare(stiff, SPEED, ["rk4"], steps=[100], targets=[0.5]), "equal steps")[0]
     assert math.isnan(row.orbit_error)
@@ -121,7 +121,7 @@ def test_a_method_beyond_its_stability_limit_says_what_to_do():
     assert "at least" in row.reason
 
 
-def test_what_more_steps_cannot_reach_is_out_of_reach():
+def test_unattainable_accuracy_is_reported():
     found = compare(oscillator(), SPEED, [METHODS["march"](tolerance=0.05)], steps=[100], targets=[1e-6])
     row = rows(found, "equal accuracy")[0]
     assert row.steps is None
@@ -135,7 +135,7 @@ def test_an_unstable_method_shows_in_its_verdict():
     assert any("gamma = 0 < 1/2" in text for text in row.warnings)
 
 
-def test_steps_that_do_not_follow_the_fastest_mode_are_told():
+def test_steps_too_long_for_the_fastest_mode_are_marked():
     """ω_max h = 2π 100 / (3 · 50) = 4.2, which Newmark neither follows nor damps, and Radau damps."""
     found = compare(oscillator(stiffness=1e4), SPEED, ["newmark", "radau"], steps=[50, 400], targets=[0.5])
     followed = {(row.method, row.steps): row.followed for row in rows(found, "equal steps")}
@@ -147,7 +147,7 @@ def test_steps_that_do_not_follow_the_fastest_mode_are_told():
     }
 
 
-def test_spectral_methods_on_too_many_steps_say_how_many_they_take():
+def test_spectral_methods_report_their_step_limit():
     found = compare(oscillator(), SPEED, ["fourier", "hill"], steps=[5000], targets=[0.5])
     for row in rows(found, "equal steps"):
         assert row.reason == "takes at most 1000 steps a period for n = 1"
@@ -166,7 +166,7 @@ def test_without_load_the_multipliers_reach_the_targets():
         assert row.at == "equal steps" or row.multiplier_error <= 1e-4
 
 
-def test_usual_steps_surround_those_that_resolve_the_fastest_mode():
+def test_usual_steps_bracket_the_resolution_of_the_fastest_mode():
     assert usual_steps(oscillator(stiffness=1e4), SPEED) == [100, 200, 500, 1000]
     assert usual_steps(oscillator(stiffness=1e8), 1.0) == [50_000, 100_000, 200_000, 500_000]
 

@@ -118,7 +118,7 @@ def _growing(phase, speed):
     return one, damping * one, 4.0 * one, np.cos(phase)[:, None]
 
 
-def test_unstable_ranges_are_told_and_the_response_there_is_not_drawn():
+def test_unstable_ranges_are_reported_and_omitted_from_the_curve():
     made = solve.critical_speeds(solve.PeriodicSystem(_growing, ["q"]), np.linspace(1.0, 4.0, 31), orders=3)
     ((low, high, radius),) = made.unstable_ranges
     assert 2.0 < low < 2.2
@@ -132,7 +132,7 @@ def test_unstable_ranges_are_told_and_the_response_there_is_not_drawn():
     assert not np.isfinite(y[inside]).any()
 
 
-def test_frozen_frequencies_that_mean_nothing_are_told():
+def test_imaginary_frozen_frequencies_give_a_warning():
     def hill(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return one, 0.4 * one, (1.0 + 2.0 * np.cos(phase))[:, None, None], np.cos(phase)[:, None]
@@ -150,7 +150,7 @@ def test_the_curve_goes_through_the_maxima_that_are_marked(found):
         assert all(points.issuperset(zip(*mark.get_data(), strict=True)) for mark in marks)
 
 
-def test_a_peak_belongs_to_the_order_that_rises_there_not_to_the_nearest_division():
+def test_peak_is_assigned_to_the_resonant_order():
     """q1 is pushed at order 3 alone, and the other oscillator's seventh division lies where q1 is largest."""
     peak = 30.0 * np.sqrt(1 - 2 * ZETA**2) / 3
     frequencies = np.array([30.0, 7 * peak])
@@ -182,7 +182,7 @@ def rotor(asymmetry=0.2, zeta=ZETA_OF_ROTOR, frequency=100.0):
     return solve.PeriodicSystem(matrices, ["x", "y"])
 
 
-def test_of_an_unstable_rotor_no_division_explains_what_grows():
+def test_unstable_rotor_growth_is_not_assigned_to_a_division():
     """The response is largest at both edges of the band, where ρ = +1 meets order 1: turning with the shaft
     it is constant, (1 + μ - s)(1 - μ - s) + 4 ζ² s = 0 with s = Ω²/ω². Between them no motion is reached, and
     the multiplier's maximum there belongs to no division."""
@@ -214,7 +214,7 @@ def pushed(damping):
     return systems.constant(np.eye(1), np.eye(1) * 6 * damping, np.eye(1) * 9.0, push)
 
 
-def test_a_resonance_that_nothing_damps_has_no_height():
+def test_undamped_resonance_is_unbounded():
     made = solve.critical_speeds(pushed(0.0), "10:40:30 rpm", orders=4)
     rows = [row for row in made.rows if row.response]
     assert [row.response.speed for row in rows] == pytest.approx([3.0, 1.5], rel=2e-5)
@@ -254,12 +254,12 @@ def test_a_resonance_with_the_least_damping_has_its_height():
     assert not any("unbounded" in text for text in made.warnings)
 
 
-def test_at_the_edges_of_an_unstable_range_the_response_has_no_height():
+def test_response_is_unbounded_at_edges_of_an_unstable_range():
     made = solve.critical_speeds(rotor(), np.linspace(80.0, 120.0, 41), orders=2)
     assert [row.unbounded for row in made.rows if row.response] == [True, True]
 
 
-def test_both_edges_of_a_range_too_narrow_for_the_speeds_have_no_height():
+def test_both_edges_of_a_narrow_unstable_range_are_unbounded():
     """A pendulum whose pivot moves up and down: the speeds see one maximum about the two edges."""
 
     def matrices(phase, speed):
@@ -276,7 +276,7 @@ def test_both_edges_of_a_range_too_narrow_for_the_speeds_have_no_height():
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
 
 
-def test_both_edges_of_a_range_wholly_between_two_speeds_have_no_height():
+def test_both_edges_of_a_range_between_speeds_are_unbounded():
     """At both speeds det(I - Φ) is positive; between them the dominant multiplier rises beyond +1."""
 
     def matrices(phase, speed):
@@ -317,7 +317,7 @@ def test_both_edges_are_found_where_another_mode_leads(shaken, other):
         ((100.0, 100.02), (0.08, 0.05), 1),
     ],
 )
-def test_ranges_of_two_modes_that_are_nearly_equal_are_told_apart(frequencies, shares, ranges):
+def test_unstable_ranges_of_two_nearly_equal_modes_are_separated(frequencies, shares, ranges):
     """Between two of the speeds; of the third pair the ranges overlap."""
     damping = 100 * min(shares) ** 2 / 16
 
@@ -348,7 +348,7 @@ def test_ranges_of_two_modes_that_are_nearly_equal_are_told_apart(frequencies, s
     assert np.ravel([(band.low, band.high) for band in found]) == pytest.approx(edges[::-1], rel=1e-6)
 
 
-def test_resonances_of_which_each_is_unstable_are_ranges_of_their_own():
+def test_neighbouring_unstable_resonances_are_separate_ranges():
     """Two modes, parametrically coupled: principal resonances at 200 and 220, their sum at 210."""
 
     def matrices(phase, speed):
@@ -364,14 +364,14 @@ def test_resonances_of_which_each_is_unstable_are_ranges_of_their_own():
         assert band.low < low <= high < band.high
 
 
-def test_a_table_of_speeds_of_six_digits_with_all_columns_has_80_columns_at_most():
+def test_widest_table_fits_into_80_columns():
     made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
     lines = [line.rstrip() for line in str(made).splitlines()]
     assert any("|ρ|" in line and "mode" in line for line in lines)
     assert max(map(len, lines)) <= 80
 
 
-def test_a_division_at_an_end_of_the_range_or_on_a_speed_of_it_is_told_once():
+def test_division_on_a_given_speed_is_reported_once():
     made = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
     divided = [(row.mode, row.order) for row in made.rows if row.division and row.mode == 1]
     assert divided == [(1, 1), (1, 2), (1, 3), (1, 4)]
@@ -398,5 +398,5 @@ def test_a_table_of_all_columns_fits_a_line_of_80(found):
     assert len(heading) <= 80
 
 
-def test_nothing_found_is_said(found):
+def test_empty_result_states_that_nothing_was_found(found):
     assert "no maximum and no division up to order 5 found from" in repr(replace(found, rows=[]))

@@ -9,7 +9,7 @@ from solve.errors import MatricesError, StepsError, ValueOutOfBoundsError
 SPEEDS = np.array([20.0, 40.0, 62.8])
 
 
-def test_curves_are_those_of_single_solutions():
+def test_curves_match_single_solutions():
     model = solve.load("coupler")
     curves = solve.PeriodicCurves(model, solve.Radau(9), steps=128)
     solved = curves(SPEEDS)
@@ -33,7 +33,7 @@ def test_speeds_may_be_texts():
         curves([-1.0])
 
 
-def test_what_the_grid_cannot_hold_is_refused():
+def test_odd_steps_and_jumps_are_refused():
     with pytest.raises(StepsError, match="even"):
         solve.PeriodicCurves(solve.load("coupler"), steps=95)
 

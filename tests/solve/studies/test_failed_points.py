@@ -29,7 +29,7 @@ def found():
     return solve.chart(holed, x, y, 1.0)
 
 
-def test_a_chart_marks_what_it_does_not_know(found):
+def test_chart_marks_failed_points(found):
     hole = np.broadcast_to((found.x > LOW) & (found.x < HIGH), found.shape)
     np.testing.assert_array_equal(np.isnan(found.stable), hole)
     np.testing.assert_array_equal(np.isnan(found.spectral_radius), hole)
@@ -39,7 +39,7 @@ def test_a_chart_marks_what_it_does_not_know(found):
     assert "NaN or infinite" in found.failures[0, int(np.flatnonzero(hole[0])[0])]
 
 
-def test_no_boundary_is_drawn_beside_what_is_not_known(found):
+def test_no_boundary_is_drawn_at_failed_points(found):
     """The tongue of order 1 ends inside the hole for large epsilon: its right edge is not seen there."""
     for curve in found.boundaries:
         delta, q = curve.points[:, 0], curve.points[:, 1] / 2
@@ -63,7 +63,7 @@ def test_the_picture_of_a_chart_with_holes(found):
     assert found.plot().axes
 
 
-def test_a_chart_of_nothing_is_refused():
+def test_chart_without_any_result_is_refused():
     with pytest.raises(NoResultError, match=r"none of the 4 points gives a result: .* NaN"):
         solve.chart(holed, {"delta": [1.5, 2.0]}, {"epsilon": [0.5, 1.0]}, 1.0)
 
@@ -125,7 +125,7 @@ def test_an_edge_swallowed_by_failed_speeds_is_open():
     assert cut.low >= band.low + 0.1
 
 
-def test_unstable_runs_of_a_sweep_do_not_reach_into_the_unknown():
+def test_unstable_ranges_of_a_sweep_end_at_failed_points():
     speeds = np.linspace(1.2, 3.0, 37)
     found = solve.sweep(broken(4.0, 1.9, 2.1), speeds)
     (_, first, _), (second, _, _) = found.unstable
@@ -134,7 +134,7 @@ def test_unstable_runs_of_a_sweep_do_not_reach_into_the_unknown():
     assert second == known[known >= 2.1].min()
 
 
-def test_critical_speeds_say_how_many_failed():
+def test_critical_speeds_report_failed_speeds():
     model = solve.load("mathieu")
     good = solve.critical_speeds(model, "0.5:3:20 rad/s")
     assert not good.notes
@@ -164,7 +164,7 @@ def test_a_sweep_refuses_a_speed_as_a_single_solve_does(fault):
     assert {point.speed: point.error for point in found.points if point.error} == {2.0: str(refused.value)}
 
 
-def test_a_chart_over_parameters_refuses_a_point_as_a_single_solve_does():
+def test_chart_and_single_solution_report_the_same_failure():
     def built(mass, stiffness):
         def matrices(phase, speed):
             one = np.ones((len(phase), 1, 1))
@@ -190,7 +190,7 @@ def known_between(low, high):
 
 
 @pytest.mark.parametrize("speeds", [np.linspace(1.0, 6.0, 11), np.array([1.0, 6.0])])
-def test_speeds_without_matrices_at_the_ends_of_a_range_are_left_out(speeds):
+def test_failed_speeds_at_the_ends_are_omitted(speeds):
     """The unstable band and the maximum of the response lie where there are matrices, and are found as if
     there were some everywhere; the note says where there are none."""
     system, whole = known_between(1.55, 5.1), known_between(-1.0, 9.0)

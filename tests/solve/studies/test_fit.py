@@ -152,7 +152,7 @@ def test_files_that_cannot_be_read_are_refused_in_a_line(tmp_path, monkeypatch):
         solve.fit(model(), tmp_path / "q.uff", ["k"], speed=SPEED)
 
 
-def test_what_was_measured_is_drawn_beside_any_orbit(tmp_path, monkeypatch, capsys):
+def test_measured_data_are_compared_with_an_orbit(tmp_path, monkeypatch, capsys):
     from solve.commands.app import run
 
     monkeypatch.chdir(tmp_path)
@@ -177,7 +177,7 @@ def test_what_was_measured_is_drawn_beside_any_orbit(tmp_path, monkeypatch, caps
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth_about_as_often_as_they_say(file):
+def test_confidence_intervals_have_nominal_coverage(file):
     trials, held = 40, dict.fromkeys(TRUE, 0)
     for seed in range(trials):
         found = solve.fit(model(), file(curve(0.01, seed)), list(TRUE), rtol=1e-5)
@@ -188,7 +188,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(file):
     assert sum(held.values()) < 3 * trials
 
 
-def test_what_the_data_cannot_tell_is_named(file):
+def test_unidentifiable_parameters_are_named(file):
     found = solve.fit(model(), file(curve(1e-3)), ["m", "c", "k", "f"])
     (text,) = found.unidentifiable
     # All four times a number give the same motion.
@@ -199,7 +199,7 @@ def test_what_the_data_cannot_tell_is_named(file):
     assert "the data do not determine c2" in solve.fit(model(), file(curve()), ["k", "c2"]).unidentifiable
 
 
-def test_the_interval_of_a_positive_parameter_that_nothing_tells_does_not_end_where_trials_end(file):
+def test_unidentifiable_positive_parameter_has_an_unbounded_interval(file):
     cam, rng = solve.load("cam"), np.random.default_rng(0)
     twist = solve.periodic(cam, "300 rpm").signal("q1")(ANGLES) * (
         1 + 0.02 * rng.standard_normal(len(ANGLES))
@@ -212,7 +212,7 @@ def test_the_interval_of_a_positive_parameter_that_nothing_tells_does_not_end_wh
     assert high > 1e9 * value
 
 
-def test_an_outlier_moves_a_robust_fit_by_no_more_than_its_interval(file):
+def test_outlier_keeps_a_robust_fit_within_its_intervals(file):
     clean = solve.fit(model(), file(curve(0.01)), list(TRUE), robust=True)
     disturbed = solve.fit(model(), file(curve(0.01, outlier=True)), list(TRUE), robust=True)
     plain = solve.fit(model(), file(curve(0.01, outlier=True)), list(TRUE))
@@ -262,7 +262,7 @@ def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
         ("phase (rad),speed (rad/s),q (1)", ["k"], {"c": (1.0, 2.0)}, ValueOutOfBoundsError, "not free"),
     ],
 )
-def test_bad_input_is_said_in_a_line(file, header, free, bounds, error, words):
+def test_invalid_fit_input_is_refused(file, header, free, bounds, error, words):
     rows = [row[: header.count(",") + 1] for row in curve()[:50]]
     with pytest.raises(error, match=words.replace("(", r"\(").replace(")", r"\)")):
         solve.fit(model(), file(rows, header), free, bounds)
@@ -285,7 +285,7 @@ def test_bad_input_is_said_in_a_line(file, header, free, bounds, error, words):
         ([""], "is empty"),
     ],
 )
-def test_a_file_that_cannot_be_of_a_measurement_is_refused_in_a_line(tmp_path, rows, words):
+def test_invalid_measurement_file_is_refused_in_one_line(tmp_path, rows, words):
     (tmp_path / "q.csv").write_text("\n".join(rows), encoding="utf-8")
     with pytest.raises((CaseFileError, ValueOutOfBoundsError)) as refused:
         solve.fit(model(), tmp_path / "q.csv", ["k"], speed=SPEED)
@@ -293,7 +293,7 @@ def test_a_file_that_cannot_be_of_a_measurement_is_refused_in_a_line(tmp_path, r
     assert "\n" not in str(refused.value)
 
 
-def test_the_column_of_speeds_may_stand_first(file, tmp_path):
+def test_speed_column_may_be_first(file, tmp_path):
     rows, header = curve(), "phase (rad),speed (rad/s),q (1)"
     usual = solve.fit(model(), file(rows, header), ["k", "c"])
     turned = [f"{speed},{phase},{q}" for phase, speed, q in rows]
@@ -334,7 +334,7 @@ def test_the_command_gives_record_picture_and_case(tmp_path, monkeypatch, capsys
 
 
 @pytest.mark.parametrize("count", [20, 100])
-def test_noise_is_seldom_called_none_and_a_wave_nearly_always(count):
+def test_residual_diagnosis_has_few_false_alarms(count):
     """Differences after a fit of three waves; 21 of 1000 at 1 % are one case in a thousand."""
     rng, at = np.random.default_rng(5), 2 * np.pi / count * np.arange(count)
     waves = np.linalg.qr(np.stack((np.cos(at), np.sin(at), np.cos(2 * at)), axis=1))[0]
@@ -349,7 +349,7 @@ def test_noise_is_seldom_called_none_and_a_wave_nearly_always(count):
     assert reported[3.0] >= (990 if count > 20 else 300)
 
 
-def test_a_model_that_cannot_follow_the_data_is_said(file):
+def test_correlated_residuals_give_a_warning(file):
     rows = [(phase, speed, q + 0.01 * np.cos(3 * phase)) for phase, speed, q in curve(0.01)]
     (text,) = solve.fit(model(), file(rows), list(TRUE)).warnings
     assert text.startswith("q: the residuals are not noise, neighbours have a correlation of ")
@@ -364,7 +364,7 @@ def test_a_model_that_cannot_follow_the_data_is_said(file):
         (lambda q: -q, "the model does not describe it; check unit, sign, speed and phase origin"),
     ],
 )
-def test_data_of_another_unit_or_sign_or_of_nothing_are_said(file, changed, words):
+def test_data_with_wrong_unit_or_sign_give_a_warning(file, changed, words):
     rows = [(phase, speed, changed(q)) for phase, speed, q in curve(0.01, m=2.0, c=0.5, k=11.0)]
     assert any(words in text for text in solve.fit(model(), file(rows), ["c"]).warnings)
 

@@ -32,7 +32,7 @@ def test_a_free_train_names_its_rigid_body_mode():
     ("discs", "count", "title"),
     [(5, None, ": the lowest 4 of 5"), (8, 7, ": the lowest 6 of 8"), (3, None, "")],
 )
-def test_a_table_of_frequencies_says_how_many_modes_it_leaves_out(discs, count, title):
+def test_frequency_table_states_the_number_of_omitted_modes(discs, count, title):
     found = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
     assert f"Over the turn, rad/s{title}\n" in repr(found).replace(" \n", "\n")
 

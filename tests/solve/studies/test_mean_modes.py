@@ -50,7 +50,7 @@ def test_modes_that_cross_stay_themselves(speed):
     np.testing.assert_allclose(found.rates, [0.05, 0.15], rtol=1e-9)
 
 
-def test_identical_modes_that_a_varying_stiffness_couples_are_one_another_s_mirror():
+def test_coupled_identical_modes_have_symmetric_candidates():
     """x + y and x - y move by themselves, with ω² = 1 ± 0.3 cos φ."""
 
     def matrices(phase, speed):
@@ -82,7 +82,7 @@ def test_in_an_avoided_crossing_the_speed_decides():
 
 
 @pytest.mark.parametrize("speed", [20.0, 30.0])
-def test_ranks_are_kept_where_more_of_a_vibration_is_left_by_them(speed):
+def test_decay_rates_of_approaching_modes_match_the_multipliers(speed):
     """The lower of two modes that come near each other is damped little, the higher one much, whichever shape
     they have: by shapes both would decay by half of that. The multipliers tell which it is."""
     manipulator = solve.load("manipulator")
@@ -115,7 +115,7 @@ def turning_frame():
     return systems.system(matrices, 2)
 
 
-def test_gyroscopic_forces_that_means_leave_out_are_measured_and_told():
+def test_neglected_gyroscopic_forces_are_measured_and_reported():
     expected = 120.0 / np.sqrt(100.0**2 - 20.0**2) - 1
     assert shift_by_rates(turning_frame(), 20.0) == pytest.approx(expected, rel=1e-12)
     assert shift_by_rates(oscillators(0.1, 0.0, (0.2, 0.4)), 1.0) < 1e-12

@@ -23,7 +23,7 @@ def two_modes(frequencies, decays, coupling=0.0):
     return solve.PeriodicSystem(matrices, ["x", "y"])
 
 
-def test_no_division_explains_a_maximum_of_the_multiplier_where_another_takes_the_lead():
+def test_maximum_at_a_multiplier_crossing_stays_unexplained():
     """At Ω = 10 mode 1 decays as fast as mode 2, which leads from there on. Mode 1 is a tenth of an order
     from its third division, which is near, but its multiplier is 36° from +1."""
     system = two_modes((31.0, 55.0), (lambda speed: 0.5 + 0.1 * (speed - 10.0), lambda _: 0.5))
@@ -35,7 +35,7 @@ def test_no_division_explains_a_maximum_of_the_multiplier_where_another_takes_th
     assert "no division of a frequency and no combination up to order 6 explains it" in made._repr_html_()
 
 
-def test_a_combination_explains_the_maximum_of_the_multiplier_where_two_modes_meet():
+def test_combination_resonance_explains_the_multiplier_maximum():
     """At Ω = ω1 + ω2 the parametric coupling ε feeds both modes: the slower of their rates of decay is there
     (δ1 + δ2)/2 - sqrt((δ1 - δ2)²/4 + ε²/(16 ω1 ω2)) (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979,
     Section 5.4)."""
@@ -94,7 +94,7 @@ def test_a_combination_resonance_of_modes_that_decay_alike_is_found(damping, sig
     assert f"2{'+' if sign > 0 else '−'}1" in repr(made)
 
 
-def test_the_parametric_resonance_of_one_mode_is_found_at_twice_its_frequency():
+def test_principal_parametric_resonance_is_found_at_twice_the_frequency():
     mathieu = solve.load("mathieu", delta=1.0, epsilon=0.2, zeta=0.0)
     made = solve.critical_speeds(mathieu, np.linspace(0.6, 1.5, 46), orders=4)
     (row,) = [row for row in made.rows if row.radius]
@@ -118,8 +118,8 @@ def test_without_damping_each_maximum_of_the_multiplier_is_a_division():
     assert not [row for row in made.rows if row.radius]
 
 
-def test_combinations_that_explain_equally_well_are_all_told():
-    """Of two modes that are nearly alike, 1+1, 2+1 and 2+2 lie nearer to each other than means can tell."""
+def test_equally_good_combinations_are_all_reported():
+    """For two nearly equal modes, mean frequencies cannot distinguish 1+1, 2+1 and 2+2."""
     made = solve.critical_speeds(
         coupled((1.0, 1.002), 0.01, 0.0, own=0.1), np.linspace(1.9, 2.1, 60), orders=4
     )
@@ -129,7 +129,7 @@ def test_combinations_that_explain_equally_well_are_all_told():
     assert "several combinations explain it equally well" in repr(made)
 
 
-def test_a_combination_resonance_that_is_narrower_than_the_distance_of_speeds_is_found():
+def test_combination_resonance_narrower_than_the_speed_spacing_is_found():
     """ε = 0.03 makes the motion unstable over a relative width of less than 0.01."""
     made = solve.critical_speeds(coupled((1.0, np.sqrt(3.0)), 0.0, 0.03), np.linspace(2.05, 3.3, 9), orders=3)
     (row,) = [row for row in made.rows if row.radius]

@@ -15,7 +15,7 @@ from solve.studies.sensitivities import _CORNER
 from tests.solve.derivatives.test_sensitivities import C, F, K, M, amplitude, model
 
 
-def test_at_every_speed_they_are_those_of_the_speed():
+def test_sensitivities_over_speed_match_single_speeds():
     cam, of, by = solve.load("cam"), ["q3.max_abs", "rho1"], ["k1", "speed"]
     over = solve.sensitivities_over(cam, "300 600 rpm", of, by)
     for at, speed in enumerate(over.speeds.tolist()):
@@ -62,7 +62,7 @@ def test_the_speed_of_the_largest_response_in_closed_form():
     assert abs(amplitude(speed=speed)) > F / K
 
 
-def test_the_speed_of_the_largest_radius_moves_as_a_search_finds_it():
+def test_derivative_of_the_maximum_speed_matches_finite_differences():
     numbers = {"delta": 1.0, "epsilon": 0.1, "zeta": 0.1}
 
     def largest(**changed):
@@ -83,7 +83,7 @@ def test_the_speed_of_the_largest_radius_moves_as_a_search_finds_it():
     assert (moved.found["radius1"].errors > 0).all()
 
 
-def test_a_maximum_where_another_multiplier_takes_the_lead_is_said_to_have_none():
+def test_maximum_at_a_multiplier_crossing_has_no_derivative():
     """Of the cam at 69.01 rad/s, where Re ρ1 jumps."""
     cam, at = solve.load("cam"), 69.00953
     below, above = (solve.floquet(cam, at + way).multipliers[0].real for way in (-1e-3, 1e-3))
@@ -96,7 +96,7 @@ def test_a_maximum_where_another_multiplier_takes_the_lead_is_said_to_have_none(
     assert moved.warnings == [f"multiplier1: {_CORNER}"]
 
 
-def test_a_response_beyond_all_bounds_is_said_to_have_none():
+def test_unbounded_response_has_no_derivative():
     found = solve.critical_speeds(model(c=0.0), np.linspace(0.9, 1.5, 13), quantity="q", orders=2)
     moved = solve.speed_sensitivities(found, ["k"])
     assert moved.found["response1"].value == pytest.approx(math.sqrt(K / M) / 2, rel=1e-4)
@@ -125,7 +125,7 @@ def test_edges_of_a_band_move_as_a_search_finds_them():
             assert moved[f"band1.{word}"][name] == pytest.approx((high - low) / (2 * step), rel=1e-5)
 
 
-def test_the_edges_of_an_undamped_band_are_said_to_have_none():
+def test_edges_of_an_undamped_band_have_no_derivative():
     found = solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3, zeta=0.0), [0.8, 1.2])
     moved = solve.speed_sensitivities(found, "delta")
     assert math.isnan(moved["band1.from"]["delta"])
@@ -136,7 +136,7 @@ def test_the_edges_of_an_undamped_band_are_said_to_have_none():
         )
 
 
-def test_bad_input_is_said_before_anything_is_solved():
+def test_invalid_input_is_refused_before_solving():
     with pytest.raises(UnknownNameError):
         solve.sensitivities_over(solve.load("cam"), [30.0], "q9.max")
     with pytest.raises(NoDerivativeError):

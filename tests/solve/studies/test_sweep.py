@@ -39,7 +39,7 @@ def test_a_sweep_shows_one_quantity_that_is_given_as_a_text():
         found.plot("drive_torqe")
 
 
-def test_what_is_kept_is_shown():
+def test_sweep_shows_the_requested_quantity():
     found = solve.sweep(solve.load("manipulator"), [3.0, 4.0], quantities="load_torque")
     assert found.results.kept.names == ("load_torque",)
     assert "max|load_torque|" in str(found)
@@ -68,7 +68,7 @@ def test_matrices_that_break_down_fail_with_their_reason():
     assert "NaN or infinite" in found.points[-1].error
 
 
-def test_what_the_equations_leave_out_is_said_once():
+def test_warning_of_neglected_terms_is_given_once():
     left_out = "c is left out"
     system = systems.random_system(3, 2)
     system.equation_warnings = (left_out,)
@@ -77,7 +77,7 @@ def test_what_the_equations_leave_out_is_said_once():
     assert [text for text in found.warnings if left_out in text] == [left_out]
 
 
-def test_only_the_quantities_asked_for():
+def test_sweep_stores_only_the_requested_quantities():
     model = solve.load("cam")
     found = solve.sweep(model, ["300 rpm"], quantities=["q3", "q1"])
     assert list(found.points[0].statistics) == ["q3", "q1"]
@@ -139,7 +139,7 @@ def test_the_picture_shows_responses_radius_and_unstable_speeds():
     assert names == ["ρ = +1: period T", "ρ = −1: period 2T"] or names == ["ρ = −1: period 2T"]
 
 
-def test_the_waterfall_has_a_column_a_speed_and_a_row_an_order():
+def test_waterfall_has_columns_per_speed_and_rows_per_order():
     found = solve.sweep(solve.load("manipulator"), np.linspace(2, 6, 7), spectra=["q1"], harmonics=9)
     axes, bar = found.waterfall("q1").axes
     assert axes.collections[0].get_array().shape == (9, 7)
@@ -150,7 +150,7 @@ def test_the_waterfall_has_a_column_a_speed_and_a_row_an_order():
 OVER = {"k1": [6e4, 9e4], "m3": "40:60:3"}
 
 
-def test_over_parameters_every_point_is_that_of_its_own_model():
+def test_parameter_sweep_matches_single_models():
     model = solve.load("cam")
     found = solve.sweep(model, ["300 rpm", "200 rpm"], rtol=1e-9, over=OVER)
     at = [(point.parameters["k1"], point.parameters["m3"], point.speed) for point in found.points]
@@ -206,7 +206,7 @@ def test_a_point_over_parameters_fails_alone():
         (50.0, "speed=1:2:3", ValueOutOfBoundsError, "speed is given twice"),
     ],
 )
-def test_over_what_cannot_vary_so(speeds, over, error, message):
+def test_invalid_parameter_ranges_are_refused(speeds, over, error, message):
     with pytest.raises(error, match=message):
         solve.sweep(solve.load("cam"), speeds, over=over)
 

@@ -37,7 +37,7 @@ def test_responses(found):
     assert found.figures("q", "rms") == pytest.approx(expected / np.sqrt(2), rel=1e-6)
 
 
-def test_the_peak_of_the_first_with_what_the_others_do_there(found):
+def test_peak_of_the_first_curve_lists_all_responses(found):
     (peak,) = found.extremes("q")
     assert (peak.speed, peak.kind) == (pytest.approx(2.0), "peak")
     assert peak.responses == pytest.approx([amplitude(zeta, 2.0) for zeta in (0.05, 0.2)], rel=1e-6)
@@ -62,7 +62,7 @@ def test_one_name_may_be_a_text():
     assert len(found.plot("q1").axes) == len(found.plot().axes) == 1
 
 
-def test_points_are_told_as_parts_of_the_curves():
+def test_progress_covers_the_points_of_all_curves():
     reported = []
     with progress.listen(lambda tracker: reported.append(tracker.status(0.0).fraction)):
         sweeps({"a": oscillator(0.1), "b": oscillator(0.2)}, [1.0, 1.5], ["q"])
@@ -96,11 +96,11 @@ def test_variants_that_differ_in_the_seventh_digit_are_all_there():
         ("modes", ["40"], ValueOutOfBoundsError, "allowed"),
     ],
 )
-def test_what_a_model_does_not_allow(name, values, error, message):
+def test_invalid_variants_are_refused(name, values, error, message):
     with pytest.raises(error, match=message):
         variants(solve.load("coupler"), name, values)
 
 
-def test_nothing_to_vary():
+def test_empty_variants_are_refused():
     with pytest.raises(ValueOutOfBoundsError, match="one at least"):
         sweeps({}, [1.0], ["q"])

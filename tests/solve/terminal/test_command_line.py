@@ -38,7 +38,7 @@ def raising(error):
 
 
 @pytest.mark.parametrize("status", [None, 0, 1])
-def test_what_the_work_returns_is_the_status(status):
+def test_returned_value_is_the_exit_status(status):
     assert ended(lambda _: status) == (status or 0, "", "")
 
 
@@ -66,7 +66,7 @@ def test_debug_shows_the_traceback_of_an_internal_error():
     assert "raise error\nZeroDivisionError: by nothing\nprogram: internal error" in error
 
 
-def test_too_little_memory_is_said():
+def test_out_of_memory_is_reported_in_one_line():
     status, _, error = ended(raising(MemoryError()))
     assert (status, error.count("\n")) == (2, 1)
     assert "memory of this machine does not suffice" in error
@@ -97,7 +97,7 @@ def test_an_interruption_that_a_library_passes_over_comes_again():
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
-def test_an_interruption_that_is_lost_while_python_tidies_up_comes_again_and_is_not_shown(monkeypatch):
+def test_interruption_lost_in_a_callback_is_repeated(monkeypatch):
     class Gone:
         pass
 
@@ -118,7 +118,7 @@ def test_an_interruption_that_is_lost_while_python_tidies_up_comes_again_and_is_
     assert shown == []
 
 
-def test_an_interruption_that_a_library_turns_into_an_error_of_its_own_is_130():
+def test_interruption_converted_to_another_error_exits_with_130():
     def work(_):
         try:
             os.kill(os.getpid(), signal.SIGINT)
@@ -129,7 +129,7 @@ def test_an_interruption_that_a_library_turns_into_an_error_of_its_own_is_130():
     assert ended(work) == (130, "", "program: interrupted\n")
 
 
-def test_what_libraries_warn_of_stays_inside():
+def test_library_warnings_are_not_printed():
     code = (
         "import sys, warnings; from solve.terminal import command_line; sys.argv = ['solve']; "
         "command_line.main('solve', lambda _: warnings.warn('overflow', RuntimeWarning), ValueError)"

@@ -131,14 +131,14 @@ def test_a_log_receives_lines_at_growing_intervals(monkeypatch):
     assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f]", error.getvalue())
 
 
-def test_short_work_shows_nothing():
+def test_short_task_shows_no_progress():
     error = io.StringIO()
     with redirect_stderr(error), progress.show_progress("solve"), progress.task("points", 3) as points:
         points.add()
     assert error.getvalue() == ""
 
 
-def test_nothing_is_shown_without_a_task(monkeypatch):
+def test_no_progress_is_shown_without_a_task(monkeypatch):
     clock, error = [0.0], io.StringIO()
     monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
     with progress.listen() as tracker, redirect_stderr(error):

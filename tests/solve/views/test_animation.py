@@ -64,7 +64,7 @@ def test_rigid_links_keep_their_lengths_and_meet(name, links):
     np.testing.assert_allclose(lines["crank"][-1], length(lines["crank"]) * np.exp(1j * TURN), atol=1e-12)
 
 
-def test_the_follower_of_the_cam_is_its_transmission_function_above_the_base_circle():
+def test_cam_follower_matches_the_transmission_function():
     """U is the integral of zero mean of Σ aₖ cos kφ, chapter Eq. (65); the profile touches it."""
     model = solve.load("cam")
     lines = rigid(model)
@@ -78,7 +78,7 @@ def test_the_follower_of_the_cam_is_its_transmission_function_above_the_base_cir
     np.testing.assert_allclose(np.abs(profile[:, 0]), radii, rtol=1e-12)
 
 
-def test_the_twist_turns_the_cam_and_lifts_what_it_carries():
+def test_sketch_of_the_cam_follows_its_coordinates():
     model = solve.load("cam")
     q = np.array([[0.3], [0.01], [0.002]])
     lines, later = model.sketched(np.zeros(1), 1.0, q), model.sketched(np.array([0.3]), 1.0, 0 * q)
@@ -97,7 +97,7 @@ def test_gears_roll_on_each_other():
     assert lines["wheel_mark"][0, 0].real == pytest.approx(distance, rel=1e-12)
 
 
-def test_the_bent_coupler_is_the_sum_of_its_modes_times_the_magnification(coupler):
+def test_drawn_coupler_is_the_magnified_sum_of_its_modes(coupler):
     """w = Σ q_k sin kπξ across the chord, 33 points along it."""
     rigid, moved = coupler.lines(TURN, 0.0)["coupler"], coupler.lines(TURN, 7.0)["coupler"]
     q, xi = coupler.vibration(TURN), np.linspace(0, 1, 33)
@@ -118,7 +118,7 @@ def test_links_of_a_structure_end_where_its_joints_are():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
-def test_every_model_that_moves_is_drawn_and_its_vibration_can_be_seen(name):
+def test_every_moving_model_shows_a_visible_vibration(name):
     made = solve.animate(solve.load(name), SPEEDS.get(name), frames=3, **ROUGH)
     turn = np.linspace(0, made.span, 500)
     rigid, moved = made.lines(turn, 0.0), made.lines(turn, made.scale)
@@ -148,7 +148,7 @@ def test_an_orbit_is_shown_as_it_is(coupler):
     assert list(coupler.signals) == ["q1", "q2", "q3"]
 
 
-def test_the_nonlinear_orbit_is_that_of_its_equations():
+def test_animation_uses_the_nonlinear_orbit():
     model = solve.load("cam")
     orbit = solve.nonlinear(model, "300 rpm", rtol=1e-4)
     made = solve.animate(model, "300 rpm", nonlinear=True, rtol=1e-4)
@@ -156,7 +156,7 @@ def test_the_nonlinear_orbit_is_that_of_its_equations():
     assert list(made.warnings) == orbit.warnings
 
 
-def test_without_load_the_free_vibration_is_that_of_the_equation():
+def test_free_vibration_matches_the_closed_form():
     """With a constant stiffness cos(√delta t), its largest value 1."""
     made = solve.animate(solve.load("mathieu", epsilon=0, zeta=0, delta=2.0), "1 rad/s", rtol=1e-8)
     phase = np.linspace(0, made.span, 200)
@@ -165,7 +165,7 @@ def test_without_load_the_free_vibration_is_that_of_the_equation():
     assert made.scale == 1
 
 
-def test_growth_is_said_in_the_picture():
+def test_picture_states_an_unstable_motion():
     made = solve.animate(solve.load("mathieu", case="unstable"), frames=2, **ROUGH)
     assert made.plot()._supxlabel.get_text().endswith("unstable: it grows")
     assert made.warnings[0] == "unstable: it grows"
@@ -183,7 +183,7 @@ def test_an_animation_has_its_frames_and_runs_without_end(mathieu, coupler):
     assert gif(mathieu) == gif(mathieu)
 
 
-def test_the_page_is_whole_html_that_asks_for_nothing_from_elsewhere(mathieu):
+def test_page_is_valid_html_without_external_resources(mathieu):
     page = mathieu.html
     tree = html5lib.HTMLParser(strict=True).parse(page)
     assert tree is not None
@@ -289,12 +289,12 @@ def test_a_line_without_place_is_named():
         solve.animate(solve.load(spring(True), **NUMBERS | {"L": 0.05}), "50 rad/s", **ROUGH)
 
 
-def test_a_mechanism_without_lines_says_how_to_state_them():
+def test_mechanism_without_lines_is_refused_with_advice():
     with pytest.raises(NoSketchError, match=r"spring states no lines.*mechanism\.sketch.*docs/motion\.md"):
         solve.animate(solve.load(spring(False), **NUMBERS), "50 rad/s")
 
 
-def test_what_cannot_be_shown_is_refused():
+def test_invalid_animations_are_refused():
     cam, mathieu = solve.load("cam"), solve.load("mathieu")
     with pytest.raises(NoMotionError, match="portal_frame"):
         solve.animate(solve.load("portal_frame"))
@@ -324,7 +324,7 @@ def test_an_orbit_keeps_its_speed_method_and_equations():
     assert solve.animate(orbit, show="q2").signals.keys() == {"q2"}
 
 
-def test_an_orbit_from_a_file_knows_no_lines(tmp_path):
+def test_orbit_from_a_file_cannot_be_animated(tmp_path):
     orbit = solve.periodic(solve.load("coupler"), "600 rpm", **ROUGH)
     orbit.save(tmp_path / "orbit.npz")
     with pytest.raises(ReopenedError, match="load the model again"):
@@ -352,7 +352,7 @@ def test_a_structure_draws_further_lines_besides_its_links():
     np.testing.assert_allclose(lines["wall"][1], np.full(37, 0.5 - 1j))
 
 
-def test_six_positions_of_a_tall_mechanism_stand_side_by_side():
+def test_positions_of_a_tall_mechanism_are_drawn_in_a_row():
     made = solve.animate(solve.load("mathieu", delta=-1), **ROUGH)
     width, height = made.plot().get_size_inches()
     assert height < width

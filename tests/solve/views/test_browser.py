@@ -38,7 +38,7 @@ def test_the_console_is_empty(page):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [360, 1200])
-def test_equations_and_pictures_are_shown_and_nothing_is_wider_than_the_page(page, width):
+def test_browser_shows_equations_and_pictures_within_the_page_width(page, width):
     # The page itself allows no script.
     text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?>', "", page.read_text("utf-8"))
     asked = page.with_name(f"asked{width}.html")

@@ -14,7 +14,7 @@ def resonance(x):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_curve_goes_through_its_points_and_has_no_extreme_beside_them(seed):
+def test_interpolated_curve_adds_no_extrema(seed):
     x = np.random.default_rng(seed).permutation(np.linspace(0.2, 1.8, 23))
     fine, values = through(x, resonance(x))
     order = np.argsort(x)
@@ -48,7 +48,7 @@ def test_by_logarithm_a_power_is_straight_on_logarithmic_paper():
     assert len(dots.get_xdata()) == 5
 
 
-def test_the_response_is_not_drawn_through_unstable_speeds_and_has_no_maximum_at_their_edges():
+def test_response_curve_omits_unstable_speeds_and_their_edges():
     system, speeds = solve.load("cam"), np.linspace(0.2, 1.8, 23)
     bands = [(0.9, 1.1, "+1")]
     figure = response_figure(
@@ -60,7 +60,7 @@ def test_the_response_is_not_drawn_through_unstable_speeds_and_has_no_maximum_at
     assert len(marks.get_xdata()) == 0
 
 
-def test_names_of_orders_are_clear_of_the_frame_and_of_the_frequencies():
+def test_order_labels_do_not_overlap_frame_or_frequencies():
     found = solve.critical_speeds(solve.load("cam"), "400:700:30 rpm", figure="rms", rtol=1e-6)
     figure = found.plot(campbell=True)
     figure.draw_without_rendering()

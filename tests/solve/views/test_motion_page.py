@@ -10,7 +10,7 @@ import solve
 DOCS = Path(__file__).parents[3] / "docs"
 
 
-def test_the_lines_of_the_pump_are_a_crank_and_a_rod_of_their_lengths():
+def test_pump_sketch_has_the_lengths_of_crank_and_rod():
     page = (DOCS / "own_mechanism.md").read_text("utf-8")
     (statement,) = re.findall(r"```python\n# pump\.py\n(.*?)```", page, re.DOTALL)
     (lines,) = re.findall(r"```python\n( +pump\.sketch.*?)```", page, re.DOTALL)

@@ -91,7 +91,7 @@ def test_decibels_are_relative_to_the_largest_order(result):
     assert spectra[0].get_ylim()[0] == -120.0
 
 
-def test_quasi_static_is_dashed_beside(result):
+def test_quasi_static_curve_is_dashed(result):
     curves, _, _ = panels(result.plot(quasi_static=True))
     dynamic, static = curves[0].lines
     assert dynamic.get_linestyle() == "-"
@@ -139,7 +139,7 @@ def test_small_multipliers_get_a_closer_view():
     assert_allclose(drawn * 10.0**power, far.multipliers, rtol=1e-12)
 
 
-def test_instability_stands_out():
+def test_unstable_verdict_is_highlighted():
     import solve
 
     def growing(phase, speed):
@@ -154,12 +154,12 @@ def test_instability_stands_out():
 
 
 @pytest.mark.parametrize("settings", [{}, {"quasi_static": True, "scale": "dB"}, {"names": ["power"]}])
-def test_nothing_overlaps(result, settings):
+def test_plot_elements_do_not_overlap(result, settings):
     assert overlaps(result.plot(**settings)) == []
 
 
 @pytest.mark.parametrize("model", ["cam", "manipulator", "gear_pair"])
-def test_nothing_overlaps_in_the_full_picture_of_a_model(model):
+def test_full_model_plot_has_no_overlaps(model):
     import solve
 
     system = solve.load(model)
@@ -168,7 +168,7 @@ def test_nothing_overlaps_in_the_full_picture_of_a_model(model):
 
 
 @pytest.mark.parametrize(("ending", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])
-def test_pictures_are_of_the_kind_that_their_ending_says_and_always_the_same(result, tmp_path, ending, start):
+def test_figure_files_match_their_extension_and_are_reproducible(result, tmp_path, ending, start):
     files = [tmp_path / f"{name}{ending}" for name in ("first", "second")]
     for file in files:
         save_figure(result.plot(["x"]), file)
@@ -200,7 +200,7 @@ def test_numbers_at_ticks_and_their_power_of_ten_are_plain():
     assert axes.yaxis.get_offset_text().get_text() == "1e−7"
 
 
-def test_a_spectrum_beside_measurement_ends_below_what_was_measured():
+def test_compared_spectra_end_below_the_measured_values():
     """The computed orders beyond the first are rounding."""
     at = np.arange(32) * (2 * np.pi / 32)
     noisy = np.cos(at) + 1e-3 * np.random.default_rng(1).standard_normal(32)

@@ -85,7 +85,7 @@ def test_every_name_is_given_once_and_every_reference_leads_to_one(page):
     assert {first or second for first, second in links} <= set(names)
 
 
-def test_nothing_is_loaded_from_elsewhere(page):
+def test_page_loads_no_external_resources(page):
     tree = parsed(page)
     tags = {str(each.tag).split("}")[-1] for each in tree.iter()}
     assert not tags & {"script", "link", "iframe", "object", "img"}
@@ -97,7 +97,7 @@ def test_nothing_is_loaded_from_elsewhere(page):
     assert "default-src 'none'" in page
 
 
-def test_tables_say_what_their_rows_and_columns_are_and_pictures_what_they_show(page):
+def test_tables_and_pictures_are_labelled_for_accessibility(page):
     tree = parsed(page)
     tables = list(tree.iter(HTML + "table"))
     assert tables
@@ -158,7 +158,7 @@ def test_each_orbit_is_solved_once(undrawn, monkeypatch):
     assert len(set(solved)) == len(solved)
 
 
-def test_what_there_cannot_be_is_left_out_with_a_reason(driven, mathieu, frame):
+def test_impossible_sections_are_omitted_with_a_reason(driven, mathieu, frame):
     for heading in ("Vibration by the nonlinear equations", "Validity of the linear answer"):
         assert "nonlinear equations" in driven.missing[heading]
     assert "differentiated" in driven.missing["What matters most"]
@@ -191,20 +191,20 @@ def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
     assert "compared with the nonlinear ones" not in report.html
 
 
-def test_without_a_load_stability_stands(mathieu):
+def test_report_without_a_load_contains_stability(mathieu):
     found = solve.floquet(mathieu.system, 1.0, rtol=1e-3)
     assert mathieu.summary[0] == found.summary
     assert "Only stability is known: mathieu has no load" in "".join(parsed(mathieu.html).itertext())
 
 
-def test_a_part_that_fails_says_why_and_the_others_stand():
+def test_failed_section_states_its_reason_and_others_remain():
     """One speed has no bands beside it."""
     found = solve.report(solve.load("mathieu", epsilon=0.2), "1.1 rad/s", rtol=1e-3)
     assert "two speeds" in found.missing["Unstable bands"]
     assert found.summary
 
 
-def test_warnings_stand_once_with_the_parts_that_say_them(undrawn):
+def test_warnings_are_listed_once_with_their_sections(undrawn):
     cam = solve.load("cam")
     orbit = solve.periodic(cam, "600 rpm", rtol=1e-2)
     assert len(orbit.warnings) == 2
@@ -216,8 +216,8 @@ def test_warnings_stand_once_with_the_parts_that_say_them(undrawn):
         assert items.count(f"{text} (One, Other)") == 1
 
 
-def test_a_warning_says_of_which_orbit_it_is(undrawn, capsys, tmp_path):
-    """Both orbits lift off; on the page and in the terminal it is said which."""
+def test_warning_names_its_orbit(undrawn, capsys, tmp_path):
+    """Both orbits lift off; page and terminal name the orbit of each warning."""
     cam = solve.load("cam")
     parts = [
         Part(f"By {each}", "The same.", solve.periodic(cam, f"{rpm} rpm", rtol=1e-2), orbit=each)
@@ -232,7 +232,7 @@ def test_a_warning_says_of_which_orbit_it_is(undrawn, capsys, tmp_path):
         assert f"warning: {item}\n" in said
 
 
-def test_notes_stand_once(undrawn):
+def test_notes_are_shown_once(undrawn):
     cam = solve.load("cam")
     orbit = solve.floquet(cam, "600 rpm", rtol=1e-2)
     noted = replace(orbit, engine_notes=["made by hand"])
@@ -260,7 +260,7 @@ def test_a_model_that_moves_needs_a_speed_and_speeds():
         solve.report(solve.load("cam"), speed="60 rad/s")
 
 
-def test_matrices_that_give_nothing_are_refused():
+def test_singular_mass_matrix_is_refused():
     def singular(phase, speed):
         one = np.ones((len(phase), 1, 1))
         return 0.0 * one, one, one, one[..., 0]
@@ -269,7 +269,7 @@ def test_matrices_that_give_nothing_are_refused():
         solve.report(solve.PeriodicSystem(singular, ["q"]), RANGE, 1.0)
 
 
-def test_a_structure_without_frequencies_has_nothing_to_tell(monkeypatch):
+def test_report_without_frequencies_is_refused(monkeypatch):
     def refused(*_):
         raise StructureError("the links do not meet")
 

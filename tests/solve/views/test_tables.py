@@ -28,14 +28,14 @@ def test_a_system_of_ones_own_is_reported():
     assert ["x", "mm", "694.4775", "166.5°", "305.5225", "346.5°", "500.0000"] in rows
 
 
-def test_orders_that_are_less_than_the_error_are_not_told():
+def test_harmonics_below_the_error_are_not_shown():
     """The load of phi has order 3 alone, and so has the response of constant coefficients."""
     rows = [line.split() for line in text_of(printout(orbit())).splitlines()]
     (row,) = (row for row in rows if row[:2] == ["φ", "3:"])
     assert row[-2:] == ["–", "–"]
 
 
-def test_phases_are_those_of_the_drive_however_long_the_period_is():
+def test_phases_are_drive_angles_for_any_period():
     """Two turns of the drive a period: cos(φ/2 + ψ) has its maximum twice as far on as over one turn."""
 
     def matrices(phase, speed):
@@ -95,7 +95,7 @@ def test_orders_count_turns_where_the_period_is_half_a_turn():
     assert orbit.record()["coordinates"]["q"]["harmonics"][2] == pytest.approx(amplitude, rel=1e-7)
 
 
-def test_greek_names_are_greek_in_tables_and_html_and_spelled_in_what_machines_read(tmp_path):
+def test_greek_letters_are_shown_and_spelled_out_in_files(tmp_path):
     found = solve.sweep(solve.load("mathieu", zeta=0.1), over="epsilon=0:1:3")
     for text in (text_of(printout(found)), found._repr_html_()):
         assert "ε (1/s²)" in text
@@ -106,8 +106,8 @@ def test_greek_names_are_greek_in_tables_and_html_and_spelled_in_what_machines_r
     assert found.record()["points"][0]["parameters"] == {"epsilon": 0.0}
 
 
-def test_a_notebook_shows_a_result_once_and_its_words_to_the_left(monkeypatch, capsys):
-    """Where rich believes itself in a notebook, its consoles show what they print there."""
+def test_notebook_shows_a_result_once_with_left_aligned_text(monkeypatch, capsys):
+    """Consoles of rich display their output if rich detects a notebook."""
     found = solve.floquet(solve.load("mathieu"), "1 rad/s")
     alone = repr(found)
     monkeypatch.setattr("rich.console._is_jupyter", lambda: True)

@@ -41,7 +41,7 @@ def test_a_curve_a_speed_over_the_whole_turn(coupler):
         assert values.min() == pytest.approx(1e3 * range_.min, rel=1e-5)
 
 
-def test_the_legend_and_the_axis_say_speed_and_unit(coupler):
+def test_legend_and_axis_show_speed_and_unit(coupler):
     figure = turn_figure(coupler, "midpoint_deflection")
     (legend,) = figure.legends
     assert legend.get_title().get_text() == "speed (rpm)"
@@ -77,7 +77,7 @@ def test_the_command_draws_a_curve_for_values_that_are_nearly_equal(tmp_path):
     assert "δ = 2.0000002" in picture.read_text("utf-8")
 
 
-def test_what_cannot_be_drawn_is_refused(coupler):
+def test_invalid_figures_are_refused(coupler):
     with pytest.raises(UnknownNameError, match="did you mean 'midpoint_deflection'"):
         turn_figure(coupler, "midpoint")
     with pytest.raises(ValueOutOfBoundsError, match="13 curves to draw over the turn; allowed: up to 12"):
