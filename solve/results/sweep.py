@@ -284,6 +284,7 @@ class Sweep(Result):
         Raises
         ------
         UnknownNameError
+            For an unknown name.
         ValueOutOfBoundsError
             For more lines than can be distinguished.
         """
