@@ -54,7 +54,8 @@ def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> 
     is decided, or too many have been examined."""
     begun = time.perf_counter()
     require_degrees(plane, _central(whole))
-    pieces, ends, verdicts = _pieces(plane, whole, executor)
+    pieces, ends = _pieces(plane, whole, executor)
+    verdicts = [UNDETERMINED] * len(ends)
     queue, open_area = deque(pieces), sum(piece.box.area for piece in pieces)
     with progress.task("% of the area decided", 100) as count:
         for _ in range(_MOST_BOXES[plane.system.n > 1]):
@@ -85,7 +86,7 @@ def _central(whole: Box) -> Box:
     return Box((float(x[0]), float(x[1])), (float(y[0]), float(y[1])))
 
 
-def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box], list[int]]:
+def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
     """Boxes with polynomials, and those without, undecided: the equations are not analytic near these."""
     found, without, pending = [], [], [whole]
     while pending:
@@ -100,7 +101,7 @@ def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_
             without.append(box)
         else:
             pending += box.halved(axis)
-    return found, without, [UNDETERMINED] * len(without)
+    return found, without
 
 
 def _halves(piece: _Piece) -> list[_Piece]:

@@ -125,6 +125,9 @@ class Equation:
             for i in range(2 * n)
         ]
         bounds = [row.upper() for row in rows]
+        if not all(bound.is_finite() for bound in bounds):
+            # The largest of several numbers may pass over one that is undefined.
+            return arb.pos_inf(), arb.pos_inf()
         return max(bounds), A.trace().real.upper()
 
     def at(self, phase: Ball, outcomes: Outcomes | None, P: Matrix | None = None) -> tuple[Matrix, Matrix]:

@@ -8,12 +8,14 @@ import pytest
 pytest.importorskip("flint")
 
 import solve
-from derive import Mechanism, cos, pi, rate
+from derive import Mechanism, cos, pi, rate, sqrt
 from solve.errors import LinearModelError, StepsError
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE
 from solve.proof import boxes as of_boxes
 from solve.proof import regions
+from solve.proof.balls import acb, arb
 from solve.proof.boxes import _halving, proved_boxes
+from solve.proof.enclosure import equation_of
 from solve.proof.prove import prove_boxes
 from solve.proof.regions import Box, Plane, polynomials
 from tests.solve.proof.test_prove import exact_trace
@@ -51,6 +53,22 @@ def test_trace_bound_over_a_box_contains_the_exact_trace(accuracy, monkeypatch):
     for x, y in rng.uniform(-1, 1, (3, 2)):
         trace = float(exact_trace(3.125 + x / 8, 0.625 + y / 8, 0.01))
         assert abs(values_at(made, x, y)[0] - trace) <= made.errors[0]
+
+
+@pytest.mark.parametrize(("low", "bounded"), [(-0.5, False), (0.5, True)])
+def test_a_coefficient_that_is_not_analytic_has_no_bound(low, bounded):
+    """The damping of one of two coordinates contains √k, and the ellipse about k contains k = 0, or not."""
+    made = Mechanism("rooted", "Two oscillators, one damped by a root", energy="1/s^2")
+    u, v = made.coordinates(u=("1", "first"), v=("1", "second"))
+    (k,) = made.parameters(k=("1/s^2", "stiffness"))
+    made.kinetic = (rate(u) ** 2 + rate(v) ** 2) / 2
+    made.potential = k * (u**2 + v**2) / 2
+    made.dissipation = sqrt(k) * rate(v) ** 2 / 2
+    made.decline_drive_torque("an equation without physical units has no torque")
+    equation = equation_of(solve.load(made, k=1.0), 1.0, False)
+    complex_k = dataclasses.replace(equation, parameters=(acb(arb(low + 1, 1.0), arb(0, 0.1)),))
+    growth, _ = complex_k.growth(acb(arb(1)), ())
+    assert growth.is_finite() == bounded
 
 
 def test_halves_are_the_same_polynomial():
