@@ -16,11 +16,12 @@ from solve.arguments import require_size
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
 from solve.derivatives.stage_systems import close_periodically, propagate, stage_systems
+from solve.matrices import split_entries
 from solve.methods.collocation import Collocated, Collocation
 from solve.period.anchored import Anchored
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, matrices, parted, rate_of
+from solve.period.points import OnePoint, matrices, rate_of
 from solve.period.rigid_body import Free
 
 
@@ -80,7 +81,7 @@ class PeriodicProblem:
     @cached_property
     def _matrices(self) -> Matrices:
         entries = self._tables.entries()
-        return parted(entries.reshape(self.grid.steps, -1, entries.shape[-1]), self.point.n)
+        return split_entries(entries.reshape(self.grid.steps, -1, entries.shape[-1]), self.point.n)
 
     @property
     def A(self) -> Array:

@@ -11,11 +11,12 @@ from solve.kernel import chain
 from solve.kernel.collocation import Samples
 from solve.kernel.engines import COMPILED
 from solve.kernel.stages import factorised
+from solve.matrices import split_entries
 from solve.methods.collocation import Collocation
 from solve.methods.method import no_orbit
 from solve.period.frozen import FrozenModes, entry_phases
 from solve.period.period_map import SINGULAR, Steps, periodic_states, states_from
-from solve.period.points import Tables, parted
+from solve.period.points import Tables
 
 
 class StageSystems(Protocol):
@@ -34,7 +35,7 @@ class InvertedStageSystems:
 
     def __init__(self, rule: Collocation, h: Array, entries: Array, n: int):
         m, s, _ = entries.shape
-        M, C, K, _ = (part[None] for part in parted(entries, n))
+        M, C, K, _ = (part[None] for part in split_entries(entries, n))
         unit = np.broadcast_to(np.eye(s * n).reshape(s, n, s * n), (1, m, s, n, s * n))
         responses = rule.stage_accelerations(h, M, C, K, unit)[0]
         self.by_state, self._inverse = np.split(responses.reshape(m, s * n, -1), [2 * n], axis=-1)

@@ -9,6 +9,7 @@ import numpy as np
 from solve.arrays import Array, covers_all, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
+from solve.matrices import split_entries
 from solve.period.eigenvalues import balance_matrices
 from solve.period.pencils import (
     LOOPED,
@@ -20,7 +21,7 @@ from solve.period.pencils import (
     quadratic_roots,
     spectral_radius_within_one,
 )
-from solve.period.points import Multiplied, Points, Tables, parted, rate_of
+from solve.period.points import Multiplied, Points, Tables, rate_of
 from solve.period.rigid_body import ROUNDING, RigidBodyModes, may_be_singular, rigid_body_modes
 
 PHASES = 128
@@ -229,7 +230,7 @@ class FrozenModes:
         """Mean accelerations of coordinates due to coordinates and their rates (P, n, n), and due to loads
         (P, n)."""
         n = self._n
-        rate = np.abs(rate_of(*parted(np.moveaxis(self._fields, 0, -1), n))[..., n:, :]).mean(axis=1)
+        rate = np.abs(rate_of(*split_entries(np.moveaxis(self._fields, 0, -1), n))[..., n:, :]).mean(axis=1)
         return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
 
     def load_scale(self, sizes: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
+from solve.matrices import split_entries
 from solve.system import PeriodicSystem
 
 
@@ -218,15 +219,7 @@ class Multiplied:
 
 def matrices(points: Points, phase: Array) -> Matrices:
     """Ω²M, ΩC, K (P, k, n, n) and d (P, k, n) at phases (k,)."""
-    return parted(points.tables(phase).entries(), points.n)
-
-
-def parted(entries: Array, n: int) -> Matrices:
-    """Ω²M, ΩC, K (…, n, n) and d (…, n) from entries (…, 3n² + n)."""
-    M, C, K = (
-        entries[..., part * n**2 : (part + 1) * n**2].reshape(*entries.shape[:-1], n, n) for part in range(3)
-    )
-    return M, C, K, entries[..., 3 * n**2 :]
+    return split_entries(points.tables(phase).entries(), points.n)
 
 
 def state_rate(points: Points, phase: Array) -> Array:

@@ -13,9 +13,9 @@ from solve.arrays import Array, solved
 from solve.batch.batch import Batch
 from solve.batch.family import Family
 from solve.batch.gathering import gathered
+from solve.matrices import split_entries
 from solve.methods.method import Method
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
-from solve.period.points import parted
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
 from solve.results.points import Kept, PointResults
 from solve.studies.stability_samples import StabilitySamples, evaluator
@@ -120,7 +120,7 @@ class ConstantCoefficients:
         entries = self.family.entries(_TEST_FRACTIONS * self.family.example.period, points)
         is_constant = _are_constant(entries, n)
         exponents = np.full((3, len(points), 2 * n - self.multiplicity), np.nan)
-        M, C, K = parted(entries[is_constant, 0], n)[:3]
+        M, C, K = split_entries(entries[is_constant, 0], n)[:3]
         modes = _rigid_body_modes(M, C, K)
         same_references: dict[tuple[int, ...], list[int]] = {}
         for at in np.flatnonzero(modes.multiplicity == self.multiplicity).tolist():
@@ -145,7 +145,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     entries = entries[np.isfinite(entries).all(axis=(1, 2))]
     if not len(entries) or not _are_constant(entries, n).all():
         return None
-    modes = _rigid_body_modes(*parted(entries[:, 0], n)[:3])
+    modes = _rigid_body_modes(*split_entries(entries[:, 0], n)[:3])
     multiplicity = int(np.bincount(modes.multiplicity).argmax())
     if multiplicity == 2 * n:
         return None
