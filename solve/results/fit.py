@@ -134,7 +134,8 @@ class Fitted(Result):
     def record(self) -> dict[str, Any]:
         """JSON object of `solve fit --json`, with the fitted values as `parameters`."""
         record = super().record()
-        return {**record, "parameters": record.pop("intervals")}
+        intervals = record.pop("intervals")
+        return {**record, "parameters": intervals}
 
     def header_rows(self) -> HeaderRows:
         return [("data", self.data)]
