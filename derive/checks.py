@@ -188,6 +188,7 @@ def _require_last_piece(statement: _Statement) -> None:
 
 
 def dimensions(mechanism: MechanismStatement) -> dict[sympy.Symbol, Dimension]:
+    """Physical dimensions of all symbols of a mechanism."""
     known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND, ACCELERATION: ONE / SECOND**2}
     known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}

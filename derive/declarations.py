@@ -76,6 +76,8 @@ def scalar(what: str, value: Any) -> Any:
 
 @dataclass(frozen=True)
 class Coordinate:
+    """Declared coordinate."""
+
     symbol: Moving
     unit: str
     meaning: str
@@ -83,6 +85,8 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Parameter:
+    """Declared parameter, with its bound as text."""
+
     symbol: sympy.Symbol
     unit: str
     meaning: str
@@ -91,6 +95,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Output:
+    """Declared output."""
+
     name: str
     expression: Any
     unit: str

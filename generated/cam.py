@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+DERIVE_SHA256 = "8aa1b59c4dd0dd3cc904e7e326d89d8bc76c94b9d5e443875f29d0efbed60cf3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6a01d9d80ed3d4f33dc97e432024ab344394dbff933eb683ac06bda416ad9a4f"
+FILE_SHA256 = "f84955a9c713da55e94c4e421611f65b27052f1461e299defd30bbe4a59d481f"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+DERIVE_SHA256 = "8aa1b59c4dd0dd3cc904e7e326d89d8bc76c94b9d5e443875f29d0efbed60cf3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6ddddc9517df3b48ddb9844fa113fc156c0e70d6eefdaabb0559b60d32c9b776"
+FILE_SHA256 = "3c796d82e59cab680985322c8cc228978a8e49f3a7a314a9d39181b3ec2c7af1"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
+DERIVE_SHA256 = "8aa1b59c4dd0dd3cc904e7e326d89d8bc76c94b9d5e443875f29d0efbed60cf3"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d16c3adcc8b30a65c8d5f281da8b2eb222127f46d2771c0e4ba1f1f56c580895"
+FILE_SHA256 = "36a3497e908f0b64c1a32795e698fb3fcdfdd80aa6d5aa88a8259a59f6aaa40c"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -10,8 +10,17 @@ Matrices = tuple[Array, Array, Array, Array]
 
 
 class Statistics(NamedTuple):
-    """Maximum, minimum, largest modulus, mean and root mean square of a quantity over a period, and the
-    phases of the maximum and the minimum."""
+    """Statistics of a quantity over a period, those of the continuous curve.
+
+    Attributes
+    ----------
+    max, min, max_abs, mean : float
+        Maximum, minimum, largest modulus and mean.
+    max_phase, min_phase : float
+        Phases of the maximum and of the minimum in rad.
+    rms : float
+        Root mean square.
+    """
 
     max: float
     min: float

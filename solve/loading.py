@@ -79,6 +79,7 @@ def load(
     Returns
     -------
     Model
+        Model with its numbers.
 
     Raises
     ------

@@ -36,6 +36,8 @@ def periodic(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speed : float or str
         Speed in rad/s, or a text with unit such as "600 rpm".
     method : str or Method
@@ -102,16 +104,21 @@ def floquet(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speed : float or str
         Speed in rad/s, or a text with unit such as "600 rpm".
-    method, steps, engine, all_multipliers : optional
+    method, steps : optional
         As in `periodic`.
     rtol : float
         Relative tolerance of the multipliers, |error| over the spectral radius.
+    engine, all_multipliers : optional
+        As in `periodic`.
 
     Returns
     -------
     Stability
+        Multipliers, exponents, modes and verdict.
 
     Raises
     ------

@@ -4,6 +4,7 @@ from derive import Section, Structure, pi
 
 
 def mechanism():
+    """State the square portal frame of the thesis."""
     frame = Structure("portal_frame", "Square portal frame of inextensible bars (thesis 5.4.1)")
     E, I, rho, A, L = frame.parameters(  # noqa: E741 - the field's symbol
         E=("Pa", "modulus of elasticity", "> 0"),

@@ -70,7 +70,7 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
 
 
 def grid_sizes(steps: Array) -> Array:
-    """Steps (k,) rounded up to 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, …
+    """Steps (k,) rounded up to a member of 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, and so on.
 
     Points share these few grids, so that tables are reused. Above 192 steps, sizes differ by a quarter of an
     octave, because extra steps then cost more than an extra grid."""

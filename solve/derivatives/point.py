@@ -53,6 +53,8 @@ def sensitivities(
 
     Parameters
     ----------
+    system : Model
+        Model with generated equations.
     speed : float or str
         Speed in rad/s, or a text with unit.
     of : sequence of str, optional

@@ -24,7 +24,15 @@ from solve.units import speed_in_si
 
 @dataclass(frozen=True)
 class Exported:
-    """Result of an export: the written files and warnings."""
+    """Result of an export.
+
+    Attributes
+    ----------
+    files : tuple of Path
+        Written files.
+    warnings : tuple of str
+        Sentences on what is doubtful.
+    """
 
     files: tuple[Path, ...]
     warnings: tuple[str, ...]

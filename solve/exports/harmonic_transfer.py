@@ -228,6 +228,7 @@ def harmonic_transfer(
     Returns
     -------
     HarmonicTransfer
+        Harmonic transfer function of the linearised equations.
 
     Raises
     ------

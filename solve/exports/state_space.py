@@ -145,26 +145,32 @@ class StateSpace:
 
     @property
     def A(self) -> Array:
+        """State matrices (m, 2n, 2n)."""
         return self.coefficients.A
 
     @property
     def B(self) -> Array:
+        """Input matrices (m, 2n, n)."""
         return self.coefficients.B
 
     @property
     def C(self) -> Array:
+        """Output matrices (m, p, 2n)."""
         return self.coefficients.C
 
     @property
     def D(self) -> Array:
+        """Feedthrough matrices (m, p, n)."""
         return self.coefficients.D
 
     @property
     def d(self) -> Array:
+        """Loads (m, n), which are added to the inputs."""
         return self.coefficients.d
 
     @property
     def y0(self) -> Array:
+        """Outputs (m, p) without states and forces."""
         return self.coefficients.y0
 
     def frozen(self, phase: float) -> "control.StateSpace":

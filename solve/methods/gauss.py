@@ -11,7 +11,13 @@ from solve.methods.collocation import Collocated
 
 @dataclass(frozen=True)
 class Gauss(Collocated):
-    """Collocation at the Gauss points of even order 4 … 16. A-stable, but not L-stable: |R(∞)| = 1."""
+    """Collocation at the Gauss points. A-stable, but not L-stable: |R(∞)| = 1.
+
+    Parameters
+    ----------
+    order : int
+        Even order from 4 to 16.
+    """
 
     order: int = 10
 

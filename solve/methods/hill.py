@@ -79,8 +79,17 @@ def _sign_and_logarithm(
 
 @dataclass(frozen=True)
 class Boundary:
-    """Stability boundary: value of the parameter, multiplier (+1 or -1), and error of the value, estimated
-    from half as many harmonics."""
+    """Stability boundary.
+
+    Attributes
+    ----------
+    value : float
+        Value of the parameter.
+    multiplier : int
+        Multiplier at the boundary, 1 or -1.
+    error : float
+        Error of the value, estimated from half as many harmonics.
+    """
 
     value: float
     multiplier: int
@@ -107,6 +116,7 @@ def boundaries(
     Returns
     -------
     list of Boundary
+        Boundaries in ascending order of the parameter.
 
     Raises
     ------

@@ -22,7 +22,13 @@ from solve.period.points import Points, affine, matrices
 
 @dataclass(frozen=True)
 class Newmark(OneStep):
-    """γ = 1/2, β = 1/4: average acceleration; γ = 1/2, β = 1/6: linear acceleration."""
+    """Newmark's method.
+
+    Parameters
+    ----------
+    gamma, beta : float
+        γ and β. γ = 1/2, β = 1/4: average acceleration; γ = 1/2, β = 1/6: linear acceleration.
+    """
 
     gamma: float = 0.5
     beta: float = 0.25

@@ -11,8 +11,13 @@ from solve.methods.collocation import Collocated
 
 @dataclass(frozen=True)
 class Radau(Collocated):
-    """Radau IIA of odd order 3 … 13: collocation at the right Radau points, which include the end of the
-    step."""
+    """Radau IIA: collocation at the right Radau points, which include the end of the step.
+
+    Parameters
+    ----------
+    order : int
+        Odd order from 3 to 13.
+    """
 
     order: int = 9
 

@@ -51,7 +51,6 @@ def c_text(function: "casadi.Function") -> str | None:
 
     Returns None for functions with unsupported operations, or with too many.
     """
-
     count = function.n_instructions()
     if count > _MAX_INSTRUCTIONS:
         return None

@@ -221,6 +221,7 @@ class Model(PeriodicSystem):
 
     @cached_property
     def derivatives(self) -> ModelDerivatives:
+        """Derivatives of the equations with respect to parameters and speed."""
         return ModelDerivatives(self, self.setup, self.assembled, self.slopes)
 
     @property

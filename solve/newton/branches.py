@@ -39,6 +39,8 @@ def branch(
 
     Parameters
     ----------
+    system : Model
+        Model with nonlinear equations.
     speeds : str or (float or str, float or str)
         First speed, and the speed towards which the branch is continued: "300:600 rpm", or rad/s. The
         branch ends where it leaves this range.
@@ -56,6 +58,7 @@ def branch(
     Returns
     -------
     Branch
+        Orbits in the order of the branch.
 
     Raises
     ------

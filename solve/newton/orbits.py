@@ -55,6 +55,8 @@ def nonlinear(
 
     Parameters
     ----------
+    system : Model
+        Model with nonlinear equations.
     speed : float or str
         In rad/s, or a text with unit.
     start : optional
@@ -85,6 +87,7 @@ def nonlinear(
     Returns
     -------
     NonlinearOrbit
+        Periodic orbit; its system is the linearisation along the orbit.
 
     Raises
     ------

@@ -73,6 +73,8 @@ def transient(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speed : float or str, optional
         Constant speed in rad/s, or a text with unit.
     turns : int
@@ -93,6 +95,7 @@ def transient(
     Returns
     -------
     Transient
+        Motion over the periods, and the orbit for comparison.
 
     Raises
     ------

@@ -224,7 +224,7 @@ def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
 
 @cache
 def _falling(powers: int, count: int) -> Array:
-    """power (power - 1) … of `count` factors, for each of the powers 0, 1, …"""
+    """Products power (power - 1) … of `count` factors, for each of the powers from 0 on."""
     return np.array([math.perm(power, count) for power in range(powers)], dtype=float)
 
 

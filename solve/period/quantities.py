@@ -165,7 +165,28 @@ def _zoomed(
 
 
 def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
-    """Statistics of one quantity, given as a function of the phase."""
+    """Compute the statistics of one quantity, given as a function of the phase.
+
+    Parameters
+    ----------
+    signal : callable
+        Function of phases (k,) in rad that returns values (k,), periodic.
+    period : float
+        Period in rad.
+    samples : int
+        Number of uniform samples from which extrema are refined.
+
+    Returns
+    -------
+    Statistics
+        Extrema of the continuous curve, mean and root mean square.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> round(statistics(lambda phase: 1 + np.cos(phase), 2 * np.pi).max, 9)
+    2.0
+    """
     values = signal(np.arange(samples) * (period / samples))
     return Statistics(*figures(values, signal, period).tolist())
 

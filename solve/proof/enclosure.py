@@ -133,6 +133,7 @@ def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded
 
 
 def equation_of(system: Model, omega: float, rounded: bool) -> Equation:
+    """Equation of a model at a speed in rad/s, in ball arithmetic. rounded: as in `solve.prove`."""
     instructions = Instructions.of(system.setup.function("linearised"), partial(_number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)

@@ -50,6 +50,8 @@ class Bands(Sequence[Band], Result):
 
     Attributes
     ----------
+    found : sequence of Band
+        The bands.
     range : tuple of float
         Lowest and highest speed in rad/s.
     spacing : float

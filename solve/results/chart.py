@@ -141,10 +141,14 @@ class Chart(Result):
         Their values.
     system : PeriodicSystem
         The model, or the first system that could be built.
+    results : PointResults
+        Results of the points, row by row.
     boundaries : sequence of BoundaryCurve
         Curves between stable and unstable regions.
     at : callable
         Function of x and y that returns the `Stability` at any point.
+    solve_cut : callable
+        Function of the axis (0 or 1) and a value that returns the `Cut` there.
     notes : sequence of str
         Notes on the selection of the engine.
     cuts : sequence of Cut
@@ -175,6 +179,7 @@ class Chart(Result):
 
     @property
     def shape(self) -> tuple[int, int]:
+        """Numbers ny and nx of the values."""
         return len(self.y), len(self.x)
 
     @property

@@ -104,6 +104,7 @@ class Comparison(Result):
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
+        """System of the reference."""
         return self.reference.system
 
     @property

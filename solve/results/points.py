@@ -39,10 +39,17 @@ _ARRAYS = (
 class Kept:
     """Selection of the values that are stored of each point besides its stability.
 
-    Attributes ---------- names : tuple of str Quantities whose statistics are stored. spectra, harmonics
-    : tuple of str, int Quantities whose amplitudes are stored, and the number of harmonics. warnings :
-    bool Whether texts of warnings are stored. meetings : bool Whether multipliers that meet on the unit
-    circle are examined; the verdict may then be "unstable" though no multiplier is outside.
+    Attributes
+    ----------
+    names : tuple of str
+        Quantities whose statistics are stored.
+    spectra, harmonics : tuple of str, int
+        Quantities whose amplitudes are stored, and the number of harmonics.
+    warnings : bool
+        Whether texts of warnings are stored.
+    meetings : bool
+        Whether multipliers that meet on the unit circle are examined; the verdict may then be "unstable"
+        though no multiplier is outside.
     """
 
     names: tuple[str, ...] = ()

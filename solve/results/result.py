@@ -29,7 +29,13 @@ def views() -> ModuleType:
 
 class Result(Serializable):
     """Base of all results. A subclass is a dataclass with the system that it belongs to; it defines `columns`
-    and, if needed, `summary_values` and `header_rows`."""
+    and, if needed, `summary_values` and `header_rows`.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        System that the result belongs to.
+    """
 
     _rows: ClassVar[str] = ""
     """Key of the rows in the record; without one the record has no rows."""

@@ -81,7 +81,21 @@ serializable(ReductionError)
 
 @dataclass(frozen=True)
 class Solution(Result):
-    """Solution of a system at one speed: method, grid and checks."""
+    """Solution of a system at one speed: method, grid and checks.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        System that was solved.
+    speed : float
+        Speed in rad/s.
+    certified : Certified
+        Numerical solution with its error estimates.
+    spectrum : Spectrum
+        Multipliers and modes.
+    engine_notes : sequence of str
+        Notes on the selection of the engine.
+    """
 
     system: PeriodicSystem
     speed: float
@@ -226,7 +240,7 @@ class Stability(Solution):
 
     @stored_property
     def verdict(self) -> str:
-        """ "asymptotically stable", "stable", "unstable" or "undetermined"."""
+        """Text "asymptotically stable", "stable", "unstable" or "undetermined"."""
         return VERDICTS[self.certified.verdicts[0]]
 
     @property

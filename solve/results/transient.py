@@ -74,6 +74,7 @@ class Transient(Result):
 
     @property
     def turns(self) -> int:
+        """Number of periods."""
         return len(self.motions)
 
     @property

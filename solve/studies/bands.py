@@ -97,6 +97,8 @@ def bands(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speeds : str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Bands are searched between the
         lowest and the highest of them.
@@ -112,6 +114,7 @@ def bands(
     Returns
     -------
     Bands
+        Unstable bands in ascending order.
 
     Raises
     ------

@@ -74,12 +74,14 @@ def chart(
         Speed if it is not x or y; by default that of the case.
     case : str, optional
         Case of a model given by name.
-    method, rtol, engine : optional
+    method, rtol : optional
         As in `periodic`.
     tolerance : float
         Tolerance of boundaries, relative to the range of the values.
     boundaries : bool
         Whether to locate boundaries, including thin unstable tongues between stable points.
+    engine : str
+        "auto", "compiled" or "numpy".
     executor : concurrent.futures.Executor, optional
         Computes chunks of the grid.
     store : str or Path, optional

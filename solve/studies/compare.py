@@ -58,6 +58,8 @@ def compare(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speed : float or str
         Speed in rad/s, or a text with unit.
     methods : str or sequence of str or Method, optional

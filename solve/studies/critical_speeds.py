@@ -72,6 +72,8 @@ def critical_speeds(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speeds : str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". Speeds are added where fewer
         than 24 lie between two integer divisions of the lowest frequency.
@@ -94,6 +96,7 @@ def critical_speeds(
     Returns
     -------
     CriticalSpeeds
+        Critical speeds in descending order.
 
     Raises
     ------

@@ -48,6 +48,8 @@ def fit(
 
     Parameters
     ----------
+    model : Model
+        Model whose parameters are fitted; its values are the start.
     data : str or Path
         File of measured vibration, see `solve.studies.measured.measured`. Each channel is normalised by its
         root mean square.
@@ -67,6 +69,7 @@ def fit(
     Returns
     -------
     Fitted
+        Fitted values with their confidence intervals.
 
     Raises
     ------

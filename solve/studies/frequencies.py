@@ -42,6 +42,8 @@ def frequencies(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     position : float, str or sequence of float
         Angle in rad, a text with unit such as "70 deg", or several angles in rad.
     count : int, optional
@@ -152,6 +154,8 @@ def frequencies_over(
 
     Parameters
     ----------
+    system : Model
+        Model in whose parameter the frequencies vary.
     parameter : str
         Name of the parameter.
     values : sequence of float or str

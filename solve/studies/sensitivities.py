@@ -76,6 +76,8 @@ def sensitivities_over(
 
     Parameters
     ----------
+    system : Model
+        Model with generated equations.
     speeds : float, str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
     of, by, method, steps, rtol, engine, nonlinear, periods : optional
@@ -157,9 +159,10 @@ def speed_sensitivities(
     SolveError
         Other subclasses, as in `sensitivities`.
 
-    Notes ----- At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the
-    derivative g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact
-    derivatives.
+    Notes
+    -----
+    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative
+    g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)

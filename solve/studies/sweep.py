@@ -54,6 +54,8 @@ def sweep(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System to solve.
     speeds : float, str or sequence of float or str, optional
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; with `over` by default the
         speed of the case.
@@ -217,6 +219,8 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
 
     Parameters
     ----------
+    model : Model
+        Model to vary.
     name : str
         Name of the parameter or option.
     values : sequence of float or str
@@ -284,6 +288,7 @@ def sweeps(
     Returns
     -------
     Sweeps
+        Sweeps by label.
 
     Raises
     ------
@@ -324,6 +329,8 @@ def validity(
 
     Parameters
     ----------
+    system : Model
+        Model with nonlinear equations.
     speeds : float, str or sequence of float or str
         Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm".
     at : float

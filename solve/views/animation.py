@@ -152,17 +152,27 @@ def animate(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Animation:
-    """Animation of the mechanism over a period: rigid motion, and motion with magnified vibration.
+    """Animate the mechanism over a period: rigid motion, and motion with magnified vibration.
 
     Without a load the free vibration over eight periods is shown, with the largest coordinate 1.
 
-        Parameters ---------- system : PeriodicSystem or Orbit System, or an orbit of one. speed : float or
-        str, optional Speed in rad/s or a text with unit; by default that of the case. scale : float, optional
-        Magnification; by default the vibration is visible. frames : int, optional Number of frames, by
-        default 90 (240 for a free vibration), or of positions in a picture, by default 6. show : sequence of
-        str, optional Coordinates and outputs drawn as curves, by default the first four coordinates.
-        nonlinear : bool Whether to use the nonlinear orbit. method, rtol : str or method, float Method and
-        relative tolerance of the orbit.
+    Parameters
+    ----------
+    system : PeriodicSystem or Orbit
+        System, or an orbit of one.
+    speed : float or str, optional
+        Speed in rad/s, or a text with unit; by default that of the case.
+    scale : float, optional
+        Magnification; by default the vibration is visible.
+    frames : int, optional
+        Number of frames, by default 90 (240 for a free vibration), or of positions in a picture, by default
+        6.
+    show : sequence of str, optional
+        Coordinates and outputs drawn as curves, by default the first four coordinates.
+    nonlinear : bool
+        Whether to use the nonlinear orbit.
+    method, rtol : optional
+        Method and relative tolerance of the orbit, as in `periodic`.
 
     Returns
     -------

@@ -44,14 +44,24 @@ def report(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Report:
-    """Report: vibration, stability, natural frequencies and sensitivities at a speed; response, critical
-    speeds, unstable bands and validity over speeds.
+    """Compute all results of a system, for one HTML page.
 
-        Parameters ---------- system : PeriodicSystem or str System, or the name of a model. speeds :
-        array_like or str Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". A structure
-        without motion needs none. speed : float or str, optional Speed in rad/s or a text with unit; by
-        default that of the case. method : str or method Method. rtol : float Relative tolerance at the speed;
-        over the speeds at least 1e-6.
+    At a speed these are vibration, stability, natural frequencies and sensitivities; over speeds they are
+    response, critical speeds, unstable bands and validity.
+
+    Parameters
+    ----------
+    system : PeriodicSystem or str
+        System, or the name of a model.
+    speeds : float, str or sequence of float or str, optional
+        Speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm". A structure without motion
+        needs none.
+    speed : float or str, optional
+        Speed in rad/s, or a text with unit; by default that of the case.
+    method : str or Method
+        Method, as in `periodic`.
+    rtol : float
+        Relative tolerance at the speed; over the speeds at least 1e-6.
 
     Returns
     -------
