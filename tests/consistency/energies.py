@@ -1,7 +1,7 @@
 """Energies of the chapter's mechanisms in CasADi, and Lagrange's equations by automatic differentiation.
 
-A witness of its own: it shares no code with the derivation, sums Fourier series term by term, and
-never linearises by hand.
+An independent reference: it shares no code with the derivation, sums Fourier series term by term, and is not
+linearised by hand.
 """
 
 from collections.abc import Callable, Mapping

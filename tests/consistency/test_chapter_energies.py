@@ -40,6 +40,6 @@ def test_gear_pair_follows_from_the_two_gears(load, data, speed, seed):
     module = GENERATED["gear_pair"]
     phase, *state = random_states(1, seed)
     inputs = (phase, speed, *state, vector("gear_pair", data.draw(parameter_sets(module))))
-    witness = energies.gear_pair(tuple(each for each, *_ in module.PARAMETERS), load)(*inputs)
+    reference = energies.gear_pair(tuple(each for each, *_ in module.PARAMETERS), load)(*inputs)
     derived = built("gear_pair", "residual", load=load)(*inputs)
-    assert scaled_difference(derived.full().T, witness.full().T) < TOLERANCE
+    assert scaled_difference(derived.full().T, reference.full().T) < TOLERANCE

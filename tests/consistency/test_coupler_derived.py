@@ -1,4 +1,4 @@
-"""The derived coupler against its two witnesses: the equations by hand, the differentiated Lagrangian."""
+"""The derived coupler against the equations by hand and the automatically differentiated Lagrangian."""
 
 import importlib
 from functools import cache
@@ -53,8 +53,8 @@ def test_parameters_match_the_lagrangian_reference():
 @branches
 @speeds
 def test_derived_equals_the_linearised_lagrangian(linkage, branch, speed):
-    witness = coupler_lagrangian.linearised(PHASES, speed, linkage, MODES, BRANCHES[branch])
-    errors = witness.errors(*derived(linkage, speed, branch))
+    reference = coupler_lagrangian.linearised(PHASES, speed, linkage, MODES, BRANCHES[branch])
+    errors = reference.errors(*derived(linkage, speed, branch))
     assert all(error < 1e-10 for error in errors.values()), errors
 
 
@@ -141,17 +141,17 @@ def differentiated(motion: ca.Function, rows: int) -> ca.Function:
 def test_drive_torque_and_axial_force_to_first_order(linkage, branch, speed):
     """The torque takes the amplitudes along to first order; the axial force is the straight coupler's."""
     p, side = vector(linkage), BRANCHES[branch]
-    exact = witness_by_state()(PHASES[None], speed, p, side).full()
+    exact = exact_by_state()(PHASES[None], speed, p, side).full()
     found = reactions_by_state(branch)(PHASES[None], speed, p).full()
     ends = [1, 1 + MODES, 1 + 2 * MODES]
-    for torque, witness in zip(np.split(found[::2], ends), np.split(exact[::2], ends), strict=True):
-        assert abs(torque - witness).max() < 1e-10 * abs(witness).max()
+    for torque, reference in zip(np.split(found[::2], ends), np.split(exact[::2], ends), strict=True):
+        assert abs(torque - reference).max() < 1e-10 * abs(reference).max()
     assert abs(found[1] - exact[1]).max() < 1e-10 * abs(exact[1]).max()
     assert not found[3::2].any()
 
 
 @cache
-def witness_by_state() -> ca.Function:
+def exact_by_state() -> ca.Function:
     return differentiated(coupler_lagrangian.motion(MODES), 2)
 
 
@@ -162,7 +162,7 @@ def reactions_by_state(branch: str) -> ca.Function:
 
 @cache
 def reactions(branch: str) -> ca.Function:
-    """Drive torque and axial force of the generated outputs, in the witness's order of inputs."""
+    """Drive torque and axial force of the generated outputs, in the order of inputs of the reference."""
     outputs = built("outputs", MODES, branch)
     inputs = [ca.SX.sym(outputs.name_in(k), *outputs.size_in(k)) for k in range(outputs.n_in())]
     values = dict(zip(outputs.name_out(), outputs.call(inputs), strict=True))
@@ -184,11 +184,11 @@ def test_outputs_along_the_orbit_of_table_2(rpm, torque_error, force_error):
     orbit = solve.periodic(solve.load("coupler"), f"{rpm} rpm", "radau")
     state = (orbit.q, orbit.qd, orbit.qdd)
     exact = coupler_lagrangian.motion(3)(orbit.phase[None], orbit.speed, *state, vector(TABLE_2), 1.0)
-    for name, bound, witness in (
+    for name, bound, reference in (
         ("drive_torque", torque_error, exact[0]),
         ("axial_force", force_error, exact[1]),
     ):
-        error = abs(orbit.outputs[name] - witness.full()[0]).max() / abs(witness.full()).max()
+        error = abs(orbit.outputs[name] - reference.full()[0]).max() / abs(reference.full()).max()
         assert error < bound, name
 
 

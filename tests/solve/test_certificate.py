@@ -9,12 +9,12 @@ from solve import Newmark, Radau, floquet, periodic
 from solve.errors import StepsError
 from solve.methods.choice import chosen
 from solve.methods.gauss import Gauss
+from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import cam, constant, random_system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 PHASES = np.linspace(0.0, 2 * np.pi, 801)
 FLOOR = 1e-12
-"""Errors below which the witness itself is not to be believed."""
+"""Error of the reference solutions."""
 BY_TOLERANCE = [
     ("auto", (1e-3, 1e-6, 1e-10)),
     (Radau(3), (1e-3, 1e-6)),
@@ -33,7 +33,7 @@ BY_STEPS = [
 
 
 @pytest.fixture(scope="module")
-def witnessed():
+def references():
     systems = [random_system(seed, 1 + seed % 4) for seed in range(8)]
     return [(system, Shooting(system, 1.0)) for system in systems]
 
@@ -50,8 +50,8 @@ def judge(orbit, q, multipliers):
 
 
 @pytest.mark.parametrize(("method", "tolerances"), BY_TOLERANCE, ids=[str(m) for m, _ in BY_TOLERANCE])
-def test_tolerances_are_kept_and_estimates_are_honest(method, tolerances, witnessed):
-    for system, truth in witnessed:
+def test_tolerances_are_kept_and_estimates_are_honest(method, tolerances, references):
+    for system, truth in references:
         q = truth.states(PHASES)[: system.n]
         for rtol in tolerances:
             orbit = periodic(system, 1.0, method, rtol=rtol)
@@ -60,8 +60,8 @@ def test_tolerances_are_kept_and_estimates_are_honest(method, tolerances, witnes
 
 
 @pytest.mark.parametrize(("method", "steps"), BY_STEPS, ids=[f"{m}, {n} steps" for m, n in BY_STEPS])
-def test_a_grid_that_is_given_is_judged_honestly(method, steps, witnessed):
-    for system, truth in witnessed:
+def test_a_grid_that_is_given_is_judged_honestly(method, steps, references):
+    for system, truth in references:
         orbit = periodic(system, 1.0, method, steps=steps, rtol=0.5)
         assert orbit.steps == steps
         judge(orbit, truth.states(PHASES)[: system.n], truth.multipliers)

@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 from solve import floquet, periodic, sweep
 from solve.errors import ResonanceError
+from tests.solve.references import Shooting, relative_error
 from tests.solve.systems import cam, constant, random_system, system
-from tests.solve.witnesses import Shooting, relative_error
 
 METHODS = ["auto", "radau", "gauss"]
 

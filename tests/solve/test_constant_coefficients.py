@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from solve import floquet, periodic
+from tests.solve.references import multiplier_error
 from tests.solve.systems import constant, seeds, spd
-from tests.solve.witnesses import multiplier_error
 
 METHODS = st.sampled_from(["auto", "radau", "gauss"])
 PHASES = np.linspace(0.0, 2 * np.pi, 97)

@@ -24,7 +24,7 @@ from tests.solve.free_machines import (
 )
 from tests.solve.kernel.test_lanes import needs_compiler
 from tests.solve.period.test_rigid_body import block, chain
-from tests.solve.witnesses import multiplier_error
+from tests.solve.references import multiplier_error
 
 
 @pytest.mark.parametrize("engine", ["auto", "numpy"])

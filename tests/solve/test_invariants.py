@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from solve import Newmark, floquet, periodic
+from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import canonical_undamped, meissner, random_matrices, random_system, seeds, system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 METHODS = st.sampled_from(["radau", "gauss"])
 PHASES = np.linspace(0.0, 2 * np.pi, 61)

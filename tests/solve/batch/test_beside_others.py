@@ -7,7 +7,7 @@ import solve
 from solve.batch.family import BuiltFamily
 from solve.batch.tables import Sampled
 from solve.period.grid import Grid
-from tests.solve.witnesses import multiplier_error
+from tests.solve.references import multiplier_error
 
 
 def turned(angle, scale):

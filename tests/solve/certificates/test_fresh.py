@@ -11,7 +11,7 @@ from tests.benchmarks.population import FRESH_TRIALS, options
 from tests.solve.certificates import fresh
 from tests.solve.certificates.trials import matched_error
 from tests.solve.certificates.truth import PHASES, panel_edges
-from tests.solve.witnesses import rate_matrices, relative_error
+from tests.solve.references import rate_matrices, relative_error
 
 FIRST = range(len(fresh.KINDS))
 QUICK = {"bumps": 28, "kinks": 1, "ripples": 247, "crossing": 17, "tables": 214, "jumps": 5, "twenty": 6}

@@ -18,8 +18,8 @@ from tests.solve.certificates.population import FURTHER, HALF, KINDS, SERIES, SI
 from tests.solve.certificates.transformed import Modes, View, transformed
 from tests.solve.certificates.trials import asked, grouped, judged, matched_error, rates
 from tests.solve.certificates.truth import PHASES, Truth
+from tests.solve.references import Shooting, rate_matrices, relative_error
 from tests.solve.systems import frozen_modes
-from tests.solve.witnesses import Shooting, rate_matrices, relative_error
 
 FEW = [0, 43, 86, 129, 301, 344, *range(HALF + 1, HALF + 1 + len(FURTHER))]
 PART = range(5, SIZE, 11)
@@ -79,9 +79,9 @@ def test_integrated_reference_of_stiff_systems_matches_dop853(index):
 
 
 def assert_as_dop853(truth: Truth, system: PeriodicSystem, speed, orbit, multipliers):
-    witness = Shooting(system, speed)
-    assert relative_error(truth.q, witness.states(PHASES)[: system.n]) < orbit
-    assert matched_error(truth.multipliers, witness.multipliers) < multipliers
+    reference = Shooting(system, speed)
+    assert relative_error(truth.q, reference.states(PHASES)[: system.n]) < orbit
+    assert matched_error(truth.multipliers, reference.multipliers) < multipliers
 
 
 @pytest.mark.parametrize("energetic", [True, False])

@@ -13,8 +13,8 @@ from solve.methods.gauss import Gauss
 from tests.solve.certificates.population import member
 from tests.solve.certificates.trials import matched_error
 from tests.solve.certificates.truth import PHASES
+from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import cam, constant, frozen_modes, random_system, system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 KEEPING = [name for name in METHODS if name != "auto" and not chosen(name).l_stable]
 DENSE = ("fourier", "hill", "bahgat-willmert")

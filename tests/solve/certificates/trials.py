@@ -17,7 +17,7 @@ from solve.methods.march import March
 from solve.methods.modal import Modal
 from tests.solve.certificates.population import SERIES, Member, member
 from tests.solve.certificates.truth import OWN_ERROR, PHASES, Truth
-from tests.solve.witnesses import relative_error
+from tests.solve.references import relative_error
 
 VISIBLE = 1e-12
 """True errors above this are compared with estimates for sharpness."""

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import legendre
 
-from tests.solve.witnesses import rate_matrices
+from tests.solve.references import rate_matrices
 
 PHASES = np.linspace(0.0, 2 * np.pi, 1000, endpoint=False) + 1e-3
 """At which orbits are compared."""

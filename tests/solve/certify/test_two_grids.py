@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 from solve import Gauss, PeriodicSystem, floquet
 from solve.period.grid import Grid
 from solve.period.points import OnePoint
+from tests.solve.references import Shooting, multiplier_error
 from tests.solve.systems import constant
-from tests.solve.witnesses import Shooting, multiplier_error
 
 
 def hill(delta):

@@ -1,5 +1,5 @@
-"""Central differences with Richardson's extrapolation of what `solve.periodic` gives on one grid: the witness
-of derivatives, apart from them."""
+"""Central differences of the results of `solve.periodic` on one grid with Richardson's extrapolation, as
+reference values of derivatives."""
 
 import numpy as np
 

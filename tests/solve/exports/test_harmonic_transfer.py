@@ -6,8 +6,8 @@ from scipy.integrate import solve_ivp
 
 import solve
 from solve.errors import NoMotionError, ValueOutOfBoundsError
+from tests.solve.references import rate_matrices
 from tests.solve.systems import constant, system
-from tests.solve.witnesses import rate_matrices
 
 
 def damped_mathieu(phase, speed):

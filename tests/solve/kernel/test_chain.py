@@ -7,8 +7,8 @@ from solve.kernel.chain import closed, followed
 from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.period_map import Steps, periodic_states, states_from
 from tests.solve.kernel.test_lanes import needs_compiler
+from tests.solve.references import closed_chain
 from tests.solve.systems import swelling
-from tests.solve.witnesses import closed_chain
 
 
 def same(N, m, r, growth, unit=1.0):

@@ -12,8 +12,8 @@ import solve
 from solve.methods.method import OneStep
 from solve.studies.compare import compare
 from tests.solve.methods import test_all_methods as claims
+from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import constant, random_system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 PAGE = Path(__file__).parents[3] / "docs" / "add_a_method.md"
 FILE, USE = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)

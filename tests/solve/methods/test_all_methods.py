@@ -27,8 +27,8 @@ from solve.methods.modal import Modal
 from solve.period.grid import Grid
 from solve.period.points import OnePoint, Tables
 from tests.solve.methods.meissner import EQUATION, MULTIPLIERS, TURN, generator, states
+from tests.solve.references import Shooting, multiplier_error, relative_error, slope
 from tests.solve.systems import constant, frozen_modes, random_system, system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error, slope
 
 SYSTEM = random_system(4, 2)
 PHASES = np.linspace(0.0, TURN, 1001)

@@ -17,8 +17,8 @@ from tests.solve.methods.meissner import (
     ZETA,
     states,
 )
+from tests.solve.references import multiplier_error
 from tests.solve.systems import system
-from tests.solve.witnesses import multiplier_error
 
 
 def test_piecewise_constant_steps_are_exact_on_two_steps():

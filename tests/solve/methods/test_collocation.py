@@ -9,8 +9,8 @@ from solve import Radau, floquet
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.gauss import Gauss
 from solve.period.grid import Grid
+from tests.solve.references import rate_matrices
 from tests.solve.systems import chain_of, constant, random_system, seeds
-from tests.solve.witnesses import rate_matrices
 
 RADAU = [Radau(order) for order in (3, 5, 7, 9, 11, 13)]
 GAUSS = [Gauss(order) for order in (4, 6, 8, 10, 12, 14, 16)]

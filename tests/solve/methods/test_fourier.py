@@ -7,8 +7,8 @@ from solve import Radau, floquet, periodic
 from solve.methods.fourier import differentiation
 from solve.period.grid import Grid
 from tests.solve.certificates.population import member
+from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import constant, random_matrices, random_system, system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 PHASES = np.linspace(0.0, 2 * np.pi, 401)
 

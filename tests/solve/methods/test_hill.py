@@ -9,8 +9,8 @@ from solve import floquet, periodic
 from solve.errors import ValueOutOfBoundsError
 from solve.methods.gauss import Gauss
 from solve.methods.hill import boundaries, determinant
+from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import constant, random_system, system
-from tests.solve.witnesses import Shooting, multiplier_error, relative_error
 
 EPSILONS = [-10.0, -3.0, 0.5, 3.0, 10.0]
 ORDERS = range(7)

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 from solve import Radau, floquet, periodic
 from solve.methods.hsu import Hsu
+from tests.solve.references import multiplier_error, relative_error
 from tests.solve.systems import constant, seeds, spd, system
-from tests.solve.witnesses import multiplier_error, relative_error
 
 TURN = 2 * np.pi
 

@@ -9,8 +9,8 @@ from solve import Newmark, floquet, periodic
 from solve.errors import StepsError, ValueOutOfBoundsError
 from solve.methods.march import March
 from tests.solve.certificates.population import member
+from tests.solve.references import relative_error
 from tests.solve.systems import constant, random_system
-from tests.solve.witnesses import relative_error
 
 
 def oscillator(frequency, radius):

@@ -6,8 +6,8 @@ from scipy.linalg import expm
 
 from solve import floquet, periodic
 from solve.errors import MatricesError
+from tests.solve.references import multiplier_error, relative_error, slope
 from tests.solve.systems import constant, random_system, spd, system
-from tests.solve.witnesses import multiplier_error, relative_error, slope
 
 PHASES = np.linspace(0.0, 2 * np.pi, 301)
 

@@ -17,8 +17,8 @@ from solve.period.period_map import (
     periodic_states,
     states_from,
 )
+from tests.solve.references import closed_chain
 from tests.solve.systems import seeds, swelling
-from tests.solve.witnesses import closed_chain
 
 COUNTS = [1, 2, 3, 5, BLOCKS - 1, BLOCKS, BLOCKS + 1, 2 * BLOCKS, 2 * BLOCKS + 1, 777]
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from solve import RungeKutta4, periodic
 from solve.errors import StepsError
 from solve.period.grid import Grid
+from tests.solve.references import Shooting, multiplier_error, rate_matrices, slope
 from tests.solve.systems import cam, chain_of, constant, frozen_modes, random_system, seeds
-from tests.solve.witnesses import Shooting, multiplier_error, rate_matrices, slope
 
 CORRECTED, PRINTED = 1.0, 0.5
 """The coefficient of P₁P_m and P₁f_m in h², and of P₁P_m² in h³/2."""

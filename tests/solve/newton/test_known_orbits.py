@@ -5,7 +5,7 @@ import pytest
 
 import solve
 from tests.solve.newton.mechanisms import duffing, known_system, model_of, trigonometric
-from tests.solve.witnesses import relative_error
+from tests.solve.references import relative_error
 
 PHASE = np.linspace(0.0, 2 * np.pi, 500)
 

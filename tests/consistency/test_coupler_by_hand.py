@@ -1,4 +1,4 @@
-"""Two witnesses of the flexible coupler: the equations by hand, a Lagrangian differentiated by machine."""
+"""Matrices by hand of the flexible coupler against those of its Lagrangian, differentiated automatically."""
 
 import coupler_lagrangian
 import numpy as np
@@ -32,8 +32,8 @@ def by_energies(linkage, speed, branch):
 @pytest.mark.parametrize("rpm", [600, 1500, 4000])
 def test_hand_equations_equal_the_linearised_lagrangian(name, branch, rpm):
     linkage, speed = LINKAGES[name], rpm * np.pi / 30
-    witness = by_energies(linkage, speed, branch)
-    errors = witness.errors(*by_hand(linkage, speed, branch))
+    reference = by_energies(linkage, speed, branch)
+    errors = reference.errors(*by_hand(linkage, speed, branch))
     assert all(error < TOLERANCE for error in errors.values()), errors
 
 
@@ -65,22 +65,22 @@ STIFFNESS_MISPRINTS = [
 def test_each_misprint_of_the_stiffness_is_refuted(misprint, entries, size):
     speed = 50 * np.pi
     M, B, C, h = by_hand(TABLE_2, speed, "open", frozenset({misprint}))
-    witness = by_energies(TABLE_2, speed, "open")
-    deviation = abs(C - witness.C).max(axis=0) / coupler_lagrangian.variation(witness.C)
+    reference = by_energies(TABLE_2, speed, "open")
+    deviation = abs(C - reference.C).max(axis=0) / coupler_lagrangian.variation(reference.C)
     assert np.all(deviation[entries] > 10 * TOLERANCE), "an entry that the misprint should spoil agrees"
     assert np.all(deviation[~entries] < TOLERANCE), "an entry that the misprint should leave alone deviates"
     assert deviation.max() == pytest.approx(size, rel=0.01)
-    for hand, energies in ((M, witness.M), (B, witness.B), (h, witness.h)):
+    for hand, energies in ((M, reference.M), (B, reference.B), (h, reference.h)):
         np.testing.assert_allclose(hand, energies, rtol=0, atol=TOLERANCE * abs(energies).max())
 
 
 def test_the_misprinted_damping_is_refuted():
     speed = 50 * np.pi
     _, B, C, _ = by_hand(TABLE_2, speed, "open", frozenset({Misprint.MATERIAL_DAMPING}))
-    witness = by_energies(TABLE_2, speed, "open")
+    reference = by_energies(TABLE_2, speed, "open")
     # α is 1e-4 s, and ρ/E 3.7e-8 in its place next to nothing: B loses all but the drag.
-    assert abs(B - witness.B).max() / abs(witness.B).max() == pytest.approx(1, rel=1e-3)
-    assert abs(C - witness.C).max() < TOLERANCE * coupler_lagrangian.variation(witness.C)
+    assert abs(B - reference.B).max() / abs(reference.B).max() == pytest.approx(1, rel=1e-3)
+    assert abs(C - reference.C).max() < TOLERANCE * coupler_lagrangian.variation(reference.C)
 
 
 def test_every_misprint_of_the_stiffness_has_its_size():
@@ -127,8 +127,8 @@ def test_drive_torque_is_the_power_of_the_rigid_linkage(name, branch):
     harmonic = 1j * np.fft.fftfreq(count, 1 / count)
     rate = speed * np.fft.ifft(harmonic * np.fft.fft(kinetic + potential)).real
     torque = (rate + loss) / speed
-    witness = coupler_lagrangian.linearised(phase, speed, p, 1, BRANCHES[branch]).drive_torque
-    np.testing.assert_allclose(witness, torque, rtol=0, atol=1e-10 * abs(torque).max())
+    reference = coupler_lagrangian.linearised(phase, speed, p, 1, BRANCHES[branch]).drive_torque
+    np.testing.assert_allclose(reference, torque, rtol=0, atol=1e-10 * abs(torque).max())
 
 
 def test_more_modes_keep_the_equations_of_the_fewer():

@@ -1,4 +1,4 @@
-"""Other ways to the same results, sharing nothing with the code under test."""
+"""Reference solutions by independent code."""
 
 import mpmath
 import numpy as np
