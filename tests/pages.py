@@ -40,7 +40,7 @@ def anchors(page: Path) -> set[str]:
 
 def _slug(title: str) -> str:
     words = re.sub(r"\[([^]]*)\]\([^)]*\)|[`*]", r"\1", title).strip().lower()
-    kept = (each for each in words if each in " -_" or unicodedata.category(each)[0] in "LN")
+    kept = (word for word in words if word in " -_" or unicodedata.category(word)[0] in "LN")
     return "".join(kept).replace(" ", "-")
 
 

@@ -43,9 +43,9 @@ def commands(page: Path) -> list[str]:
     lines = re.findall(rf"^(?:    )?({program}[^#\n]*)$", text, flags=re.MULTILINE)
     spans = re.findall(rf"`({program}[^`\n]+)`", text)
     whole = [
-        each
-        for each in spans
-        if re.search(r"solve \w+ \w+ .*--|derive (?:--\w+ )?\w+$|models\.\w+ .*--", each)
+        span
+        for span in spans
+        if re.search(r"solve \w+ \w+ .*--|derive (?:--\w+ )?\w+$|models\.\w+ .*--", span)
     ]
     return [each.strip() for each in lines + whole if not re.search(r"\b(?:[A-Z]{3,}|mine\.py)\b|…", each)]
 

@@ -119,7 +119,9 @@ def undocumented(command, folder):
     """Keys of the output of a command that the page does not contain."""
     name, keys = paths_of(command, folder)
     patterns = documented(name)
-    return [path for path, value in keys.items() if not any(matches(each, path, value) for each in patterns)]
+    return [
+        path for path, value in keys.items() if not any(matches(pattern, path, value) for pattern in patterns)
+    ]
 
 
 def test_the_page_is_as_generated():

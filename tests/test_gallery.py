@@ -13,7 +13,7 @@ import solve
 from tests import pictures
 from tests.digits import half_a_digit
 
-PICTURES = {each.file.stem: each for each in pictures.pictures() if each.page.stem == "gallery"}
+PICTURES = {picture.file.stem: picture for picture in pictures.pictures() if picture.page.stem == "gallery"}
 SCRIPTS = sorted((pictures.ROOT / "docs" / "gallery").glob("*.py"))
 MOST_LINES = 45
 SLOW = {

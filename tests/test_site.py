@@ -64,9 +64,9 @@ def test_every_public_name_has_a_docstring():
 def test_every_result_and_method_has_its_entry():
     modules = pkgutil.iter_modules(solve.results.__path__, "solve.results.")
     imported = [import_module(module.name) for module in modules]
-    results = [each for module in imported for each in vars(module).values() if inspect.isclass(each)]
-    asked = {each for each in results if issubclass(each, Result)}
-    asked |= {each for each in METHODS.values() if inspect.isclass(each)}
+    results = [var for module in imported for var in vars(module).values() if inspect.isclass(var)]
+    asked = {result for result in results if issubclass(result, Result)}
+    asked |= {method for method in METHODS.values() if inspect.isclass(method)}
     assert len(asked) > 25
     for each in asked:
         assert {f"{each.__module__}.{each.__name__}", f"solve.{each.__name__}"} & NAMED, each
@@ -76,12 +76,12 @@ def test_every_error_has_its_entry():
     for module in (solve.errors, derive.errors):
         assert f"automodule:: {module.__name__}" in ENTRIES
         classes = [
-            each
-            for each in vars(module).values()
-            if getattr(each, "__module__", "") == module.__name__ and inspect.isclass(each)
+            var
+            for var in vars(module).values()
+            if getattr(var, "__module__", "") == module.__name__ and inspect.isclass(var)
         ]
         assert len(classes) > 10
-        assert all(each.__doc__ for each in classes)
+        assert all(class_.__doc__ for class_ in classes)
 
 
 def digits(text: str) -> tuple[str, list[float]]:

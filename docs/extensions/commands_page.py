@@ -66,9 +66,9 @@ def flags() -> dict[str, list[Flag]]:
     """Flags of every command, without `--help`."""
     return {
         name: [
-            Flag(each)
-            for each in command.params
-            if each.param_type_name == "option" and "--help" not in each.opts
+            Flag(parameter)
+            for parameter in command.params
+            if parameter.param_type_name == "option" and "--help" not in parameter.opts
         ]
         for name, command in programs()
     }

@@ -136,7 +136,9 @@ class Figures:
 
     def find_extrema(self, quantities: Sequence[Named]) -> None:
         """Find all extrema among the requested figures together."""
-        wanted = dict.fromkeys((each.subject, each.figure) for each in quantities if each.figure in _SIGNS)
+        wanted = dict.fromkeys(
+            (quantity.subject, quantity.figure) for quantity in quantities if quantity.figure in _SIGNS
+        )
         new = [pair for pair in wanted if pair not in self._extrema]
         pairs = [pair for pair in new if pair in self._starts or self._finite(pair[0])]
         if not pairs:

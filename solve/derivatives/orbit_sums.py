@@ -116,7 +116,7 @@ class Forward:
     def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
         """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
-        from_signal = [whole_outputs and each.name in self.orbit.system.outputs for each in figures]
+        from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
         term, data = np.abs if sizes else np.asarray, self._data
         if sizes:
@@ -167,7 +167,7 @@ def _combined(figures: Sequence[WeightedSums], sums: Sequence[Array], sizes: boo
 
 def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
     """Sums (r, c) of each figure, from all sums (r, …)."""
-    return np.split(sums, np.cumsum([each.weights.shape[1] for each in figures])[:-1], axis=1)
+    return np.split(sums, np.cumsum([figure.weights.shape[1] for figure in figures])[:-1], axis=1)
 
 
 def _direct_and_orbit_terms(
@@ -175,7 +175,7 @@ def _direct_and_orbit_terms(
 ) -> tuple[Array, Array]:
     """Derivatives (r, c) of all sums by θ at a fixed orbit, or 0, and weights (m, 2 + k, n, c) of the data of
     the orbit's curve. term: the modulus of terms, or the terms themselves."""
-    problem, ends = orbit.problem, np.cumsum([0, *(each.weights.shape[1] for each in figures)])
+    problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}
     by_samples: dict[int, list[tuple[WeightedSums, slice]]] = {}

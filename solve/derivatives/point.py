@@ -106,7 +106,7 @@ def sensitivities(
     if nonlinear:
         solved = nonlinear_orbit(*given, periods=count, **settings)
     else:
-        orbit = any(each.of_orbit for each in quantities)
+        orbit = any(quantity.of_orbit for quantity in quantities)
         solved = (periodic if orbit else floquet)(*given, **settings)
     return of_solution(solved, quantities, names)
 
@@ -139,7 +139,7 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
     if not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
     free = solved.certified.solutions.free
-    of_orbits = sum(each.of_orbit for each in quantities)
+    of_orbits = sum(quantity.of_orbit for quantity in quantities)
     if free is not None and of_orbits and free.modes.conserving.any():
         raise NoDerivativeError(
             "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "

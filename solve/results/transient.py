@@ -195,10 +195,10 @@ class Transient(Result):
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(part, 1, 0).reshape(self.system.n, -1) for part in (q, qd, qdd))
-        found = self.system.output_values(
+        outputs = self.system.output_values(
             phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
         )
-        return np.stack([found[name].reshape(s.shape) for name in names], axis=1)
+        return np.stack([outputs[name].reshape(s.shape) for name in names], axis=1)
 
     @cached_property
     def extremes(self) -> Mapping[str, Statistics]:

@@ -81,17 +81,17 @@ def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -
 
     trials = _Trials(problem, _at_start(problem).shape)
     settings: dict[str, Any] = {"jac": problem.jacobian, "bounds": bounds, "x_scale": "jac"}
-    found = least_squares(trials.residuals, problem.start, **settings)
+    solution = least_squares(trials.residuals, problem.start, **settings)
     for _ in range(2 if robust else 0):
-        scale = _OUTLIER * _spread(found.fun)
+        scale = _OUTLIER * _spread(solution.fun)
         if scale > 0:
-            found = least_squares(trials.residuals, found.x, loss="soft_l1", f_scale=scale, **settings)
-    left = len(found.fun) - len(found.x)
-    sigma = _spread(found.fun) if robust else float(np.sqrt(2 * found.cost / left))
-    exact = np.sqrt(np.mean(found.fun**2)) <= _EXACT
-    stationary = bool(robust or exact or _offset(found) <= _OFFSET)
-    doubts = [] if exact else _doubts(problem, found, trials, stationary)
-    return Minimum(found.x, found.fun, found.jac, sigma, stationary, doubts)
+            solution = least_squares(trials.residuals, solution.x, loss="soft_l1", f_scale=scale, **settings)
+    left = len(solution.fun) - len(solution.x)
+    sigma = _spread(solution.fun) if robust else float(np.sqrt(2 * solution.cost / left))
+    exact = np.sqrt(np.mean(solution.fun**2)) <= _EXACT
+    stationary = bool(robust or exact or _offset(solution) <= _OFFSET)
+    doubts = [] if exact else _doubts(problem, solution, trials, stationary)
+    return Minimum(solution.x, solution.fun, solution.jac, sigma, stationary, doubts)
 
 
 def _spread(residuals: Array) -> float:

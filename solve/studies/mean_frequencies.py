@@ -137,10 +137,10 @@ def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iter
     if not len(row):
         return
     ends, tolerances = (speeds[at], speeds[at + 1]), {"xrtol": _TOLERANCE, "xatol": 0.0, "fatol": 0.0}
-    found = find_root(excess, ends, args=(row + 1,), tolerances=tolerances, maxiter=_MAX_ITERATIONS)
+    root = find_root(excess, ends, args=(row + 1,), tolerances=tolerances, maxiter=_MAX_ITERATIONS)
     # Means jump where two modes begin to keep their shapes.
-    crosses = np.abs(found.f_x) <= _JUMP * (row + 1) * speeds[at]
-    yield from zip((row[crosses] + 1).tolist(), found.x[crosses].tolist(), strict=True)
+    crosses = np.abs(root.f_x) <= _JUMP * (row + 1) * speeds[at]
+    yield from zip((row[crosses] + 1).tolist(), root.x[crosses].tolist(), strict=True)
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:

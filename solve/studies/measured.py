@@ -88,13 +88,13 @@ def _matlab(path: Path) -> Record:
     from scipy.io.matlab import MatReadError
 
     try:
-        found = loadmat(str(path), squeeze_me=True, struct_as_record=False, appendmat=False)
+        content = loadmat(str(path), squeeze_me=True, struct_as_record=False, appendmat=False)
     except MatReadError:
         raise ValueError from None
-    units: Any = found.get("units")
+    units: Any = content.get("units")
     vectors = {
         name: np.atleast_1d(value).astype(float)
-        for name, value in found.items()
+        for name, value in content.items()
         if not name.startswith("__") and isinstance(value, np.ndarray | float | int) and np.ndim(value) < 2
     }
     axis = next((name for name in AXES if name in vectors), None)
@@ -313,10 +313,10 @@ def _size(title: str, unit: str) -> float:
 
 def _speed_unit(title: str) -> GivenSpeed:
     """Speed of one unit of a column of speeds."""
-    found = re.search(r"\(([^()]*)\)\s*$", title)
-    if found is None:
+    match = re.search(r"\(([^()]*)\)\s*$", title)
+    if match is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")
-    return speed_in_si(f"1 {found[1].strip()}")
+    return speed_in_si(f"1 {match[1].strip()}")
 
 
 def _channels(columns: dict[str, Array], orders: bool) -> dict[str, Array]:

@@ -48,8 +48,8 @@ def transient_figure(transient: Transient, names: Sequence[str] | None = None) -
             factor = label_quantity(place, transient.system, name, values)
             place.plot(turns, factor * values, color=BLUE, linewidth=0.8)
             if transient.orbit is not None:
-                found = transient.orbit.statistics(name)
-                for level in (found.max, found.min):
+                statistics = transient.orbit.statistics(name)
+                for level in (statistics.max, statistics.min):
                     place.axhline(factor * level, color=VERMILION, linewidth=0.8, linestyle="--")
         axes[-1].set_xlim(0, turns[-1])
         dashed = " (dashed: extrema of the orbit)" if transient.orbit is not None else ""

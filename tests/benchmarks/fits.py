@@ -46,9 +46,9 @@ def coverage(trials: int, first: int = 0) -> dict[str, int]:
     with tempfile.TemporaryDirectory() as folder:
         for seed in range(first, first + trials):
             file = written(Path(folder) / "record.csv", orbit, seed)
-            found = solve.fit(cam, file, list(FREE), speed=SPEED, rtol=1e-5)
+            fitted = solve.fit(cam, file, list(FREE), speed=SPEED, rtol=1e-5)
             for name, value in true.items():
-                held[name] += found.parameters[name].low <= value <= found.parameters[name].high
+                held[name] += fitted.parameters[name].low <= value <= fitted.parameters[name].high
     return held
 
 

@@ -35,7 +35,7 @@ def compared(name: str, system: PeriodicSystem, speed: float | str, most: int) -
     seconds, orbit = median(lambda: solve.nonlinear(system, speed, rtol=ACCURACY))
     finer, _ = median(lambda: solve.nonlinear(system, speed, rtol=1e-8))
     truth = solve.nonlinear(system, speed, start=orbit, rtol=1e-9)
-    arrived = [each for each in TOLERANCES if marched(system, truth, each, most)]
+    arrived = [tolerance for tolerance in TOLERANCES if marched(system, truth, tolerance, most)]
     timed = [(*median(lambda each=each: marched(system, truth, each, most), 1), each) for each in arrived]
     theirs, turns, rtol = min(timed)
     nonlinear = f"nonlinear {1e3 * seconds:.1f} ms, to 1e-8 {1e3 * finer:.1f} ms"

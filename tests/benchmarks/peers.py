@@ -132,5 +132,7 @@ def boundary_values(tol, nodes=1000):
         return start - end
 
     t = np.linspace(0.0, PERIOD, nodes + 1)
-    found = solve_bvp(rate, closing, t, np.zeros((6, len(t))), fun_jac=jacobian, tol=tol, max_nodes=100_000)
-    return SPEED * found.x, found.y[:3], np.empty(0)
+    solution = solve_bvp(
+        rate, closing, t, np.zeros((6, len(t))), fun_jac=jacobian, tol=tol, max_nodes=100_000
+    )
+    return SPEED * solution.x, solution.y[:3], np.empty(0)

@@ -119,9 +119,9 @@ def test_derive_offers_its_names_for_completion():
 
 def test_the_pages_pendulum(capsys, tmp_path):
     page = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
-    found = re.search(r"```python\n# in_memory.py\n(.*?)```", page, re.DOTALL)
-    assert found
+    match = re.search(r"```python\n# in_memory.py\n(.*?)```", page, re.DOTALL)
+    assert match
     path = tmp_path / "in_memory.py"
-    path.write_text(found.group(1), encoding="utf-8")
+    path.write_text(match.group(1), encoding="utf-8")
     runpy.run_path(str(path))
     assert capsys.readouterr().out == "190 rad/s unstable\n210 rad/s stable\n"

@@ -18,9 +18,9 @@ NUMBERS = {"r": 0.1, "L": 0.3, "e": 0.02, "m": 2.0, "k": 8e4, "c": 40.0}
 @pytest.fixture
 def press(tmp_path, monkeypatch):
     path = tmp_path / "press.py"
-    found = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
-    assert found
-    path.write_text(found.group(1), encoding="utf-8")
+    match = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
+    assert match
+    path.write_text(match.group(1), encoding="utf-8")
     monkeypatch.setattr(sys, "argv", ["derive", str(path)])
     with pytest.raises(SystemExit) as finished:
         main()
@@ -30,9 +30,9 @@ def press(tmp_path, monkeypatch):
 
 def test_loop_unknowns_may_reuse_names_of_generated_code(tmp_path, monkeypatch):
     """The same press, whose unknowns are called x0 and x1."""
-    found = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
-    assert found
-    other = found.group(1)
+    match = re.search(r"```python\n# press.py\n(.*?)```", PAGE, re.DOTALL)
+    assert match
+    other = match.group(1)
     for theirs, ours in (
         ("s, beta = press", "x0, x1 = press"),
         ('{"s": "m", "beta": "rad"}', '{"x0": "m", "x1": "rad"}'),
@@ -41,7 +41,7 @@ def test_loop_unknowns_may_reuse_names_of_generated_code(tmp_path, monkeypatch):
     ):
         assert theirs in other
         other = other.replace(theirs, ours)
-    texts = found.group(1), other
+    texts = match.group(1), other
     values = []
     for name, text in zip(("press", "other"), texts, strict=True):
         path = tmp_path / f"{name}.py"

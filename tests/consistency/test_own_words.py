@@ -20,10 +20,10 @@ def run(tmp_path, monkeypatch, capsys):
     """The record of the page's line that solves the page's mechanism of that name."""
 
     def running(name):
-        found = re.search(rf"```python\n# {name}.py\n(.*?)```", PAGE, re.DOTALL)
-        assert found
+        match = re.search(rf"```python\n# {name}.py\n(.*?)```", PAGE, re.DOTALL)
+        assert match
         monkeypatch.chdir(tmp_path)
-        Path(f"{name}.py").write_text(found.group(1), encoding="utf-8")
+        Path(f"{name}.py").write_text(match.group(1), encoding="utf-8")
         for line in re.findall(rf"python -m ((?:derive|solve \w+) {name}.py.*)\n", PAGE):
             program, *arguments = shlex.split(line)
             assert not (derive(arguments) if program == "derive" else solve([*arguments, "--json"]))

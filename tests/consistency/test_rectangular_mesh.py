@@ -23,10 +23,10 @@ NUMBERS = {"m": 1.0, "c": 0.02, "k1": 3.0, "k2": 5.0, "z": 1, "F": 1.0}
 @pytest.fixture(scope="module")
 def mesh(tmp_path_factory):
     """Path of the mechanism, derived."""
-    found = re.search(r"```python\n# mesh.py\n(.*?)```", PAGE, re.DOTALL)
-    assert found
+    match = re.search(r"```python\n# mesh.py\n(.*?)```", PAGE, re.DOTALL)
+    assert match
     path = tmp_path_factory.mktemp("mine") / "mesh.py"
-    path.write_text(found.group(1), encoding="utf-8")
+    path.write_text(match.group(1), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["derive", str(path)])
         with pytest.raises(SystemExit) as left:

@@ -21,9 +21,9 @@ PAGE = (ROOT / "docs" / "own_mechanism.md").read_text(encoding="utf-8")
 
 def block(name: str) -> str:
     """The code block whose first line names the file."""
-    found = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
-    assert found, f"the page has no block for {name}"
-    return found.group(1)
+    match = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
+    assert match, f"the page has no block for {name}"
+    return match.group(1)
 
 
 def derived(folder: Path, name: str):

@@ -127,18 +127,18 @@ def text(element):
 
 
 def test_mathml_agrees_with_latex():
-    cam = [text(each) for each in load("cam").module.EQUATIONS]
+    cam = [text(equation) for equation in load("cam").module.EQUATIONS]
     assert cam[:3] == ["M11=I1+(m2+m3)U\u20322", "M12=M21=(m2+m3)U\u2032", "M13=M31=m3U\u2032"]
-    pieces = [text(each) for each in module_of(shaken()).EQUATIONS]
+    pieces = [text(equation) for equation in module_of(shaken()).EQUATIONS]
     assert pieces == ["M=m", "C=0", "K={k(3φmod2π)<πcelse", "d=-4mΩ2S\u2033(2φ)"]
-    coupler = [text(each) for each in load("coupler").module.EQUATIONS]
+    coupler = [text(equation) for equation in load("coupler").module.EQUATIONS]
     assert coupler[0] == "Mij=Al3ρ∫ψiψjdξ+Iρ∫ψi\u2032ψj\u2032dξl3"
     assert "∂l3φ4φ4\u2033" in coupler[2]
-    assert "θcrank=φ" in [text(each) for each in load("four_bar").module.EQUATIONS]
+    assert "θcrank=φ" in [text(equation) for equation in load("four_bar").module.EQUATIONS]
 
 
 def test_a_series_may_be_called_like_a_function():
-    assert [text(each) for each in module_of(shaken("Ei")).EQUATIONS][-1] == "d=-4mΩ2Ei\u2033(2φ)"
+    assert [text(equation) for equation in module_of(shaken("Ei")).EQUATIONS][-1] == "d=-4mΩ2Ei\u2033(2φ)"
 
 
 def test_long_equations_are_not_printed_and_why(monkeypatch):

@@ -308,7 +308,7 @@ def test_one_coordinate_and_one_parameter():
     k = one.parameter("k", "N/m", "spring")
     one.kinetic, one.potential = m * rate(q) ** 2 / 2, k * q**2 / 2
     check(one)
-    assert [each.bound for each in one.declared_parameters] == ["> 0", ""]
+    assert [parameter.bound for parameter in one.declared_parameters] == ["> 0", ""]
     with pytest.raises(DeclarationError, match='"q" is declared twice'):
         one.coordinate("q", "m", "displacement")
 

@@ -23,8 +23,8 @@ ZHOU_HAGIWARA = Source(
 def fast_and_slow():
     """x' = [[0, 1], [-10 cos t, -24 - 10 sin t]] x, of which x1 is an oscillator: its exponents, rising."""
     system = oscillator(lambda t: 10 * np.cos(t), lambda t: 24 + 10 * np.sin(t))
-    found = solve.floquet(system, 1.0, rtol=1e-10, all_multipliers=True)
-    return np.sort(found.exponents.real)
+    stability = solve.floquet(system, 1.0, rtol=1e-10, all_multipliers=True)
+    return np.sort(stability.exponents.real)
 
 
 def turning(t):

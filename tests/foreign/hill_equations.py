@@ -53,8 +53,8 @@ def mathieu(q, multiplier, near):
     def problem(a):
         return oscillator(lambda t: a - 2 * q * np.cos(2 * t), period=np.pi), 1.0
 
-    found = solve.boundaries(problem, (near - 0.15, near - 1e-3, near + 1e-3, near + 0.15), multiplier)
-    return min((each.value for each in found), key=lambda value: abs(value - near))
+    boundaries = solve.boundaries(problem, (near - 0.15, near - 1e-3, near + 1e-3, near + 0.15), multiplier)
+    return min((each.value for each in boundaries), key=lambda value: abs(value - near))
 
 
 def mathieu_case(source, place, family, order, q, printed):
@@ -103,7 +103,7 @@ def phase_advance():
 
 
 CASES = [
-    *(mathieu_case(HANDBOOK, "mathieu_even_values", *each) for each in HANDBOOK_VALUES),
+    *(mathieu_case(HANDBOOK, "mathieu_even_values", *value) for value in HANDBOOK_VALUES),
     *(
         mathieu_case(ZHANG_JIN, "example in the head", family, order, 25, printed)
         for family, order, printed in ZHANG_JIN_VALUES

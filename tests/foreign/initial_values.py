@@ -30,8 +30,8 @@ def motion(name):
     model = solve.load(problem.mechanism, **problem.NUMBERS)
     end = problem.SPEED * problem.TIME
     turns = int(end // model.period) + 1
-    found = solve.transient(model, problem.SPEED, turns, problem.START, nonlinear=True, rtol=1e-6)
-    whole = model.marcher(np.abs(found.q).max(axis=1), 4096, 1e-13)
+    transient = solve.transient(model, problem.SPEED, turns, problem.START, nonlinear=True, rtol=1e-6)
+    whole = model.marcher(np.abs(transient.q).max(axis=1), 4096, 1e-13)
     state = np.concatenate((problem.START[0], problem.START[1] / problem.SPEED))
     for turn in range(turns):
         states = whole(state, turn * model.period, problem.SPEED)

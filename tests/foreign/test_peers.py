@@ -78,9 +78,9 @@ def duffing():
 def test_duffings_orbits(periods, speed, numbers):
     """Stable; of as many periods and of no fewer; the one that 100 of its periods lead to from (1, 0), but
     for the turn at which it begins."""
-    found = solve.nonlinear(solve.load(duffing, m=1.0, **numbers), speed, periods=periods)
-    assert found.stable
-    starts = found.at(2 * np.pi * np.arange(periods))[0]
+    orbit = solve.nonlinear(solve.load(duffing, m=1.0, **numbers), speed, periods=periods)
+    assert orbit.stable
+    starts = orbit.at(2 * np.pi * np.arange(periods))[0]
     assert all(abs(a - b) > 0.05 for a, b in pairwise(np.sort(starts)))
 
     def flow(t, y):

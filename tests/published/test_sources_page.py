@@ -42,13 +42,13 @@ def numbers(place):
         return [first]
     if re.fullmatch("[a-z]", last):
         return [first[:-1] + chr(k) for k in range(ord(first[-1]), ord(last) + 1)]
-    found = re.fullmatch(r"([3-9A-E]\.)?(\d+)(?:\.[a-z])?(?:–[a-z])?", last)
+    match = re.fullmatch(r"([3-9A-E]\.)?(\d+)(?:\.[a-z])?(?:–[a-z])?", last)
     start = re.fullmatch(r"([3-9A-E]\.)?(\d+)(?:\.[a-z])?", first)
     chapter = start[1] or ""
-    assert found
-    assert (found[1] or "") == chapter
+    assert match
+    assert (match[1] or "") == chapter
     letters = re.search(r"\.([a-z])(?:–([a-z]))?$", last)
-    singles = [f"{chapter}{k}" for k in range(int(start[2]), int(found[2]) + 1)]
+    singles = [f"{chapter}{k}" for k in range(int(start[2]), int(match[2]) + 1)]
     if not letters:
         return singles
     if re.search(r"\.[a-z]$", first):

@@ -15,8 +15,10 @@ frequency that they belong to; one element a link, ζ = 2 %. Computed by an inde
 @pytest.mark.slow
 def test_critical_speeds_by_deflection_and_by_divisions_of_the_mean_frequency():
     model = solve.load("four_bar")
-    found = solve.critical_speeds(model, [25.0, 100.0], "follower_midpoint_deflection", orders=8, rtol=1e-6)
-    rows = {row.order: row for row in found.rows if row.mode == 1 and row.response and row.division}
+    critical = solve.critical_speeds(
+        model, [25.0, 100.0], "follower_midpoint_deflection", orders=8, rtol=1e-6
+    )
+    rows = {row.order: row for row in critical.rows if row.mode == 1 and row.response and row.division}
     for order, speed in CRITICAL.items():
         row = rows[order]
         assert row.response.speed == pytest.approx(speed, abs=0.05)
@@ -53,10 +55,10 @@ def test_damping_lowers_even_the_couplers_smallest_peak():
     """7.6, "invariably": near 29.4 rad/s. On either side of it the same damping raises the stress."""
     speeds = [29.0, 29.2, 29.4, 29.6]
     model = solve.load("four_bar", options={"elements": 3})
-    found = solve.sweeps(
+    sweeps = solve.sweeps(
         solve.variants(model, "zeta", [0.02, 0.06]), speeds, ["coupler_midpoint_stress"], rtol=1e-4
     )
-    light, heavy = found.figures("coupler_midpoint_stress")
+    light, heavy = sweeps.figures("coupler_midpoint_stress")
     assert int(light.argmax()) == 2
     assert list(heavy < light) == [False, True, True, False]
 
@@ -91,8 +93,8 @@ def test_critical_speeds_but_not_peaks_are_nearly_independent_of_l4():
     while its height falls to less than half, and no further from 0.6 m on."""
     speeds = np.linspace(44.0, 48.0, 41)
     models = {str(L4): solve.load("four_bar", L4=L4) for L4 in (0.5, 0.547, 0.6, 0.65)}
-    found = solve.sweeps(models, speeds, ["follower_midpoint_deflection"])
-    size = found.figures("follower_midpoint_deflection", "rms")
+    sweeps = solve.sweeps(models, speeds, ["follower_midpoint_deflection"])
+    size = sweeps.figures("follower_midpoint_deflection", "rms")
     at, peaks = speeds[size.argmax(axis=1)], size.max(axis=1)
     assert at.max() / at.min() - 1 < 0.01
     assert (np.abs(at - 46.14) < 0.5).all()
@@ -107,10 +109,10 @@ def test_damping_helps_at_peaks_and_hurts_some_links_at_quiet_speeds():
     names = [f"{place}_stress" for place in ("crank_root", "coupler_midpoint", "follower_midpoint")]
     model = solve.load("four_bar", options={"elements": 3})
     speeds = np.linspace(24.0, 44.0, 31)
-    found = solve.sweeps(solve.variants(model, "zeta", [0.02, 0.06]), speeds, names, rtol=1e-5)
+    sweeps = solve.sweeps(solve.variants(model, "zeta", [0.02, 0.06]), speeds, names, rtol=1e-5)
     ratios = {"peak": [], "quiet": []}
     for name in names:
-        for extreme in found.extremes(name):
+        for extreme in sweeps.extremes(name):
             ratios[extreme.kind].append(extreme.responses[1] / extreme.responses[0])
     assert len(ratios["peak"]) > 3
     assert max(ratios["peak"]) < 1

@@ -8,14 +8,14 @@ import solve
 
 def test_marching_from_rest_reaches_1e_4_in_24_cycles():
     """For every coordinate; for each alone 23 or 24, by the largest modulus 0.6743 of the multipliers."""
-    found = solve.transient(solve.load("four_bar"), "62 rad/s", turns=26, rtol=1e-4)
-    assert found.reached == 24
-    last = np.array([np.flatnonzero(column > 1e-4).max() + 1 for column in found.distances.T])
+    transient = solve.transient(solve.load("four_bar"), "62 rad/s", turns=26, rtol=1e-4)
+    assert transient.reached == 24
+    last = np.array([np.flatnonzero(column > 1e-4).max() + 1 for column in transient.distances.T])
     assert (last.min(), last.max()) == (23, 24)
 
 
 @pytest.mark.parametrize(("steps", "more_than_31"), [(72, True), (90, True), (120, False), (180, False)])
 def test_cycles_of_newmark_marching_depend_on_the_steps(steps, more_than_31):
     """ln 1e-4 / ln|ρ| of its average acceleration: the 31 of the thesis lie between 90 and 120 intervals."""
-    found = solve.floquet(solve.load("four_bar"), "62 rad/s", solve.Newmark(), steps=steps, rtol=0.9)
-    assert (np.log(1e-4) / np.log(found.spectral_radius) > 31) == more_than_31
+    stability = solve.floquet(solve.load("four_bar"), "62 rad/s", solve.Newmark(), steps=steps, rtol=0.9)
+    assert (np.log(1e-4) / np.log(stability.spectral_radius) > 31) == more_than_31

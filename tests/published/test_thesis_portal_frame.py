@@ -130,9 +130,9 @@ def test_quintic_column_has_all_nine_freedoms(element):
     """Both quintic elements span the same functions here: no end is free of moment, none is pinned."""
     entries = printed(QUINTIC)
     model = solve.load("portal_frame", options={"element": element})
-    found = solve.frequencies(model, count=9)
-    assert found.freedoms == 9
-    np.testing.assert_allclose(found.values[0], entries, rtol=1.5e-5)
+    frequencies = solve.frequencies(model, count=9)
+    assert frequencies.freedoms == 9
+    np.testing.assert_allclose(frequencies.values[0], entries, rtol=1.5e-5)
 
 
 def determinants(omega):

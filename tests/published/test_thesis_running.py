@@ -80,8 +80,8 @@ def test_more_elements_lower_the_critical_speeds():
     at = []
     for elements, speeds in ((1, np.arange(45.0, 47.6, 0.25)), (2, np.arange(41.0, 42.6, 0.125))):
         model = solve.load("four_bar", options={"elements": elements})
-        found = solve.sweep(model, speeds, rtol=1e-4, quantities=["follower_midpoint_deflection"])
-        size = found.figures("follower_midpoint_deflection")
+        sweep = solve.sweep(model, speeds, rtol=1e-4, quantities=["follower_midpoint_deflection"])
+        size = sweep.figures("follower_midpoint_deflection")
         assert 0 < size.argmax() < len(speeds) - 1
         at.append(speeds[size.argmax()])
     assert at[0] > 1.08 * at[1]
@@ -93,15 +93,15 @@ def test_damping_ends_an_instability_far_below_the_first_frequency(zeta, stable)
     below 160 rad/s."""
     model = solve.load("four_bar", options={"terms": "full"}, zeta=zeta)
     assert solve.frequencies(model, TURN[::5], 1).values.min() > 160
-    found = solve.floquet(model, 61.05, rtol=1e-5)
-    assert found.stable is stable
-    assert (found.spectral_radius > 1.005) == (not stable)
+    stability = solve.floquet(model, 61.05, rtol=1e-5)
+    assert stability.stable is stable
+    assert (stability.spectral_radius > 1.005) == (not stable)
 
 
 def cycles(speed, zeta):
     """Until 1e-4 of a transient is left, by the largest modulus of the multipliers."""
-    found = solve.floquet(solve.load("four_bar", zeta=zeta), speed, rtol=1e-5)
-    return np.log(1e-4) / np.log(found.spectral_radius)
+    stability = solve.floquet(solve.load("four_bar", zeta=zeta), speed, rtol=1e-5)
+    return np.log(1e-4) / np.log(stability.spectral_radius)
 
 
 def test_damping_determines_the_convergence_of_marching():
@@ -126,7 +126,9 @@ def test_unstable_bands_widen_with_the_speed():
     """7.3, without damping: those of the lowest mode, next to 2/7, 2/6, 2/5 and 2/4 of its mean frequency."""
     model = solve.load("four_bar", options={"terms": "full"}, zeta=0.0)
     windows = ([52.2, 52.45], [60.9, 61.15], [72.45, 72.75], [91.55, 92.05])
-    widest = [max(band.high - band.low for band in solve.bands(model, each, rtol=1e-6)) for each in windows]
+    widest = [
+        max(band.high - band.low for band in solve.bands(model, window, rtol=1e-6)) for window in windows
+    ]
     assert (np.diff(widest) > 0).all()
 
 

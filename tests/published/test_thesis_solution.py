@@ -110,9 +110,9 @@ def test_structural_damping_extends_newmark_steps_unless_gamma_is_half(gamma, be
 def test_marching_never_settles_without_damping():
     """2.2.2, with the terms that conserve: after ten to twenty cycles as much is left as after the first."""
     undamped = solve.load("four_bar", options={"terms": "full"}, zeta=0.0)
-    found = solve.transient(undamped, "62 rad/s", turns=20, rtol=1e-4)
-    assert found.reached is None
-    assert found.distances[10:].max() > 0.5 * found.distances[0].max()
+    transient = solve.transient(undamped, "62 rad/s", turns=20, rtol=1e-4)
+    assert transient.reached is None
+    assert transient.distances[10:].max() > 0.5 * transient.distances[0].max()
 
 
 def test_runge_kutta_needs_smaller_steps_for_stiff_equations():

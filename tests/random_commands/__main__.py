@@ -24,7 +24,10 @@ def main(count: int = 5000, seed: int = 1) -> int:
             seconds, wrong = time.process_time() - begun, complaint(ended)
             found += bool(wrong)
             if wrong or seconds > 20:
-                shown = [each if len(each) < 60 else f"{each[:20]}…({len(each)})" for each in arguments]
+                shown = [
+                    argument if len(argument) < 60 else f"{argument[:20]}…({len(argument)})"
+                    for argument in arguments
+                ]
                 print(f"{number} ({seconds:.1f} s) {program} {shown}: {wrong[:300]}", flush=True)
     print(f"{count} command lines, seed {seed}: {found} complaints; statuses {dict(statuses)}")
     return found

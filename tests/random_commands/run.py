@@ -53,12 +53,12 @@ def drawn(seed: int, count: int) -> Iterator[tuple[str, list[str]]]:
 
 def complaint(ended: Ended) -> str:
     """What is wrong with how a command ended, or nothing."""
-    lines = [each for each in ended.error.strip().splitlines() if " so far" not in each]
+    lines = [line for line in ended.error.strip().splitlines() if " so far" not in line]
     if ended.status is None:
         return f"took more than {SECONDS} s"
     if ended.status not in (0, 1, 2, INTERRUPTED):
         return f"status {ended.status}: {lines[-1] if lines else ''}"
-    refusals = [each for each in lines if not _BESIDE.match(each)]
+    refusals = [line for line in lines if not _BESIDE.match(line)]
     if ended.status == 2 and len(refusals) != 1:
         return f"{len(refusals)} lines of refusal"
     if ended.status == 0 and not all(map(_USUAL.match, lines)):

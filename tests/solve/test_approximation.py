@@ -22,16 +22,16 @@ def test_harmonics_of_roundoff_size_are_dropped(noise):
     def function(phase):
         return smooth(phase) + noise * rng.standard_normal((len(phase), 3))
 
-    found = interpolated(function, PERIOD)
-    assert isinstance(found, Trigonometric)
-    assert (30 if noise else 45) < len(found._frequencies) < (50 if noise else 65)
+    curve = interpolated(function, PERIOD)
+    assert isinstance(curve, Trigonometric)
+    assert (30 if noise else 45) < len(curve._frequencies) < (50 if noise else 65)
     phase = rng.uniform(0, PERIOD, 100)
-    np.testing.assert_allclose(found(phase), smooth(phase), rtol=0, atol=max(10 * noise, 4e-14))
+    np.testing.assert_allclose(curve(phase), smooth(phase), rtol=0, atol=max(10 * noise, 4e-14))
 
 
 def test_zero_functions_have_one_harmonic():
-    found = interpolated(lambda phase: np.zeros((len(phase), 2)), PERIOD)
-    np.testing.assert_array_equal(found(np.array([0.1, 2.0])), np.zeros((2, 2)))
+    curve = interpolated(lambda phase: np.zeros((len(phase), 2)), PERIOD)
+    np.testing.assert_array_equal(curve(np.array([0.1, 2.0])), np.zeros((2, 2)))
 
 
 def test_functions_with_a_kink_are_returned_unchanged():

@@ -20,7 +20,7 @@ OF_OTHERS = {"boundaries", "chart", "signal_statistics", "sweeps"}
 def test_a_number_is_refused_by_every_public_function(name):
     function = getattr(solve, name)
     first, *others = inspect.signature(function).parameters.values()
-    needed = {each.name: None for each in others if each.default is each.empty}
+    needed = {other.name: None for other in others if other.default is other.empty}
     with pytest.raises(SolveError, match=r"3|int"):
         function(3, **needed)
     with pytest.raises(SolveError, match=r"3|int"):

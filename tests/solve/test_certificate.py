@@ -111,24 +111,24 @@ def stiff(growth):
 )
 def test_a_stiff_mode_that_lives_on_is_not_lost(method, growth, verdict):
     """L-stable methods damp what they do not resolve; the true |ρ| is exp(2π growth)."""
-    found = floquet(stiff(growth), 1.0, method, rtol=1e-6)
-    assert found.spectral_radius == pytest.approx(np.exp(2 * np.pi * growth), rel=1e-5)
-    assert found.verdict == verdict
+    stability = floquet(stiff(growth), 1.0, method, rtol=1e-6)
+    assert stability.spectral_radius == pytest.approx(np.exp(2 * np.pi * growth), rel=1e-5)
+    assert stability.verdict == verdict
 
 
 def test_too_few_steps_for_a_stiff_mode_give_a_warning():
     for method in ("radau", "gauss", "newmark"):
-        found = floquet(stiff(5e-3), 1.0, method, steps=64, rtol=1e-3)
-        assert found.error_estimate.multipliers > 1e-2
-        assert found.warnings
+        stability = floquet(stiff(5e-3), 1.0, method, steps=64, rtol=1e-3)
+        assert stability.error_estimate.multipliers > 1e-2
+        assert stability.warnings
 
 
 @pytest.mark.parametrize("method", ["newmark", "gauss", "rk4", "hsu"])
 def test_unresolved_stiff_modes_of_methods_that_keep_them_are_flagged(method):
     """At 100 rpm the cam's fastest mode turns 16 000 rad a turn of the shaft."""
     steps = {"rk4": 6000}.get(method, 400)
-    found = floquet(cam(), "100 rpm", method, steps=steps, rtol=0.5)
-    assert any("leave stiff modes unresolved" in text and "use radau" in text for text in found.warnings)
+    stability = floquet(cam(), "100 rpm", method, steps=steps, rtol=0.5)
+    assert any("leave stiff modes unresolved" in text and "use radau" in text for text in stability.warnings)
     assert not any("unresolved" in text for text in floquet(cam(), "100 rpm", "radau", rtol=1e-6).warnings)
 
 
@@ -168,10 +168,10 @@ def test_large_systems_may_take_the_steps_that_they_need(n):
 
 
 def test_floquet_alone_states_no_error_of_an_orbit():
-    found = floquet(random_system(1, 2), 1.0)
-    assert np.isnan(found.error_estimate.orbit)
+    stability = floquet(random_system(1, 2), 1.0)
+    assert np.isnan(stability.error_estimate.orbit)
     orbit = periodic(random_system(1, 2), 1.0)
-    np.testing.assert_allclose(found.multipliers, orbit.multipliers, rtol=1e-10)
+    np.testing.assert_allclose(stability.multipliers, orbit.multipliers, rtol=1e-10)
 
 
 def tuned_absorber():

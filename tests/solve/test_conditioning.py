@@ -50,12 +50,12 @@ def test_multipliers_of_1e_170_have_the_digits_that_the_steps_give(method):
     given = constant(
         np.eye(2), np.diag([0.1, 124.0]), np.diag([1.3, 62.0**2]), lambda phase: np.ones((len(phase), 2))
     )
-    found = floquet(given, 1.0, method, rtol=1e-9)
-    np.testing.assert_allclose(np.abs(found.multipliers[:2]), np.exp(-0.1 * np.pi), rtol=1e-8)
-    known = found.multiplier_errors[2:]
-    small = np.abs(found.multipliers[2:] / np.exp(-124 * np.pi) - 1)
+    stability = floquet(given, 1.0, method, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(stability.multipliers[:2]), np.exp(-0.1 * np.pi), rtol=1e-8)
+    known = stability.multiplier_errors[2:]
+    small = np.abs(stability.multipliers[2:] / np.exp(-124 * np.pi) - 1)
     assert (np.isnan(known) | (small <= 10 * known)).all()
-    assert found.unresolved == np.isnan(known).sum()
+    assert stability.unresolved == np.isnan(known).sum()
 
 
 @pytest.mark.parametrize("method", ["radau", "gauss"])
@@ -63,12 +63,12 @@ def test_multipliers_are_resolved_however_small(method):
     """Both far below 1: exp(2πλ) with λ = -33 and -91."""
     roots = np.array([-33.0, -91.0])
     given = constant(np.eye(1), [[-roots.sum()]], [[roots.prod()]], lambda phase: np.ones((len(phase), 1)))
-    found = floquet(given, 1.0, method, rtol=1e-9)
-    assert found.unresolved == 0
-    assert found.spectral_radius == pytest.approx(np.exp(-66 * np.pi), rel=1e-7)
-    errors = np.abs(found.multipliers / np.exp(2 * np.pi * roots) - 1)
-    assert (errors <= 10 * found.multiplier_errors).all()
-    assert found.verdict == "asymptotically stable"
+    stability = floquet(given, 1.0, method, rtol=1e-9)
+    assert stability.unresolved == 0
+    assert stability.spectral_radius == pytest.approx(np.exp(-66 * np.pi), rel=1e-7)
+    errors = np.abs(stability.multipliers / np.exp(2 * np.pi * roots) - 1)
+    assert (errors <= 10 * stability.multiplier_errors).all()
+    assert stability.verdict == "asymptotically stable"
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -76,9 +76,9 @@ def test_multipliers_are_resolved_however_small(method):
 def test_error_covers_a_spectral_radius_far_below_roundoff(method, rtol):
     """exp(2πλ), |ρ| = 1e-137, with λ = -50 ± 10i."""
     given = constant(np.eye(1), [[100.0]], [[2600.0]], lambda phase: np.ones((len(phase), 1)))
-    found = floquet(given, 1.0, method, rtol=rtol)
+    stability = floquet(given, 1.0, method, rtol=rtol)
     truth = np.exp(-100 * np.pi)
-    assert abs(found.spectral_radius - truth) <= 10 * found.error_estimate.multipliers * truth
+    assert abs(stability.spectral_radius - truth) <= 10 * stability.error_estimate.multipliers * truth
 
 
 def swelling(detuned, damping):
@@ -106,10 +106,10 @@ def test_error_estimate_covers_growth_within_a_turn(detuned, damping):
     assert np.abs(finest.at(phase)).max() > 1e5
     for engine in ("numpy", "auto"):
         for asked in ({"rtol": 1e-6}, {"steps": 384}, {"steps": 512}):
-            found = periodic(given, 1.0, engine=engine, **asked)
-            error = relative_error(found.at(phase), finest.at(phase))
-            assert error <= 10 * (found.error_estimate.orbit + finest.error_estimate.orbit)
-            assert found.error_estimate.orbit < 1e-6
+            orbit = periodic(given, 1.0, engine=engine, **asked)
+            error = relative_error(orbit.at(phase), finest.at(phase))
+            assert error <= 10 * (orbit.error_estimate.orbit + finest.error_estimate.orbit)
+            assert orbit.error_estimate.orbit < 1e-6
 
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
@@ -143,13 +143,13 @@ def test_every_multiplier_is_there_with_its_error(n):
             np.eye(n),
             lambda phase: np.ones((len(phase), n)),
         )
-        found = floquet(given, 1.0, "radau", rtol=1e-6)
+        stability = floquet(given, 1.0, "radau", rtol=1e-6)
         roots = np.concatenate([np.roots([1.0, damping * k, 1.0]) for k in range(1, n + 1)])
         truth = 2 * np.pi * roots[np.argsort(-roots.real)]
-        errors = np.abs(np.real(found.exponents) * 2 * np.pi - np.real(truth))
-        known = found.multiplier_errors
-        assert len(found.multipliers) == len(known) == 2 * n
-        assert found.unresolved == np.isnan(known).sum()
+        errors = np.abs(np.real(stability.exponents) * 2 * np.pi - np.real(truth))
+        known = stability.multiplier_errors
+        assert len(stability.multipliers) == len(known) == 2 * n
+        assert stability.unresolved == np.isnan(known).sum()
         assert (np.isnan(known) | (errors <= 10 * known + 1e-12)).all()
 
 
@@ -165,9 +165,9 @@ def test_multiplier_at_one_is_refused_for_orbits_and_warned_otherwise(method, da
     given = oscillator(damping, stiffness)
     with pytest.raises(ResonanceError, match=r"a Floquet multiplier is at \+1"):
         periodic(given, 1.0, method)
-    found = floquet(given, 1.0, method)
-    assert np.abs(found.multipliers - 1).min() < 1e-9
-    assert any("from +1 (resonance or a stability boundary)" in text for text in found.warnings)
+    stability = floquet(given, 1.0, method)
+    assert np.abs(stability.multipliers - 1).min() < 1e-9
+    assert any("from +1 (resonance or a stability boundary)" in text for text in stability.warnings)
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill", "bahgat-willmert"])
@@ -212,9 +212,9 @@ def test_resonance_of_a_modulated_system_is_found():
         stiffness = (boundary - np.cos(2 * phase))[:, None, None]
         return one, 0 * one, stiffness, np.cos(2 * phase)[:, None]
 
-    found = floquet(system(matrices, 1, period=np.pi), 1.0, rtol=1e-11)
-    assert np.abs(found.multipliers - 1).max() < 1e-5
-    assert found.distance_from_one < 1e-5
+    stability = floquet(system(matrices, 1, period=np.pi), 1.0, rtol=1e-11)
+    assert np.abs(stability.multipliers - 1).max() < 1e-5
+    assert stability.distance_from_one < 1e-5
 
 
 @pytest.mark.parametrize("method", ["rk4", "newmark", "hsu", "fourier", *METHODS])
@@ -330,7 +330,7 @@ def test_units_cost_no_digit_of_balanced_harmonics(in_units, method):
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 def test_units_cost_no_digit_of_small_multipliers(in_units, engine):
     found, again = (
-        floquet(each, 1.0, rtol=1e-10, engine=engine, all_multipliers=True) for each in in_units[:2]
+        floquet(unit, 1.0, rtol=1e-10, engine=engine, all_multipliers=True) for unit in in_units[:2]
     )
     np.testing.assert_allclose(again.multipliers, found.multipliers, rtol=1e-13)
 

@@ -37,10 +37,10 @@ def test_multipliers_match_the_matrix_exponential(seed, n, speed, method):
     M, C, K = structure(seed, n, damping=0.5)
     system = constant(M, C, K, lambda phase: np.zeros((len(phase), n)))
     truth = np.linalg.eigvals(expm(state_matrix(M, C, K) * 2 * np.pi / speed))
-    found = floquet(system, speed, method, rtol=1e-11)
-    assert len(found.multipliers) == 2 * n
-    assert multiplier_error(found.multipliers, truth) < 1e-10
-    assert found.spectral_radius == pytest.approx(np.abs(truth).max(), rel=1e-10)
+    stability = floquet(system, speed, method, rtol=1e-11)
+    assert len(stability.multipliers) == 2 * n
+    assert multiplier_error(stability.multipliers, truth) < 1e-10
+    assert stability.spectral_radius == pytest.approx(np.abs(truth).max(), rel=1e-10)
 
 
 @given(seeds, st.integers(1, 4), st.floats(0.2, 5.0), METHODS)
@@ -76,10 +76,10 @@ def test_orbit_is_the_frequency_response(seed, n, speed, method):
 def test_exponents_are_the_eigenvalues_up_to_the_speed(seed, n, speed):
     """λ = ln(ρ)/T differs from an eigenvalue by a whole number of iΩ."""
     M, C, K = structure(seed, n, damping=0.5)
-    found = floquet(constant(M, C, K, lambda phase: np.zeros((len(phase), n))), speed, rtol=1e-11)
+    stability = floquet(constant(M, C, K, lambda phase: np.zeros((len(phase), n))), speed, rtol=1e-11)
     eigenvalues = np.linalg.eigvals(state_matrix(M, C, K))
-    scale = np.exp(2 * np.pi / speed * (eigenvalues.real.max() - found.exponents.real))
-    for exponent, factor in zip(found.exponents, scale, strict=True):
+    scale = np.exp(2 * np.pi / speed * (eigenvalues.real.max() - stability.exponents.real))
+    for exponent, factor in zip(stability.exponents, scale, strict=True):
         turns = (exponent - eigenvalues) / (1j * speed)
         assert np.abs(turns - np.round(turns.real)).min() < 1e-9 * factor
         assert abs(exponent.imag) <= speed / 2 * (1 + 1e-12)

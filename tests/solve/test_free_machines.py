@@ -77,17 +77,17 @@ def _two_chains():
 @pytest.mark.parametrize(("M", "stiffness", "speed"), [(J, K, SPEED), (*_two_chains(), 3.0)])
 def test_modal_multipliers_of_free_constant_machines_are_exact(M, stiffness, speed, damping):
     C, n = damping * stiffness, len(M)
-    found = solve.floquet(train(C, M=M, stiffness=stiffness), speed, method="modal")
+    stability = solve.floquet(train(C, M=M, stiffness=stiffness), speed, method="modal")
     state = np.block(
         [[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, stiffness), -np.linalg.solve(M, C)]]
     )
     truth = np.exp(np.linalg.eigvals(state) * 2 * np.pi / speed)
-    rigid = 2 * len(found.rigid_body_modes)
-    elastic = found.multipliers[np.argsort(np.abs(found.multipliers - 1))][rigid:]
+    rigid = 2 * len(stability.rigid_body_modes)
+    elastic = stability.multipliers[np.argsort(np.abs(stability.multipliers - 1))][rigid:]
     truth = truth[np.argsort(np.abs(truth - 1))][rigid:]
     assert multiplier_error(elastic, truth) < 2e-11
-    assert found.error_estimate.multipliers < 1e-8
-    assert found.verdict == ("asymptotically stable" if damping else "stable")
+    assert stability.error_estimate.multipliers < 1e-8
+    assert stability.verdict == ("asymptotically stable" if damping else "stable")
 
 
 @pytest.mark.parametrize(
@@ -125,23 +125,23 @@ def test_the_verdict_excludes_rigid_body_modes(C, verdict):
 
 
 def test_every_multiplier_of_a_free_machine():
-    found = solve.floquet(train(DRAG), SPEED, all_multipliers=True)
+    stability = solve.floquet(train(DRAG), SPEED, all_multipliers=True)
     exact = exact_multipliers(DRAG, SPEED)
-    np.testing.assert_allclose(np.abs(found.multipliers), np.abs(exact), rtol=1e-7)
-    assert (found.multipliers == 1.0).sum() == 1
-    assert found.unresolved == 0
-    assert found.modes[0].unfolded == 0.0
+    np.testing.assert_allclose(np.abs(stability.multipliers), np.abs(exact), rtol=1e-7)
+    assert (stability.multipliers == 1.0).sum() == 1
+    assert stability.unresolved == 0
+    assert stability.modes[0].unfolded == 0.0
 
 
 def test_sweep_matches_the_complex_amplitudes():
     speeds = np.linspace(600, 3100, 20) * np.pi / 30
     for C in (NONE, DRAG):
-        found = solve.sweep(train(C), speeds, spectra=["q1", "q5"], harmonics=2)
+        sweep = solve.sweep(train(C), speeds, spectra=["q1", "q5"], harmonics=2)
         truth = np.array([amplitudes(speed, C)[[0, 4]] for speed in speeds])
-        made = np.stack([found.spectrum(name)[:, 2] for name in ("q1", "q5")], axis=1)
+        made = np.stack([sweep.spectrum(name)[:, 2] for name in ("q1", "q5")], axis=1)
         np.testing.assert_allclose(made, truth, rtol=1e-9)
-        assert (found.multipliers == 1.0).sum(axis=1).tolist() == [1 if C is DRAG else 2] * 20
-        assert (found.results.verdicts == (0 if C is DRAG else 1)).all()
+        assert (sweep.multipliers == 1.0).sum(axis=1).tolist() == [1 if C is DRAG else 2] * 20
+        assert (sweep.results.verdicts == (0 if C is DRAG else 1)).all()
 
 
 @pytest.mark.parametrize("mean", [3.0, -1e-4])
@@ -331,9 +331,9 @@ def test_rigid_body_modes_come_first_on_the_unit_circle():
     for speed in (500, 700, 1000, 1500, 2000):
         orbit = solve.periodic(machine, f"{speed} rpm")
         assert orbit.multipliers[:2].tolist() == [1, 1]
-        found = solve.sensitivities(machine, f"{speed} rpm", ["rho3.abs", "exponent3.im"], ["k4"])
-        assert found.warnings == []
-        assert found["rho3.abs"]["k4"] == pytest.approx(0.0, abs=1e-12)
+        sensitivities = solve.sensitivities(machine, f"{speed} rpm", ["rho3.abs", "exponent3.im"], ["k4"])
+        assert sensitivities.warnings == []
+        assert sensitivities["rho3.abs"]["k4"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_drag_without_a_mean_load_leaves_no_steady_velocity():
@@ -342,9 +342,9 @@ def test_drag_without_a_mean_load_leaves_no_steady_velocity():
 
 
 def test_bands_name_rigid_body_modes():
-    found = solve.bands(mechanism(), "500:3000:5 rpm")
-    assert found.notes[0].startswith("rigid-body modes: ")
-    assert list(found) == []
+    bands = solve.bands(mechanism(), "500:3000:5 rpm")
+    assert bands.notes[0].startswith("rigid-body modes: ")
+    assert list(bands) == []
 
 
 def test_a_free_orbit_is_read_from_its_file(tmp_path):
@@ -373,14 +373,14 @@ def test_points_with_and_without_a_spring_to_ground_in_one_chart():
     machine.dissipation = c * rate(q1 - q2) ** 2 / 2
     machine.force(machine.parameter("T", "N m", "torque") * cos(machine.phase), along=q2)
     system = solve.load(machine, J1=1.0, J2=2.0, k=3.0, g=1.0, c=0.1, T=1.0)
-    found = solve.sweep(system, [1.3], over={"g": [0.0, 0.5, 1.0]}, spectra=["q1"], harmonics=1)
+    sweep = solve.sweep(system, [1.3], over={"g": [0.0, 0.5, 1.0]}, spectra=["q1"], harmonics=1)
     apart = np.array([[1.0, -1], [-1, 1]])
     for at, anchor in enumerate((0.0, 0.5, 1.0)):
         stiffness = 3 * apart + np.diag([anchor, 0])
         truth = amplitudes(1.3, 0.1 * apart, np.diag([1.0, 2]), stiffness, np.array([0.0, 1]), order=1)
-        assert found.spectrum("q1")[at, 1] == pytest.approx(truth[0], rel=1e-8)
-    assert (found.multipliers == 1).sum(axis=1).tolist() == [2, 0, 0]
-    assert found.results.rigid.tolist() == [2, 0, 0]
+        assert sweep.spectrum("q1")[at, 1] == pytest.approx(truth[0], rel=1e-8)
+    assert (sweep.multipliers == 1).sum(axis=1).tolist() == [2, 0, 0]
+    assert sweep.results.rigid.tolist() == [2, 0, 0]
 
 
 @pytest.mark.parametrize("engine", ["numpy", pytest.param("compiled", marks=needs_compiler)])
@@ -397,9 +397,9 @@ def test_discontinuous_drag_decays_as_its_mean(breaks, engine):
     machine = PeriodicSystem(at, ["q"], breaks=breaks)
     whole = 0.3 * 2 + 0.1 * (2 * np.pi - 2) if breaks else 0.4 * np.pi
     speeds = np.array([0.7, 1.0, 1.9, 3.1, 4.2])
-    found = solve.sweep(machine, speeds, engine=engine)
+    sweep = solve.sweep(machine, speeds, engine=engine)
     expected = np.exp(-whole / speeds)
-    np.testing.assert_allclose(np.abs(found.multipliers - 1).min(axis=1), 0.0)
-    np.testing.assert_allclose(found.spectral_radius, expected, rtol=1e-9)
+    np.testing.assert_allclose(np.abs(sweep.multipliers - 1).min(axis=1), 0.0)
+    np.testing.assert_allclose(sweep.spectral_radius, expected, rtol=1e-9)
     for speed, radius in zip(speeds, expected, strict=True):
         assert solve.floquet(machine, speed, engine=engine).spectral_radius == pytest.approx(radius, rel=1e-9)

@@ -39,9 +39,9 @@ def test_liouvilles_formula(seed, n, speed, method):
         return np.trace(np.linalg.solve(M[0], C[0]))
 
     integral = quad(trace, 0.0, 2 * np.pi, epsabs=1e-13, epsrel=1e-13)[0] / speed
-    found = floquet(system, speed, method, rtol=1e-11)
-    assert found.unresolved == 0
-    logarithms = np.log(np.abs(found.multipliers))
+    stability = floquet(system, speed, method, rtol=1e-11)
+    assert stability.unresolved == 0
+    logarithms = np.log(np.abs(stability.multipliers))
     lost = np.exp(logarithms.max() - logarithms.min())
     assert logarithms.sum() == pytest.approx(-integral, abs=1e-10 * (1 + abs(integral)) * lost)
 

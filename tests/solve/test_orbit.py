@@ -45,10 +45,10 @@ def test_velocities_and_accelerations_are_derivatives_by_time(orbit):
 @pytest.mark.parametrize("method", ["radau", "gauss", "rk4", "newmark"])
 def test_nodes_satisfy_the_equation_of_motion(method):
     given = random_system(6, 2)
-    found = periodic(given, 1.0, method, steps=60, rtol=0.5)
-    M, C, K, d = given.at(found.phase, 1.0)
+    orbit = periodic(given, 1.0, method, steps=60, rtol=0.5)
+    M, C, K, d = given.at(orbit.phase, 1.0)
     for k in range(61):
-        left = M[k] @ found.qdd[:, k] + C[k] @ found.qd[:, k] + K[k] @ found.q[:, k]
+        left = M[k] @ orbit.qdd[:, k] + C[k] @ orbit.qd[:, k] + K[k] @ orbit.q[:, k]
         np.testing.assert_allclose(left, d[k], rtol=0, atol=1e-9)
 
 
@@ -60,14 +60,14 @@ def test_one_phase_and_any_turn(orbit):
 def test_statistics_match_the_continuous_curve(orbit):
     dense = orbit.at(np.linspace(0.0, 2 * np.pi, 400_001))
     for row, name in enumerate(orbit.coordinates):
-        found = orbit.statistics(name)
+        statistics = orbit.statistics(name)
         scale = np.abs(dense[row]).max()
-        assert found.max == pytest.approx(dense[row].max(), abs=1e-9 * scale)
-        assert found.min == pytest.approx(dense[row].min(), abs=1e-9 * scale)
-        assert found.max_abs == pytest.approx(scale, rel=1e-9)
-        assert found.mean == pytest.approx(dense[row, :-1].mean(), abs=1e-12 * scale)
-        assert orbit.at(found.max_phase)[row, 0] == pytest.approx(found.max, abs=1e-13 * scale)
-        assert orbit.at(found.min_phase)[row, 0] == pytest.approx(found.min, abs=1e-13 * scale)
+        assert statistics.max == pytest.approx(dense[row].max(), abs=1e-9 * scale)
+        assert statistics.min == pytest.approx(dense[row].min(), abs=1e-9 * scale)
+        assert statistics.max_abs == pytest.approx(scale, rel=1e-9)
+        assert statistics.mean == pytest.approx(dense[row, :-1].mean(), abs=1e-12 * scale)
+        assert orbit.at(statistics.max_phase)[row, 0] == pytest.approx(statistics.max, abs=1e-13 * scale)
+        assert orbit.at(statistics.min_phase)[row, 0] == pytest.approx(statistics.min, abs=1e-13 * scale)
 
 
 def test_a_coarse_grid_does_not_lower_the_extrema():
@@ -85,10 +85,10 @@ def test_an_order_of_thousands_is_not_mistaken_for_a_mean():
         one = np.ones((len(phase), 1, 1))
         return one, one, 2048.0**2 * one, np.cos(2048 * phase)[:, None]
 
-    found = periodic(system(matrices, 1), 1.0, rtol=1e-6)
-    assert found.statistics("q1").max == pytest.approx(1 / 2048, rel=1e-5)
-    assert found.statistics("q1").mean == pytest.approx(0.0, abs=1e-12)
-    assert found.harmonics("q1", 3)[0] == pytest.approx(np.zeros(4), abs=1e-12)
+    orbit = periodic(system(matrices, 1), 1.0, rtol=1e-6)
+    assert orbit.statistics("q1").max == pytest.approx(1 / 2048, rel=1e-5)
+    assert orbit.statistics("q1").mean == pytest.approx(0.0, abs=1e-12)
+    assert orbit.harmonics("q1", 3)[0] == pytest.approx(np.zeros(4), abs=1e-12)
 
 
 def test_harmonics_sum_to_the_curve(orbit):
@@ -147,10 +147,10 @@ def test_unknown_names_are_refused_with_a_suggestion(with_force, given, near):
 
 
 def test_orbit_states_its_method_steps_and_speed():
-    found = periodic(random_system(2, 2), "3 Hz", "rk4", steps=200, rtol=0.1)
-    assert isinstance(found, Orbit)
-    assert (found.method, found.steps, found.coordinates) == ("rk4", 200, ("q1", "q2"))
-    assert found.speed == pytest.approx(6 * np.pi)
+    orbit = periodic(random_system(2, 2), "3 Hz", "rk4", steps=200, rtol=0.1)
+    assert isinstance(orbit, Orbit)
+    assert (orbit.method, orbit.steps, orbit.coordinates) == ("rk4", 200, ("q1", "q2"))
+    assert orbit.speed == pytest.approx(6 * np.pi)
 
 
 def test_an_undriven_system_rests():
@@ -158,11 +158,11 @@ def test_an_undriven_system_rests():
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, (4 + np.cos(phase))[:, None, None], 0 * one[:, 0]
 
-    found = periodic(system(matrices, 1), 1.0)
-    assert not found.q.any()
-    assert found.residual == 0.0
-    assert found.statistics("q1").max_abs == 0.0
-    assert found.warnings == []
+    orbit = periodic(system(matrices, 1), 1.0)
+    assert not orbit.q.any()
+    assert orbit.residual == 0.0
+    assert orbit.statistics("q1").max_abs == 0.0
+    assert orbit.warnings == []
 
 
 @pytest.mark.parametrize(("angle", "warned"), [(1.0, True), (0.0, False)])
@@ -177,6 +177,6 @@ def test_output_that_grows_every_turn_gives_a_warning(angle, warned):
         one = np.ones((len(phase), 1, 1))
         return one, 0.4 * one, 4.0 * one, np.cos(phase)[:, None]
 
-    found = periodic(Shaft(matrices, ["q"]), 3.0)
+    orbit = periodic(Shaft(matrices, ["q"]), 3.0)
     said = "swing is not periodic: it changes by 6.28 per period"
-    assert any(text.startswith(said) for text in found.warnings) == warned
+    assert any(text.startswith(said) for text in orbit.warnings) == warned

@@ -147,11 +147,11 @@ def test_results_are_saved(crank, tmp_path):
 
 
 def test_its_animation(crank, tmp_path):
-    made = solve.animate(crank, OMEGA, frames=5)
+    animation = solve.animate(crank, OMEGA, frames=5)
     x, *_ = slider(np.array([0.7]))
-    assert made.lines(np.array([0.7]), 1.0)["crank"][-1, 0] == pytest.approx(complex(x[0], 0))
-    made.save(tmp_path / "crank.gif")
-    assert "rigid motion" in made.title
+    assert animation.lines(np.array([0.7]), 1.0)["crank"][-1, 0] == pytest.approx(complex(x[0], 0))
+    animation.save(tmp_path / "crank.gif")
+    assert "rigid motion" in animation.title
 
 
 @pytest.mark.parametrize(
@@ -212,9 +212,9 @@ def test_no_figure_is_negative_zero():
     x = made.parameter("x", "m", "place", "> 0")
     made.output("place", -(x - x * (cos(made.phase) ** 2 + sin(made.phase) ** 2)), "m", "change of the place")
     made.output("position", x * cos(made.phase), "m", "position")
-    found = solve.sweep(solve.load(made, x=1.0), [OMEGA])
+    sweep = solve.sweep(solve.load(made, x=1.0), [OMEGA])
     figures = np.array(
-        [found.figures("drive_torque", name) for name in ("max", "min", "max_abs", "mean", "rms")]
+        [sweep.figures("drive_torque", name) for name in ("max", "min", "max_abs", "mean", "rms")]
     )
     assert np.array_equal(figures, np.zeros((5, 1)))
     assert not np.signbit(figures).any()

@@ -185,8 +185,8 @@ def test_small_and_large_masses_are_not_singular(scale):
         M = np.zeros((len(phase), 2, 2)) + np.diag([scale, 1.0])
         return M, M * 0.3, M * 2.0, np.concatenate((one[:, 0], one[:, 0]), axis=1)
 
-    found = floquet(system(scaled, 2), 1.0)
-    np.testing.assert_allclose(np.abs(found.multipliers), np.exp(-0.3 * np.pi), rtol=1e-9)
+    stability = floquet(system(scaled, 2), 1.0)
+    np.testing.assert_allclose(np.abs(stability.multipliers), np.exp(-0.3 * np.pi), rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -243,8 +243,8 @@ def bladed(phase, speed):
 
 
 def test_cancelling_terms_are_periodic_up_to_roundoff():
-    found = periodic(PeriodicSystem(bladed, ["q"]), 1.0, "gauss", steps=16, rtol=0.9)
-    assert np.abs(found.q).max() < 1e-12
+    orbit = periodic(PeriodicSystem(bladed, ["q"]), 1.0, "gauss", steps=16, rtol=0.9)
+    assert np.abs(orbit.q).max() < 1e-12
 
 
 @pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])

@@ -44,8 +44,8 @@ def free(M, C, K):
     ],
 )
 def test_verdicts_of_constant_coefficients(method, M, C, K, verdict):
-    found = floquet(free(M, C, K), 1.0, method)
-    assert found.verdict == verdict or known_too_badly(found)
+    stability = floquet(free(M, C, K), 1.0, method)
+    assert stability.verdict == verdict or known_too_badly(stability)
 
 
 def known_too_badly(found):
@@ -65,20 +65,20 @@ def test_no_grid_calls_growth_stable_that_it_cannot_see(method, steps):
 def test_units_do_not_hide_growth():
     """q1 grows as exp(0.1 t), whatever a metre of q2 is called."""
     scaled = free(np.eye(2), np.diag([-0.2, 0.1]), [[4.3, 1e18], [0, 9.7]])
-    found = floquet(scaled, 1.0)
-    assert found.verdict == "unstable"
-    assert found.unresolved == 0
+    stability = floquet(scaled, 1.0)
+    assert stability.verdict == "unstable"
+    assert stability.unresolved == 0
     moduli = np.exp(2 * np.pi * np.array([0.1, 0.1, -0.05, -0.05]))
-    np.testing.assert_allclose(np.abs(found.multipliers), moduli, rtol=1e-8)
+    np.testing.assert_allclose(np.abs(stability.multipliers), moduli, rtol=1e-8)
 
 
 @pytest.mark.parametrize(
     ("growth", "verdict"), [(-1e-7, "asymptotically stable"), (1e-7, "unstable"), (1e-12, "stable")]
 )
 def test_one_is_met_within_1e_9(growth, verdict):
-    found = floquet(free([[1]], [[-2 * growth]], [[2]]), 1.0, rtol=1e-10)
-    assert found.verdict == verdict
-    assert found.stable == (verdict != "unstable")
+    stability = floquet(free([[1]], [[-2 * growth]], [[2]]), 1.0, rtol=1e-10)
+    assert stability.verdict == verdict
+    assert stability.stable == (verdict != "unstable")
 
 
 def test_growth_below_the_grid_error_leaves_the_verdict_undetermined():
@@ -92,18 +92,18 @@ def test_growth_below_the_grid_error_leaves_the_verdict_undetermined():
 def test_growth_near_1e_6_leaves_the_verdict_undetermined(growth):
     """|ρ| = 1 + growth; the error with 76 steps is slightly below 1e-6."""
     slow = free([[1]], [[-growth / np.pi]], [[0.5]])
-    found = floquet(slow, 1.0, "rk4", steps=76)
-    assert found.spectral_radius == pytest.approx(1 + growth, abs=1e-7)
-    assert 6e-7 < found.error_estimate.multipliers < 1e-6
-    assert found.verdict == "undetermined"
+    stability = floquet(slow, 1.0, "rk4", steps=76)
+    assert stability.spectral_radius == pytest.approx(1 + growth, abs=1e-7)
+    assert 6e-7 < stability.error_estimate.multipliers < 1e-6
+    assert stability.verdict == "undetermined"
 
 
 @pytest.mark.parametrize("stiffness", [3e3, 2e4])
 def test_undamped_system_is_stable_even_with_a_loose_tolerance(stiffness):
     """Multipliers of an undamped system lie on the unit circle; they are found to 1e-6 at any tolerance."""
-    found = floquet(free([[1.0]], [[0.0]], [[stiffness]]), 1.0, "gauss", rtol=1e-3)
-    assert found.verdict == "stable"
-    assert found.error_estimate.multipliers <= 1e-6
+    stability = floquet(free([[1.0]], [[0.0]], [[stiffness]]), 1.0, "gauss", rtol=1e-3)
+    assert stability.verdict == "stable"
+    assert stability.error_estimate.multipliers <= 1e-6
 
 
 def test_multipliers_beyond_all_bounds_are_judged_without_a_fuss():
@@ -141,11 +141,13 @@ def test_mathieus_tongues(order, epsilon):
 @pytest.mark.parametrize("order", [1, 2])
 def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order, epsilon, method):
     """One solution is periodic, the other grows with time, which δ ± 1e-16 would change."""
-    found = floquet(mathieu(characteristic(order, epsilon / 2), epsilon), 1.0, method, rtol=1e-11)
-    np.testing.assert_allclose(found.multipliers, (-1.0) ** order, rtol=0, atol=1e-5)
-    assert np.abs(found.multipliers - (-1.0) ** order).max() <= 10 * found.error_estimate.multipliers
-    assert found.verdict == "undetermined"
-    assert known_too_badly(found) or any("meet there, within their error" in each for each in found.warnings)
+    stability = floquet(mathieu(characteristic(order, epsilon / 2), epsilon), 1.0, method, rtol=1e-11)
+    np.testing.assert_allclose(stability.multipliers, (-1.0) ** order, rtol=0, atol=1e-5)
+    assert np.abs(stability.multipliers - (-1.0) ** order).max() <= 10 * stability.error_estimate.multipliers
+    assert stability.verdict == "undetermined"
+    assert known_too_badly(stability) or any(
+        "meet there, within their error" in warning for warning in stability.warnings
+    )
 
 
 @pytest.mark.parametrize(
@@ -157,8 +159,8 @@ def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order,
 )
 def test_motion_relative_to_a_rigid_body_mode_may_drift(method, K, verdict):
     """q = a + bt in one coordinate is excluded; in the second case it drives another drift."""
-    found = floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0, method)
-    assert found.verdict == verdict or known_too_badly(found)
+    stability = floquet(free(np.eye(2), np.zeros((2, 2)), K), 1.0, method)
+    assert stability.verdict == verdict or known_too_badly(stability)
 
 
 @given(seeds, st.integers(1, 3))
@@ -175,9 +177,9 @@ def test_dissipation_makes_stable_and_taking_it_away_leaves_stable(seed, n):
 def test_rigid_body_mode_with_a_stiff_mode_is_excluded():
     """q1 = a + bt beside an undamped stiff mode."""
     for stiffness in (1e2, 1e4, 1e6):
-        found = floquet(free(np.eye(2), np.zeros((2, 2)), np.diag([0.0, stiffness])), 1.0)
-        assert found.verdict == "stable"
-        assert found.rigid_body_modes[0].vector == (1.0, 0.0)
+        stability = floquet(free(np.eye(2), np.zeros((2, 2)), np.diag([0.0, stiffness])), 1.0)
+        assert stability.verdict == "stable"
+        assert stability.rigid_body_modes[0].vector == (1.0, 0.0)
 
 
 def test_multipliers_fall_in_modulus_the_positive_imaginary_part_first():
@@ -219,10 +221,10 @@ def test_the_drift_of_a_free_chain_is_left_out(seed, n, ground):
         np.outer(unit, unit) * each
         for each in (np.diag(rng.uniform(0.5, 2, n)), joints.T * c @ joints, joints.T * k @ joints + held)
     )
-    found = floquet(free(M, C, K), 1.0)
-    assert found.verdict != "unstable"
-    assert len(found.rigid_body_modes) == (ground == 0)
-    for mode in found.rigid_body_modes:
+    stability = floquet(free(M, C, K), 1.0)
+    assert stability.verdict != "unstable"
+    assert len(stability.rigid_body_modes) == (ground == 0)
+    for mode in stability.rigid_body_modes:
         assert not mode.damped
         np.testing.assert_allclose(np.array(mode.vector) * unit, mode.vector[0] * unit[0], rtol=1e-10)
 
@@ -244,9 +246,9 @@ def test_short_stiffness_pulse_prevents_a_rigid_body_drift():
 def test_drift_coupled_to_another_coordinate_is_excluded(unit):
     """q = (v t, 0.35 v) solves it."""
     D = np.diag([1.0, unit])
-    found = floquet(free(D @ D, D @ [[0, 0.7], [-0.7, 0]] @ D, D @ np.diag([0.0, 2.0]) @ D), 1.0)
-    assert found.verdict == "stable"
-    assert found.rigid_body_modes[0].vector == (1.0, 0.0)
+    stability = floquet(free(D @ D, D @ [[0, 0.7], [-0.7, 0]] @ D, D @ np.diag([0.0, 2.0]) @ D), 1.0)
+    assert stability.verdict == "stable"
+    assert stability.rigid_body_modes[0].vector == (1.0, 0.0)
 
 
 @pytest.mark.parametrize("seed", [0, 11, 24, 45])
@@ -255,9 +257,9 @@ def test_error_covers_a_triple_defective_multiplier(seed, method):
     """Three equal modes, each driving the next, seen from other axes: |ρ| = exp(-1e-6 π)."""
     Q = np.linalg.qr(np.random.default_rng(seed).standard_normal((3, 3)))[0]
     K = Q.T @ (2 * np.eye(3) + np.eye(3, k=1)) @ Q
-    found = floquet(free(np.eye(3), 1e-6 * np.eye(3), K), 1.0, method, rtol=1e-3)
-    assert abs(found.spectral_radius - np.exp(-1e-6 * np.pi)) <= 10 * found.error_estimate.multipliers
-    assert found.verdict == "undetermined"
+    stability = floquet(free(np.eye(3), 1e-6 * np.eye(3), K), 1.0, method, rtol=1e-3)
+    assert abs(stability.spectral_radius - np.exp(-1e-6 * np.pi)) <= 10 * stability.error_estimate.multipliers
+    assert stability.verdict == "undetermined"
 
 
 @pytest.mark.parametrize("coupling", [1e-2, 1e-4, 1e-6])
@@ -267,13 +269,13 @@ def test_a_weak_one_way_coupling_at_equal_frequencies_is_not_stable(coupling):
 
 @pytest.mark.parametrize(("k", "ground"), [(1e6, 1e-8), (1e4, 1e-10), (1.0, 1e-14)])
 def test_weak_spring_prevents_a_rigid_body_drift(k, ground):
-    found = floquet(free(np.eye(2), np.zeros((2, 2)), [[k + ground, -k], [-k, k]]), 1.0)
-    assert found.verdict in {"stable", "undetermined"}
+    stability = floquet(free(np.eye(2), np.zeros((2, 2)), [[k + ground, -k], [-k, k]]), 1.0)
+    assert stability.verdict in {"stable", "undetermined"}
 
 
 @pytest.mark.parametrize("k", [2500.0, 1e4])
 def test_growth_by_hundreds_of_decades_is_unstable(k):
     """|ρ| = exp(2π sqrt(k)), whose square overflows."""
-    found = floquet(free([[1.0]], [[0.0]], [[-k]]), 1.0)
-    assert found.verdict == "unstable"
-    assert np.log(found.spectral_radius) == pytest.approx(2 * np.pi * np.sqrt(k), rel=1e-8)
+    stability = floquet(free([[1.0]], [[0.0]], [[-k]]), 1.0)
+    assert stability.verdict == "unstable"
+    assert np.log(stability.spectral_radius) == pytest.approx(2 * np.pi * np.sqrt(k), rel=1e-8)

@@ -30,16 +30,16 @@ def model(request):
 
 
 def test_an_orbit(model):
-    found = solve.periodic(model, 4.0)
-    assert SAID in found.warnings
-    assert "out" in str(found)
-    found.plot("out")
-    found.plot("out", scale="dB")
+    orbit = solve.periodic(model, 4.0)
+    assert SAID in orbit.warnings
+    assert "out" in str(orbit)
+    orbit.plot("out")
+    orbit.plot("out", scale="dB")
 
 
 def test_a_sweep(model):
-    found = solve.sweep(model, [4.0, 5.0])
-    assert [text.partition(" (")[0] for text in found.warnings] == [SAID]
+    sweep = solve.sweep(model, [4.0, 5.0])
+    assert [text.partition(" (")[0] for text in sweep.warnings] == [SAID]
 
 
 def test_a_transient(model):
@@ -47,13 +47,13 @@ def test_a_transient(model):
 
 
 def test_a_chart(model):
-    found = solve.chart(model, {"k": [90.0, 100.0]}, {"c": [1.0, 2.0]}, 4.0, of="out.max")
-    assert found.warnings == [f"at some points {SAID}"]
+    chart = solve.chart(model, {"k": [90.0, 100.0]}, {"c": [1.0, 2.0]}, 4.0, of="out.max")
+    assert chart.warnings == [f"at some points {SAID}"]
 
 
 @pytest.mark.parametrize("figure", ["max", "rms", "harmonic3"])
 def test_derivatives(model, figure):
-    found = solve.sensitivities(model, 4.0, [f"out.{figure}", "q.max"])
+    sensitivities = solve.sensitivities(model, 4.0, [f"out.{figure}", "q.max"])
     reason = "out is no finite number at some phases: it has no derivatives"
-    assert found.warnings == [reason]
-    assert found[f"out.{figure}"]["k"] != found[f"out.{figure}"]["k"]
+    assert sensitivities.warnings == [reason]
+    assert sensitivities[f"out.{figure}"]["k"] != sensitivities[f"out.{figure}"]["k"]

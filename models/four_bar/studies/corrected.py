@@ -83,8 +83,8 @@ class Corrections(Result):
         models, reference = list(self.models.values()), self.reference.figures.max_abs
         unit = self.system.units.get(self.reference.drawn, "")
         figures = [model.figures for model in models]
-        phases = [each.max_phase if each.max >= -each.min else each.min_phase for each in figures]
-        maxima = [each.max_abs for each in figures]
+        phases = [figure.max_phase if figure.max >= -figure.min else figure.min_phase for figure in figures]
+        maxima = [figure.max_abs for figure in figures]
         radii = [model.spectral_radius for model in models]
         excess = [maximum / reference - 1 for maximum in maxima]
         further = (name for name in Statistics._fields if name != "max_abs")
@@ -95,7 +95,7 @@ class Corrections(Result):
             "excess": Column(excess, "1", "over the reference", "excess (%)", digits("+.2f", 100.0)),
             "spectral_radius": Column(radii, "1", "largest modulus of a multiplier", "|ρ|", digits(".6f")),
             "error_estimate": Column([model.error_estimate for model in models], axes=()),
-            **{name: Column([getattr(each, name) for each in figures], axes=()) for name in further},
+            **{name: Column([getattr(figure, name) for figure in figures], axes=()) for name in further},
         }
 
     def file_contents(self) -> FileContents:

@@ -72,12 +72,12 @@ class Moving:
         """Times and q (9, k) from quasi-static equilibrium at t = 0 on."""
         _, _, K, d = self.equation(0.0)
         start = np.concatenate((np.linalg.solve(K, d), np.zeros(FREE)))
-        found = solve_ivp(
+        solution = solve_ivp(
             self.rate, (0, end), start, "Radau", rtol=1e-5, atol=1e-8, jac=self.jacobian, dense_output=True
         )
-        assert found.success
+        assert solution.success
         times = np.linspace(0, end, 1501)
-        return times, found.sol(times)[:FREE]
+        return times, solution.sol(times)[:FREE]
 
     def stress(self, times, q, link, fraction):
         """Largest |stress| on both surfaces of link 0, 1, 2 at a fraction of its length, at each time."""

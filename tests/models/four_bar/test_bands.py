@@ -36,10 +36,10 @@ def magnus(system, speed):
 
 @pytest.mark.slow
 def test_magnus_series_confirms_growth_only_inside_the_bands(four_bar):
-    found = solve.bands(four_bar, [LOW, HIGH], rtol=1e-6)
-    wide = [band for band in found if band.high - band.low > 0.01]
+    bands = solve.bands(four_bar, [LOW, HIGH], rtol=1e-6)
+    wide = [band for band in bands if band.high - band.low > 0.01]
     assert [band.kind for band in wide] == ["+1", "-1"]
-    assert "5 of 9 modes" in found.notes[0]
+    assert "5 of 9 modes" in bands.notes[0]
     for band in wide:
         growth = magnus(four_bar, (band.low + band.high) / 2) - 1
         assert growth > 0.005
@@ -47,7 +47,7 @@ def test_magnus_series_confirms_growth_only_inside_the_bands(four_bar):
         outside = (band.high - band.low) / 20
         assert magnus(four_bar, band.low - outside) < 1 + 1e-7
         assert magnus(four_bar, band.high + outside) < 1 + 1e-7
-    for one, other in pairwise(found):
+    for one, other in pairwise(bands):
         assert magnus(four_bar, (one.high + other.low) / 2) < 1 + 1e-7
 
 

@@ -66,7 +66,7 @@ def table_symbol(lengths) -> str:
 
 
 def test_there_are_fourteen_classes_and_each_has_an_example():
-    assert [found.number for found in CLASSES.values()] == list(range(1, 15))
+    assert [class_.number for class_ in CLASSES.values()] == list(range(1, 15))
     assert list(EXAMPLES) == list(CLASSES)
 
 

@@ -20,15 +20,15 @@ def orbit():
 def test_coupler_curve_deviation_matches_the_joint_displacements(orbit):
     q = dict(zip(orbit.coordinates, orbit.at(PHASE), strict=True))
     for along, joint in ((0.0, "A"), (1.0, "B")):
-        found = coupler_curve(orbit.system, orbit, along, 0.0, PHASE)
-        np.testing.assert_allclose(found.deviation, q[f"{joint}_x"] + 1j * q[f"{joint}_y"], atol=1e-15)
+        curve = coupler_curve(orbit.system, orbit, along, 0.0, PHASE)
+        np.testing.assert_allclose(curve.deviation, q[f"{joint}_x"] + 1j * q[f"{joint}_y"], atol=1e-15)
 
 
 def test_the_rigid_curve_is_the_linkages(orbit):
     p = orbit.system.parameters
     linkage = Linkage(*(p[name] for name in ("L1", "L2", "L3", "L4")))
-    found = coupler_curve(orbit.system, orbit, 0.3, 0.08, PHASE)
-    for phase, place in zip(PHASE, found.rigid, strict=True):
+    curve = coupler_curve(orbit.system, orbit, 0.3, 0.08, PHASE)
+    for phase, place in zip(PHASE, curve.rigid, strict=True):
         t2 = linkage.motion(phase, 0.0, 0.0).t[1]
         expected = p["L1"] * np.exp(1j * phase) + (0.3 * p["L2"] + 0.08j) * np.exp(1j * t2)
         assert place == pytest.approx(expected, abs=1e-12)

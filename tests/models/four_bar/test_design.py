@@ -91,37 +91,37 @@ def test_moving_the_pivot_never_needs_more(design):
 
 
 def test_a_plan_is_simulated_below_the_allowable_stress(design):
-    found = carry_out(design, 29.0, duration=8.0)
-    assert found.plan is not None
-    assert not found.returns
-    assert found.trials[0].worst < 1
-    assert found.trials[0].worst == pytest.approx(found.steady.max(), rel=0.03)
-    assert found.safe_acceleration is not None
-    assert found.least[0] < 1 < found.least[1]
+    outcome = carry_out(design, 29.0, duration=8.0)
+    assert outcome.plan is not None
+    assert not outcome.returns
+    assert outcome.trials[0].worst < 1
+    assert outcome.trials[0].worst == pytest.approx(outcome.steady.max(), rel=0.03)
+    assert outcome.safe_acceleration is not None
+    assert outcome.least[0] < 1 < outcome.least[1]
 
 
 @pytest.mark.slow
 def test_no_plan_and_the_smallest_allowable_that_has_one(design):
-    found = carry_out(design, 33.0)
-    assert found.plan is None
-    assert found.trials == []
-    assert found.least[0] > 1
-    assert "no plan exists" in found.text
-    assert f"{100 * found.least[0]:.4g} MPa" in found.text
-    highest = float(re.findall(r"up to ([\d.]+) rpm the allowable", found.text)[0]) * math.pi / 30
+    outcome = carry_out(design, 33.0)
+    assert outcome.plan is None
+    assert outcome.trials == []
+    assert outcome.least[0] > 1
+    assert "no plan exists" in outcome.text
+    assert f"{100 * outcome.least[0]:.4g} MPa" in outcome.text
+    highest = float(re.findall(r"up to ([\d.]+) rpm the allowable", outcome.text)[0]) * math.pi / 30
     assert planned(design, highest - 0.01) is not None
     assert planned(design, highest + 0.5) is None
     # Just above this allowable stress a plan exists, just below none.
     for factor, exists in ((1.005, True), (0.995, False)):
-        scaled = made(100e6 * found.least[0] * factor)
+        scaled = made(100e6 * outcome.least[0] * factor)
         assert (planned(scaled, 33.0) is not None) == exists
 
 
 def test_a_need_within_the_error_of_the_map_is_no_proof(design):
     """Where L4 is greatest, a hundredth above 1 is not distinguished from 1 by a map that errs by two."""
-    found = carry_out(design, 33.0)
+    outcome = carry_out(design, 33.0)
     assert design.map.error_until(33.0) == max(design.map.interpolation_error, design.map.error.max())
-    near = dataclasses.replace(found, least=(1 + 0.5 * design.map.error_until(33.0), found.least[1]))
+    near = dataclasses.replace(outcome, least=(1 + 0.5 * design.map.error_until(33.0), outcome.least[1]))
     assert "no plan was found" in near.text
     assert "no plan exists" not in near.text
 
@@ -155,12 +155,12 @@ def test_worst_link_determines_the_effect_of_damping(design):
 @pytest.mark.slow
 def test_default_target_is_above_a_limiting_speed_if_reachable():
     """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
-    found = carry_out(made(118e6, speeds=(8.0, 28.0)), duration=4.0)
-    assert found.returns
-    assert 26.3 < found.target < 28.0
-    assert found.design.needed.fixed[-1] > 1
-    assert found.trials[0].worst < 1
-    assert found.trials[0].simulated.L4[-1] == pytest.approx(0.547)
+    outcome = carry_out(made(118e6, speeds=(8.0, 28.0)), duration=4.0)
+    assert outcome.returns
+    assert 26.3 < outcome.target < 28.0
+    assert outcome.design.needed.fixed[-1] > 1
+    assert outcome.trials[0].worst < 1
+    assert outcome.trials[0].simulated.L4[-1] == pytest.approx(0.547)
 
 
 @pytest.mark.slow
@@ -192,9 +192,9 @@ def test_json(answer):
 
 def test_design_is_saved_in_every_file_format(design, tmp_path):
     xarray = pytest.importorskip("xarray")
-    found = carry_out(design, 29.0, duration=2.0)
+    outcome = carry_out(design, 29.0, duration=2.0)
     for ending in ("npz", "csv", "mat", "nc"):
-        found.save(tmp_path / f"design.{ending}")
+        outcome.save(tmp_path / f"design.{ending}")
     with xarray.open_dataset(tmp_path / "design.nc", engine="h5netcdf") as kept:
         np.testing.assert_array_equal(kept["least_ratio_moving"], design.needed.moving)
         record = json.loads(kept.attrs["metadata"])
@@ -207,11 +207,11 @@ def test_buckling_compression_raises_a_warning():
     """A slender coupler; its Euler load is π²EI/L²."""
     model = solve.load("four_bar", options={"stiffening": "on"}, I2=3e-12)
     start = np.geomspace(20.0, 28.0, 12)
-    found = carry_out(
+    outcome = carry_out(
         designed(design_map(model, dict.fromkeys(LINKS, 5e9), start, (0.54, 0.56), 5)), 28.0, duration=0.5
     )
     euler = math.pi**2 * 210e9 * 3e-12 / 0.328**2
-    assert any("link coupler" in text and f"Euler load of {euler:.4g} N" in text for text in found.warnings)
+    assert any("link coupler" in text and f"Euler load of {euler:.4g} N" in text for text in outcome.warnings)
 
 
 @pytest.mark.slow

@@ -25,8 +25,8 @@ def model():
 
 @pytest.mark.parametrize(("load", "excess"), [("nodal", 20.0), ("consistent", 2.3)])
 def test_stress_at_the_followers_midpoint_at_30_rad_per_s(model, load, excess):
-    found = solve.periodic(Corrected(model, load), 30.0, rtol=1e-7)
-    stress = found.statistics("follower_midpoint_stress_plus").max_abs / 1e6
+    orbit = solve.periodic(Corrected(model, load), 30.0, rtol=1e-7)
+    stress = orbit.statistics("follower_midpoint_stress_plus").max_abs / 1e6
     assert 100 * (stress / CONVERGED - 1) == pytest.approx(excess, abs=0.6)
 
 
@@ -118,15 +118,15 @@ def test_consistent_load_is_the_work_of_rigid_inertia(model):
 
 def test_stresses_are_the_curvature_of_the_deflection(model):
     corrected, p, h = Corrected(model), model.parameters, 1e-3
-    found = solve.periodic(corrected, 30.0, rtol=1e-6)
-    q = found.at(PHASE)
+    orbit = solve.periodic(corrected, 30.0, rtol=1e-6)
+    q = orbit.at(PHASE)
     for link, fraction, number in (("follower", 0.5, 3), ("coupler", 0.3, 2), ("crank", 0.6, 1)):
         v = [corrected.deflection(link, fraction + k * h, PHASE, q) for k in (-1, 0, 1)]
         curvature = (v[0] - 2 * v[1] + v[2]) / (h * p[f"L{number}"]) ** 2
         plus, minus = (corrected.stress(link, fraction, side, PHASE, q) for side in ("plus", "minus"))
         bending = -p["E"] * p[f"h{number}"] * curvature
         assert plus - minus == pytest.approx(bending, rel=1e-3, abs=1e-3 * np.abs(bending).max())
-    values = corrected.output_values(PHASE, 30.0, *found.state(PHASE))
+    values = corrected.output_values(PHASE, 30.0, *orbit.state(PHASE))
     assert values["follower_midpoint_stress_plus"] == pytest.approx(
         corrected.stress("follower", 0.5, "plus", PHASE, q)
     )

@@ -49,11 +49,11 @@ def test_forces_and_torque_equal_the_multipliers_of_three_free_bodies(
     motion = linkage.motion(t1, omega1, alpha1)
     ours = joint_forces(motion, links, load)
     data = [(link.mass, link.centre.real, link.centre.imag, link.J) for link in links]
-    found = free_bodies(linkage.lengths, data, (t1, omega1, alpha1), load, motion.t + OFF)
-    scale = max(np.abs(found.forces).max(), abs(found.torque), 1.0)
-    for force, expected in zip((ours.F01, ours.F12, ours.F23, ours.F03), found.forces, strict=True):
+    bodies = free_bodies(linkage.lengths, data, (t1, omega1, alpha1), load, motion.t + OFF)
+    scale = max(np.abs(bodies.forces).max(), abs(bodies.torque), 1.0)
+    for force, expected in zip((ours.F01, ours.F12, ours.F23, ours.F03), bodies.forces, strict=True):
         np.testing.assert_allclose(force, complex(*expected), atol=1e-10 * scale)
-    assert ours.torque == pytest.approx(found.torque, abs=1e-10 * scale)
+    assert ours.torque == pytest.approx(bodies.torque, abs=1e-10 * scale)
 
 
 @given(cranks(), st.floats(-9, 9), st.floats(-50, 50), st.floats(-500, 500))

@@ -23,8 +23,8 @@ def bar(density, area, length, tip_mass):
 
 def test_joint_forces_of_stiff_links_equal_rigid_bodies():
     stiff = solve.load("four_bar", E=2.1e18)
-    found = solve.periodic(stiff, SPEED, steps=64)
-    outputs = stiff.output_values(PHASE, SPEED, *found.quasi_static.state(PHASE))
+    orbit = solve.periodic(stiff, SPEED, steps=64)
+    outputs = stiff.output_values(PHASE, SPEED, *orbit.quasi_static.state(PHASE))
     p, angles = stiff.parameters, stiff.at_positions(PHASE).angle
     lengths = [p[name] for name in ("L1", "L2", "L3", "L4")]
     bodies = [
@@ -45,8 +45,8 @@ def test_joint_forces_of_stiff_links_equal_rigid_bodies():
 @pytest.mark.parametrize("options", [{}, {"terms": "full", "stiffening": "on"}])
 def test_joint_and_damping_forces_accelerate_the_joint_mass(element, options):
     model = solve.load("four_bar", options={"element": element, "elements": "1,2,1", **options})
-    found = solve.periodic(model, SPEED, rtol=1e-7)
-    _, qd, qdd = found.state(PHASE)
+    orbit = solve.periodic(model, SPEED, rtol=1e-7)
+    _, qd, qdd = orbit.state(PHASE)
     undamped = model.varied({"zeta": 0.0})
     C = model.at(PHASE, SPEED)[1] - undamped.at(PHASE, SPEED)[1]
     damping = np.einsum("kij,jk->ik", C, qd)
@@ -55,7 +55,7 @@ def test_joint_and_damping_forces_accelerate_the_joint_mass(element, options):
     places = {"A": p["L1"] * np.exp(1j * angle[:, 0])}
     places["B"] = places["A"] + p["L2"] * np.exp(1j * angle[:, 1])
     for joint, links in (("A", ("crank", "coupler")), ("B", ("coupler", "follower"))):
-        forces = [model.joint_force(link, joint, found, PHASE) for link in links]
+        forces = [model.joint_force(link, joint, orbit, PHASE) for link in links]
         along, across = sum(np.array(force[:2]) for force in forces)
         row = model.coordinates.index(f"{joint}_x"), model.coordinates.index(f"{joint}_y")
         rigid = -(SPEED**2) * places["A"] if joint == "A" else rigid_acceleration_of_B(model, PHASE)
@@ -87,10 +87,10 @@ def test_end_forces_accelerate_the_link(link, options):
     """Sum of forces and moment about the start, against inertia integrated over the Hermite cubics. In the
     instantaneous structure accelerations are interpolated along the link's present axes."""
     model = solve.load("four_bar", options=options)
-    found = solve.periodic(model, SPEED, steps=128)
+    orbit = solve.periodic(model, SPEED, steps=128)
     name, start, end = model.module.LINKS[link][:3]
     p, angle = model.parameters, model.at_positions(PHASE).angle[:, link]
-    ends = [model.joint_force(name, joint, found, PHASE) for joint in (start, end)]
+    ends = [model.joint_force(name, joint, orbit, PHASE) for joint in (start, end)]
     force = [x + 1j * y for x, y, _ in ends]
     length, mu = p[f"L{link + 1}"], p["rho"] * p[f"A{link + 1}"]
     arm = length * np.exp(1j * angle)
@@ -98,7 +98,7 @@ def test_end_forces_accelerate_the_link(link, options):
     nodes, weights = np.polynomial.legendre.leggauss(6)
     total, about = 0.0, 0.0
     for xi, weight in zip((nodes + 1) / 2, weights / 2, strict=True):
-        acceleration = acceleration_along(model, found, link, xi, bool(options))
+        acceleration = acceleration_along(model, orbit, link, xi, bool(options))
         total = total + mu * length * weight * acceleration
         about = about + mu * length * weight * np.imag(np.conj(xi * arm) * acceleration)
     scale = np.abs(force).max()
@@ -144,8 +144,8 @@ def test_drive_power_balances_inertia_and_damping():
     """Power along the rigid motion, by the phase: O's moment against accelerations integrated over the
     links, joint masses and damping forces."""
     model = solve.load("four_bar", options={"terms": "full"})
-    found = solve.periodic(model, SPEED, rtol=1e-7)
-    _, qd, _ = found.state(PHASE)
+    orbit = solve.periodic(model, SPEED, rtol=1e-7)
+    _, qd, _ = orbit.state(PHASE)
     C = model.at(PHASE, SPEED)[1] - model.varied({"zeta": 0.0}).at(PHASE, SPEED)[1]
     power = np.einsum("kij,jk,ik->k", C, qd, rigid_rates(model))
     nodes, weights = np.polynomial.legendre.leggauss(6)
@@ -157,9 +157,9 @@ def test_drive_power_balances_inertia_and_damping():
     ]
     for link, xi, mass in (*parts, (0, 1.0, p["mA"]), (1, 1.0, p["mB"])):
         velocity = rate_of(lambda phase, link=link, xi=xi: rigid_place(model, phase, link, xi))
-        acceleration = acceleration_along(model, found, link, xi, turning=True)
+        acceleration = acceleration_along(model, orbit, link, xi, turning=True)
         power = power + mass * np.real(np.conj(velocity) * acceleration)
-    moment = model.output_values(PHASE, SPEED, *found.state(PHASE))["O_moment"]
+    moment = model.output_values(PHASE, SPEED, *orbit.state(PHASE))["O_moment"]
     np.testing.assert_allclose(moment, power, atol=2e-5 * np.abs(moment).max())
 
 

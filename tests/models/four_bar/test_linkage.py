@@ -64,20 +64,20 @@ def test_mirrored_in_the_ground_line_one_branch_is_the_other(linkage, t1):
 @given(cranks(), ANGLES, st.floats(-50, 50), st.floats(-500, 500))
 def test_velocities_and_accelerations_are_the_derivatives(linkage, t1, omega1, alpha1):
     motion = linkage.motion(t1, omega1, alpha1)
-    found = free_bodies(linkage.lengths, BODIES, (t1, omega1, alpha1), 0.0, motion.t + OFF)
-    np.testing.assert_allclose(np.exp(1j * motion.t), np.exp(1j * found.q[:, 2]), atol=1e-11)
+    bodies = free_bodies(linkage.lengths, BODIES, (t1, omega1, alpha1), 0.0, motion.t + OFF)
+    np.testing.assert_allclose(np.exp(1j * motion.t), np.exp(1j * bodies.q[:, 2]), atol=1e-11)
     scale = omega1**2 + abs(alpha1) + 1.0
     for k, (_, X, Y, _) in enumerate(BODIES):
         point = complex(X, Y)
         for values, ours in (
-            (found.q, motion.position(k + 1, point)),
-            (found.qd, motion.velocity(k + 1, point)),
-            (found.qdd, motion.acceleration(k + 1, point)),
+            (bodies.q, motion.position(k + 1, point)),
+            (bodies.qd, motion.velocity(k + 1, point)),
+            (bodies.qdd, motion.acceleration(k + 1, point)),
         ):
             # Both sides divide by sin γ, which costs each some digits.
             np.testing.assert_allclose(ours, complex(*values[k, :2]), rtol=1e-10, atol=1e-11 * scale)
-        assert motion.omega[k] == pytest.approx(found.qd[k, 2], rel=1e-10, abs=1e-11 * scale)
-        assert motion.alpha[k] == pytest.approx(found.qdd[k, 2], rel=1e-10, abs=1e-11 * scale)
+        assert motion.omega[k] == pytest.approx(bodies.qd[k, 2], rel=1e-10, abs=1e-11 * scale)
+        assert motion.alpha[k] == pytest.approx(bodies.qdd[k, 2], rel=1e-10, abs=1e-11 * scale)
 
 
 def test_all_crank_angles_at_once_equal_one_by_one():
@@ -157,24 +157,24 @@ def test_transmission_angle_lies_between_the_links_at_b(linkage, t1):
 def test_transmission_extremes(linkage):
     """Against thesis (3.10), and against all other crank angles."""
     L1, L2, L3, L4 = linkage.lengths
-    found = linkage.transmission_extremes()
-    for gamma, sign in ((found.min, 1), (found.max, -1)):
+    extremes = linkage.transmission_extremes()
+    for gamma, sign in ((extremes.min, 1), (extremes.max, -1)):
         cosine = (L2**2 + L3**2 + sign * 2 * L1 * L4 - L1**2 - L4**2) / (2 * L2 * L3)
         assert math.cos(gamma) == pytest.approx(cosine, abs=1e-12)
     over_the_turn = linkage.transmission_angle(TURN)
-    assert found.min <= over_the_turn.min() + 1e-12
-    assert found.max >= over_the_turn.max() - 1e-12
+    assert extremes.min <= over_the_turn.min() + 1e-12
+    assert extremes.max >= over_the_turn.max() - 1e-12
     np.testing.assert_allclose(
-        linkage.transmission_angle([found.min_position, found.max_position]), found[::2]
+        linkage.transmission_angle([extremes.min_position, extremes.max_position]), extremes[::2]
     )
 
 
 def test_the_thesis_linkage_stays_within_the_advised_transmission_angles():
     """Thesis 3.5: least at t1 = 0, greatest at 180°, within 40° … 140°."""
     linkage = Linkage(*THESIS)
-    found = linkage.transmission_extremes()
-    assert (found.min_position, found.max_position) == (0.0, math.pi)
-    assert math.radians(40) < found.min < found.max < math.radians(140)
+    extremes = linkage.transmission_extremes()
+    assert (extremes.min_position, extremes.max_position) == (0.0, math.pi)
+    assert math.radians(40) < extremes.min < extremes.max < math.radians(140)
     assert transmission_warnings(linkage) == []
 
 

@@ -84,12 +84,12 @@ def test_a_slow_run_up_goes_through_steady_states(stresses):
     """At 0.1 rad/s² each turn has the stress of the periodic vibration at its speed and length."""
     plan = Plan(np.array([24.0, 27.0]), np.array([0.55, 0.60]), lead=0.3)
     run_up = RunUp(plan, 24.0, 30.0)
-    found = simulate(stresses, run_up, run_up.turns)
+    simulated = simulate(stresses, run_up, run_up.turns)
     model = stresses.lengths[0].model
     for turn in (40, 80, 110):
-        before, after = found.speed[turn - 1 : turn + 1]
+        before, after = simulated.speed[turn - 1 : turn + 1]
         assert after - before < 0.03
-        steady = solve.periodic(model.varied({"L4": float(found.L4[turn])}), float(after), rtol=1e-6)
+        steady = solve.periodic(model.varied({"L4": float(simulated.L4[turn])}), float(after), rtol=1e-6)
         # Of the crank the root is the worst place, where the program looks by itself.
         worst = max(steady.statistics(f"crank_root_stress_{side}").max_abs for side in ("plus", "minus"))
-        assert found.stress[turn, 0] == pytest.approx(worst, rel=0.02)
+        assert simulated.stress[turn, 0] == pytest.approx(worst, rel=0.02)

@@ -90,8 +90,8 @@ def test_full_terms_conserve_energy_without_damping():
     }
     assert radius["full"].spectral_radius == pytest.approx(1.0, abs=1e-5)
     assert radius["instantaneous"].spectral_radius > 1.01
-    assert not any("terms=full" in each for each in radius["full"].warnings)
-    assert any("M'q'" in each and "terms=full" in each for each in radius["instantaneous"].warnings)
+    assert not any("terms=full" in warning for warning in radius["full"].warnings)
+    assert any("M'q'" in warning and "terms=full" in warning for warning in radius["instantaneous"].warnings)
 
 
 def test_rayleigh_damping_gives_the_lowest_mode_the_ratio_on_average():
@@ -185,19 +185,19 @@ def test_euler_buckling_warning_states_link_load_and_angle():
     angle = model.at_positions(phase).angle[:, 1]
     along = forces["A_force_x"] * np.cos(angle) + forces["A_force_y"] * np.sin(angle)
     limit = np.sqrt(euler / along.max())
-    (said,) = [each for each in model.warnings(1.02 * limit) if "coupler" in each]
+    (said,) = [warning for warning in model.warnings(1.02 * limit) if "coupler" in warning]
     assert f"Euler load of {euler:.4g} N" in said
     degrees = float(said.split(" deg")[0].split()[-1])
     assert degrees == pytest.approx(np.degrees(phase[along.argmax()]), abs=3)
-    assert not any("coupler" in each for each in model.warnings(0.98 * limit))
+    assert not any("coupler" in warning for warning in model.warnings(0.98 * limit))
 
 
 def test_sweeps_contain_the_warnings_of_their_speeds():
     model = model_with(stiffening="on")
-    found = solve.sweep(model, [30.0, 90.0], rtol=1e-4, quantities=["A_x"])
-    for speed, point in zip((30.0, 90.0), found.points, strict=True):
+    sweep = solve.sweep(model, [30.0, 90.0], rtol=1e-4, quantities=["A_x"])
+    for speed, point in zip((30.0, 90.0), sweep.points, strict=True):
         assert list(point.warnings) == model.warnings(speed)
-    assert len(found.points[1].warnings) == 1
+    assert len(sweep.points[1].warnings) == 1
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_numbers_that_make_no_linkage_are_refused(parameters, said):
 
 
 def test_damping_ratios_in_percent_raise_a_warning():
-    assert any("percent" in each for each in solve.load("four_bar", zeta=2.0).warnings(30.0))
+    assert any("percent" in warning for warning in solve.load("four_bar", zeta=2.0).warnings(30.0))
     with pytest.raises(ValueOutOfBoundsError, match="speed"):
         solve.periodic(solve.load("four_bar"), 0.0)
 
@@ -232,7 +232,10 @@ def test_false_multipliers_of_newmark_are_flagged(steps, radius):
     """The average acceleration turns unresolved stiff modes into anything, until about 720 steps; the values
     are those of an implementation apart from this one. True is 0.48504."""
     model = model_with(elements=3)
-    found = solve.floquet(model, 30.0, method="newmark", steps=steps)
-    assert found.spectral_radius == pytest.approx(radius, rel=5e-4 if radius < 1 else 5e-3)
-    assert found.error_estimate.multipliers > abs(found.spectral_radius - 0.48504) / found.spectral_radius
-    assert any("multipliers may be wrong" in each for each in found.warnings)
+    stability = solve.floquet(model, 30.0, method="newmark", steps=steps)
+    assert stability.spectral_radius == pytest.approx(radius, rel=5e-4 if radius < 1 else 5e-3)
+    assert (
+        stability.error_estimate.multipliers
+        > abs(stability.spectral_radius - 0.48504) / stability.spectral_radius
+    )
+    assert any("multipliers may be wrong" in warning for warning in stability.warnings)

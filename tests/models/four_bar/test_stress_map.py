@@ -36,21 +36,21 @@ def worst(model, speed, L4, places):
 )
 def test_stress_map_matches_single_solutions(options):
     model = solve.load("four_bar", options=options)
-    found = StressMap(model, 0.53, 0.63)
-    peaks = found.peaks(SPEEDS, LENGTHS)
+    stress_map = StressMap(model, 0.53, 0.63)
+    peaks = stress_map.peaks(SPEEDS, LENGTHS)
     assert peaks.stress.shape == (5, 3, 3)
     assert peaks.error.max() < 5e-3
     for point, speed in ((1, 24.5), (3, 30.4)):
         for place, L4 in enumerate(LENGTHS):
-            single = worst(model, speed, L4, zip(found.links, found.places, strict=True))
+            single = worst(model, speed, L4, zip(stress_map.links, stress_map.places, strict=True))
             assert peaks.stress[point, place] == pytest.approx(single, rel=3e-3)
 
 
 def test_stress_map_weights_are_bitwise_reproducible():
     """SciPy's interpolator visits its nodes in random order unless an order is given."""
-    found = StressMap(solve.load("four_bar"), 0.53, 0.63)
-    first, *others = (found.weights(LENGTHS) for _ in range(20))
-    assert all(np.array_equal(first, each) for each in others)
+    stress_map = StressMap(solve.load("four_bar"), 0.53, 0.63)
+    first, *others = (stress_map.weights(LENGTHS) for _ in range(20))
+    assert all(np.array_equal(first, other) for other in others)
 
 
 def test_map_error_bounds_the_change_by_refinement():
@@ -71,13 +71,13 @@ def test_growth_bounds_the_spectral_radius():
 
 def test_rows_give_the_stresses_of_the_model():
     model = solve.load("four_bar", options={"elements": 2})
-    found = StressMap(model, 0.547, 0.547, 1)
+    stress_map = StressMap(model, 0.547, 0.547, 1)
     phase = np.array([0.3, 2.0])
     q = np.random.default_rng(1).standard_normal((model.n, 2))
     rows = stress_rows(model.beams, model.beams.angle(phase))
     axial, bending = np.einsum("kasn,nk->ask", rows, q)
     at = 0
-    for link, fractions in zip(found.links, found.places, strict=True):
+    for link, fractions in zip(stress_map.links, stress_map.places, strict=True):
         for fraction in fractions:
             for side, sign in (("plus", 1), ("minus", -1)):
                 expected = model.stress(link, float(fraction), side, phase, q)

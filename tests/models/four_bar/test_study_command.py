@@ -72,7 +72,7 @@ def test_several_quantities_rms_and_damping(answer):
 def test_corrected_model_is_compared_with_others(answer, tmp_path):
     picture = tmp_path / "corrected.png"
     out, _ = answer("corrected", "--elements", "1", "--json", "--plot", str(picture))
-    models = {each["name"]: each for each in json.loads(out)["models"]}
+    models = {load["name"]: load for load in json.loads(out)["models"]}
     assert set(models) == {"reference", "1", "corrected, consistent", "corrected, nodal"}
     assert models["corrected, nodal"]["excess"] > 0.15
     assert abs(models["corrected, consistent"]["excess"]) < 0.03

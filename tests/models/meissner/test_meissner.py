@@ -18,8 +18,10 @@ def meissners_function(x1, x2):
 @given(frequencies, frequencies)
 @settings(max_examples=25)
 def test_half_the_sum_of_the_multipliers_is_j2(x1, x2):
-    found = solve.floquet(solve.load("meissner", w1=x1, w2=x2), "3.141592653589793 rad/s", rtol=1e-11)
-    assert found.multipliers.sum().real / 2 == pytest.approx(meissners_function(x1, x2), rel=1e-8, abs=1e-8)
+    stability = solve.floquet(solve.load("meissner", w1=x1, w2=x2), "3.141592653589793 rad/s", rtol=1e-11)
+    assert stability.multipliers.sum().real / 2 == pytest.approx(
+        meissners_function(x1, x2), rel=1e-8, abs=1e-8
+    )
 
 
 @given(frequencies, frequencies, st.floats(0.2, 0.8), st.floats(0.5, 5.0))
@@ -28,8 +30,8 @@ def test_other_shares_and_speeds(w1, w2, share, speed):
     x1, x2 = 2 * np.pi * share * w1 / speed, 2 * np.pi * (1 - share) * w2 / speed
     mean = (w1 / w2 + w2 / w1) / 2
     half = np.cos(x1) * np.cos(x2) - mean * np.sin(x1) * np.sin(x2)
-    found = solve.floquet(solve.load("meissner", w1=w1, w2=w2, share=share), speed, rtol=1e-11)
-    assert found.multipliers.sum().real / 2 == pytest.approx(half, rel=1e-7, abs=1e-7)
+    stability = solve.floquet(solve.load("meissner", w1=w1, w2=w2, share=share), speed, rtol=1e-11)
+    assert stability.multipliers.sum().real / 2 == pytest.approx(half, rel=1e-7, abs=1e-7)
 
 
 def test_cases_agree_with_their_titles():

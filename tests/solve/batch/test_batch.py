@@ -55,8 +55,8 @@ def agrees(point, system, speed, **chosen):
 def test_a_sweep_is_its_single_solves(name, engine):
     model = solve.load(name)
     speeds = np.random.default_rng(1).uniform(*RANGES[name], 5)
-    found = solve.sweep(model, speeds, engine=engine)
-    for point, speed in zip(found.points, speeds, strict=True):
+    sweep = solve.sweep(model, speeds, engine=engine)
+    for point, speed in zip(sweep.points, speeds, strict=True):
         agrees(point, model, float(speed))
 
 
@@ -65,8 +65,8 @@ def test_a_sweep_is_its_single_solves(name, engine):
 def test_a_hundred_points_of_every_model(name):
     model = solve.load(name)
     speeds = np.random.default_rng(2).uniform(*RANGES[name], 100)
-    found = solve.sweep(model, speeds)
-    for point, speed in zip(found.points, speeds, strict=True):
+    sweep = solve.sweep(model, speeds)
+    for point, speed in zip(sweep.points, speeds, strict=True):
         agrees(point, model, float(speed))
 
 
@@ -192,14 +192,14 @@ def test_no_points_have_no_entries(name):
 
 def test_all_parameters_and_the_speed_of_a_model_vary():
     model = solve.load("cam")
-    found = solve.chart(
+    chart = solve.chart(
         model, {"speed": [40.0, 50.0, 60.0]}, {"k3": [1e8, 2e8, 3e8]}, boundaries=False, engine="numpy"
     )
-    for row, k3 in enumerate(found.y):
+    for row, k3 in enumerate(chart.y):
         varied = solve.load("cam", k3=k3)
-        for column, speed in enumerate(found.x):
+        for column, speed in enumerate(chart.x):
             alone = solve.floquet(varied, speed)
-            assert found.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
+            assert chart.spectral_radius[row, column] == pytest.approx(alone.spectral_radius, rel=SAME)
 
 
 class NothingDrifts:

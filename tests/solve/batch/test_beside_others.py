@@ -44,10 +44,10 @@ def test_monodromy_matrices_are_independent_of_the_batch():
 def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
     """Units change no multiplier; each point eliminates the coordinates in an order of its own."""
     angles = [0.0, 0.4, np.pi / 4, 1.2, np.pi / 2]
-    found = solve.chart(turned, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)
+    chart = solve.chart(turned, {"angle": angles}, {"scale": scales}, speed=1.0, boundaries=False)
     truth = [solve.floquet(turned(angle, 1.0), 1.0, engine="numpy", rtol=1e-11) for angle in angles]
     for row, scale in enumerate(scales):
         for column, angle in enumerate(angles):
-            error = multiplier_error(found.multipliers[row, column], truth[column].multipliers)
-            assert error <= 10 * found.error_estimate[row, column], (scale, angle)
+            error = multiplier_error(chart.multipliers[row, column], truth[column].multipliers)
+            assert error <= 10 * chart.error_estimate[row, column], (scale, angle)
             assert error <= 2e-10

@@ -140,9 +140,9 @@ def test_cluster_result_is_unchanged_by_a_killed_worker(tmp_path, scheduler):
             workers[0].kill()
 
     with progress.listen(kill), cluster(address) as executor:
-        found = solve.sweep(model, speeds, rtol=1e-6, executor=executor, store=tmp_path / "s")
+        sweep = solve.sweep(model, speeds, rtol=1e-6, executor=executor, store=tmp_path / "s")
     assert workers[0].poll() is not None
-    same(found, solve.sweep(model, speeds, rtol=1e-6))
+    same(sweep, solve.sweep(model, speeds, rtol=1e-6))
 
 
 @pytest.mark.slow

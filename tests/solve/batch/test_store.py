@@ -95,9 +95,9 @@ def test_failures_and_warnings_are_stored(tmp_path):
     axes = {"speed": np.linspace(400.0, 560.0, 4)}, {"l2": [0.05, 0.3, 0.59, 0.7]}
     plain = solve.chart(model, *axes, boundaries=False)
     for _ in range(2):
-        found = solve.chart(model, *axes, boundaries=False, store=tmp_path / "s")
-        same(found, plain)
-    assert found.failures
+        chart = solve.chart(model, *axes, boundaries=False, store=tmp_path / "s")
+        same(chart, plain)
+    assert chart.failures
     cam = solve.load("cam")
     first, second = (solve.sweep(cam, "400 600 rpm", store=tmp_path / "t") for _ in range(2))
     same(first, second)
@@ -116,7 +116,7 @@ def whole(tmp_path_factory):
 def test_damaged_chunk_is_solved_again(tmp_path, name, damage, solved_points, whole):
     folder, plain = whole
     shutil.copytree(folder, tmp_path / "s")
-    (chunk, *_) = sorted(each for each in (tmp_path / "s" / name / "c").rglob("*") if each.is_file())
+    (chunk, *_) = sorted(path for path in (tmp_path / "s" / name / "c").rglob("*") if path.is_file())
     if damage is None:
         chunk.unlink()
     else:
@@ -200,7 +200,7 @@ def test_folders_with_other_files_are_refused(tmp_path):
     ):
         with pytest.raises(FileError, match=pattern):
             swept(place)
-    assert [each.name for each in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 
 def test_threads_and_a_store(tmp_path):

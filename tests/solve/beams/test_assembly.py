@@ -151,8 +151,8 @@ def test_links_may_have_different_element_types():
             {"element": "curvature,cubic,dynamic", "elements": "3,10,2"},
         )
     ]
-    for found in frequencies[1:]:
-        np.testing.assert_allclose(found, frequencies[0], rtol=3e-5)
+    for frequency in frequencies[1:]:
+        np.testing.assert_allclose(frequency, frequencies[0], rtol=3e-5)
 
 
 def test_freedoms_of_the_four_bar_and_their_names():

@@ -17,9 +17,9 @@ PAGE = (Path(__file__).resolve().parents[3] / "docs" / "structures.md").read_tex
 
 def block(name):
     """The code block whose first line names the file."""
-    found = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
-    assert found, f"the page has no block for {name}"
-    return found.group(1)
+    match = re.search(rf"```\w+\n# {re.escape(name)}\n(.*?)```", PAGE, re.DOTALL)
+    assert match, f"the page has no block for {name}"
+    return match.group(1)
 
 
 @pytest.fixture

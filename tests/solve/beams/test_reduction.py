@@ -138,10 +138,10 @@ def test_the_margin_of_a_verdict_holds_the_reduction():
         for modes in (None, 1)
     )
     assert solve.floquet(full, speed, rtol=1e-7).verdict == "stable"
-    found = solve.floquet(reduced, speed, rtol=1e-7)
-    assert found.reduction_error.multipliers > 1e-3
-    assert found.verdict == "undetermined"
-    assert np.isnan(found.reduction_error.orbit)
+    stability = solve.floquet(reduced, speed, rtol=1e-7)
+    assert stability.reduction_error.multipliers > 1e-3
+    assert stability.verdict == "undetermined"
+    assert np.isnan(stability.reduction_error.orbit)
 
 
 def test_coordinates_are_physical_then_modal_and_outputs_follow_from_all():

@@ -27,7 +27,7 @@ def bar(*held):
     made.link("bar", "L", "R", L, 0, Section(E, A, I, rho))
     for verb, joint, *directions in held:
         units = {"x": 1, "y": 1, "turn": L**2}
-        getattr(made, verb)(joint, **{each: k * units[each] for each in directions})
+        getattr(made, verb)(joint, **{direction: k * units[direction] for direction in directions})
     return made
 
 
@@ -110,7 +110,7 @@ def test_an_unbalance_on_springs_and_dashpots():
 def test_contradictory_supports_are_refused(held, words):
     with pytest.raises(DeclarationError) as caught:
         check(bar(*held))
-    assert all(each in str(caught.value) for each in words)
+    assert all(word in str(caught.value) for word in words)
 
 
 def test_units_joints_and_places_are_checked():

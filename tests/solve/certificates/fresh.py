@@ -93,7 +93,7 @@ def kinks(rng):
 
     def signals(phase):
         if shape == 2:
-            return np.stack([np.interp(phase, places, each, period=TURN) for each in values], axis=1)
+            return np.stack([np.interp(phase, places, value, period=TURN) for value in values], axis=1)
         away = phase[:, None] - places
         return np.abs(np.sin(away / 2 if shape else away))
 

@@ -29,5 +29,5 @@ def exponential(M, C, K, period):
 def test_multipliers_to_1e_12(method, n):
     M, C, K = structure(n, n)
     given = constant(M, C, K, lambda phase: np.ones((len(phase), n)))
-    found = floquet(given, 1.3, method, rtol=1e-12)
-    assert matched_error(found.multipliers, exponential(M, C, K, 2 * np.pi / 1.3)) < 1e-12
+    stability = floquet(given, 1.3, method, rtol=1e-12)
+    assert matched_error(stability.multipliers, exponential(M, C, K, 2 * np.pi / 1.3)) < 1e-12

@@ -31,9 +31,9 @@ def kicked():
 @pytest.mark.parametrize("place", np.linspace(0.1, 6.1, 9))
 @pytest.mark.parametrize("method", ["auto", "radau"])
 def test_a_thousandth_of_the_turn_is_seen(place, method):
-    found = floquet(struck(place, 2 * np.pi / 1000), 1.0, method)
-    assert found.warnings == []
-    np.testing.assert_allclose(np.abs(found.multipliers), np.abs(kicked()), rtol=1e-4)
+    stability = floquet(struck(place, 2 * np.pi / 1000), 1.0, method)
+    assert stability.warnings == []
+    np.testing.assert_allclose(np.abs(stability.multipliers), np.abs(kicked()), rtol=1e-4)
 
 
 @pytest.mark.parametrize("place", [0.0, np.pi / 8, np.pi / 4, np.pi / 2, np.pi, 5.663832566240261])
@@ -79,12 +79,12 @@ def test_a_bump_narrower_than_all_samples_may_be_missed():
 def test_breaks_on_either_side_let_every_width_be_seen(place, part):
     width = 2 * np.pi / part
     edges = (place - 6 * width, place + 6 * width)
-    found = periodic(struck(place, width, edges), 1.0)
+    orbit = periodic(struck(place, width, edges), 1.0)
     truth = periodic(struck(place, width), 1.0, steps=2 * part, rtol=1e-6)
-    error = np.abs(found.at(truth.phase) - truth.q).max() / np.abs(truth.q).max()
+    error = np.abs(orbit.at(truth.phase) - truth.q).max() / np.abs(truth.q).max()
     assert error <= 1e-8
-    assert abs(found.spectral_radius / truth.spectral_radius - 1) < 1e-8
-    assert found.warnings == truth.warnings == []
+    assert abs(orbit.spectral_radius / truth.spectral_radius - 1) < 1e-8
+    assert orbit.warnings == truth.warnings == []
     few = floquet(struck(place, width, edges), 1.0, steps=6, rtol=1e-12)
     miss = abs(few.spectral_radius / truth.spectral_radius - 1)
     assert miss <= 10 * few.error_estimate.multipliers

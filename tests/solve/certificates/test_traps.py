@@ -62,33 +62,33 @@ def test_unresolved_stiff_modes_are_flagged_and_false_multipliers_estimated(meth
         with pytest.raises(StepsError, match=r"or a method without limit \(radau\)"):
             floquet(given, speed, method, steps=steps, rtol=0.9)
         return
-    found = floquet(given, speed, method, steps=steps, rtol=0.9)
-    flagged = [text for text in found.warnings if UNRESOLVED in text]
-    assert len(flagged) == 1, found.warnings
+    stability = floquet(given, speed, method, steps=steps, rtol=0.9)
+    flagged = [text for text in stability.warnings if UNRESOLVED in text]
+    assert len(flagged) == 1, stability.warnings
     assert "use radau" in flagged[0]
-    error = matched_error(found.multipliers, truths[case].multipliers)
-    assert error <= 10 * found.error_estimate.multipliers
+    error = matched_error(stability.multipliers, truths[case].multipliers)
+    assert error <= 10 * stability.error_estimate.multipliers
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_the_l_stable_method_needs_no_flag(case, truths):
     given, speed = CASES[case]
-    found = floquet(given, speed, "radau", rtol=1e-6)
-    assert matched_error(found.multipliers, truths[case].multipliers) < 1e-6
-    assert found.warnings == []
+    stability = floquet(given, speed, "radau", rtol=1e-6)
+    assert matched_error(stability.multipliers, truths[case].multipliers) < 1e-6
+    assert stability.warnings == []
 
 
 def test_gauss_flags_a_spurious_multiplier_of_the_slow_cam():
     """Order 12 on 100 steps: |ρ| = 0.185 where 1.466125e-7 is true, while the orbit is right to 4e-4."""
     given = cam("1")
     truth = periodic(given, SLOW, "radau", rtol=1e-10)
-    found = periodic(given, SLOW, Gauss(12), steps=100, rtol=0.9)
-    assert relative_error(found.at(PHASES), truth.at(PHASES)) < 4e-4
+    orbit = periodic(given, SLOW, Gauss(12), steps=100, rtol=0.9)
+    assert relative_error(orbit.at(PHASES), truth.at(PHASES)) < 4e-4
     assert truth.spectral_radius == pytest.approx(1.466125e-7, rel=1e-6)
-    assert found.spectral_radius == pytest.approx(0.185, abs=5e-4)
-    assert found.error_estimate.multipliers > 1.0
-    assert any(UNRESOLVED in text for text in found.warnings)
-    assert any("the multipliers to" in text for text in found.warnings)
+    assert orbit.spectral_radius == pytest.approx(0.185, abs=5e-4)
+    assert orbit.error_estimate.multipliers > 1.0
+    assert any(UNRESOLVED in text for text in orbit.warnings)
+    assert any("the multipliers to" in text for text in orbit.warnings)
 
 
 @pytest.mark.slow
@@ -97,19 +97,19 @@ def test_series_without_a_resonant_harmonic_report_their_error(method):
     """The cam at 600 rpm: series of order 96 and 128 agree to 1e-7, and both lack order 353 of its mode."""
     given, speed = cam("1"), 20 * np.pi
     truth = periodic(given, speed, "gauss", rtol=1e-10)
-    found = periodic(given, speed, method, rtol=1e-6)
-    error = relative_error(found.at(PHASES), truth.at(PHASES))
-    assert 1e-6 < error <= 10 * found.error_estimate.orbit
-    assert any("gives the orbit to" in text for text in found.warnings)
+    orbit = periodic(given, speed, method, rtol=1e-6)
+    error = relative_error(orbit.at(PHASES), truth.at(PHASES))
+    assert 1e-6 < error <= 10 * orbit.error_estimate.orbit
+    assert any("gives the orbit to" in text for text in orbit.warnings)
 
 
 def test_piecewise_constant_steps_invent_growth_in_a_turning_beam():
     """Every frozen step is exact and damps; the chain of them grows, because the modes turn between."""
-    found = floquet(turning_beam(), 1.0, "hsu", steps=101, rtol=0.9)
-    assert found.verdict == "undetermined"  # within its own error estimate nothing more is known
-    assert found.spectral_radius > 1e3
-    assert found.error_estimate.multipliers > 1e3
-    assert abs(found.liouville) < 1e-9  # the volume is right all the same
+    stability = floquet(turning_beam(), 1.0, "hsu", steps=101, rtol=0.9)
+    assert stability.verdict == "undetermined"  # within its own error estimate nothing more is known
+    assert stability.spectral_radius > 1e3
+    assert stability.error_estimate.multipliers > 1e3
+    assert abs(stability.liouville) < 1e-9  # the volume is right all the same
 
 
 @pytest.mark.parametrize("method", ["modal"])
@@ -127,11 +127,11 @@ def undamped_stiff():
 def test_artificially_damped_modes_give_a_warning(method):
     """The other side of L-stability: two grids agree on multipliers that both of them lost."""
     steps = {"radau": 64, "rk4": 600}[method]
-    found = floquet(undamped_stiff(), 1.0, method, steps=steps, rtol=1e-3)
-    assert (np.abs(found.multipliers) > 0.1).sum() == 2
-    assert found.error_estimate.multipliers > 0.5
-    assert any("the multipliers to" in text for text in found.warnings)
-    assert found.liouville < -1.0
+    stability = floquet(undamped_stiff(), 1.0, method, steps=steps, rtol=1e-3)
+    assert (np.abs(stability.multipliers) > 0.1).sum() == 2
+    assert stability.error_estimate.multipliers > 0.5
+    assert any("the multipliers to" in text for text in stability.warnings)
+    assert stability.liouville < -1.0
     refined = floquet(undamped_stiff(), 1.0, method, rtol=1e-6)
     np.testing.assert_allclose(np.abs(refined.multipliers), 1.0, rtol=0, atol=1e-6)
     assert refined.unresolved == 0
@@ -144,9 +144,9 @@ def test_accidental_agreement_of_two_grids_is_not_accepted():
     given = member(275)
     truth = floquet(given.system, given.speed, Radau(13), rtol=1e-13)
     for rtol in (1e-1, 1e-2, 1e-3):
-        found = floquet(given.system, given.speed, "newmark", rtol=rtol)
-        error = matched_error(found.multipliers, truth.multipliers)
-        assert error <= 10 * found.error_estimate.multipliers
+        stability = floquet(given.system, given.speed, "newmark", rtol=rtol)
+        error = matched_error(stability.multipliers, truth.multipliers)
+        assert error <= 10 * stability.error_estimate.multipliers
         assert error <= rtol
 
 
@@ -164,10 +164,10 @@ def test_accidental_agreement_of_two_grids_is_not_accepted():
 def test_phase_error_of_a_mode_follows_the_phase_constant(method, steps):
     omega = 3.3
     free = constant([[1.0]], [[0.0]], [[omega**2]], lambda phase: np.ones((len(phase), 1)))
-    found = floquet(free, 1.0, method, steps=steps)
+    stability = floquet(free, 1.0, method, steps=steps)
     exact = 2 * np.pi * omega
-    late = np.angle(np.exp(1j * exact) / found.multipliers[0])
-    late = min(abs(late), abs(np.angle(np.exp(1j * exact) / found.multipliers[1])))
+    late = np.angle(np.exp(1j * exact) / stability.multipliers[0])
+    late = min(abs(late), abs(np.angle(np.exp(1j * exact) / stability.multipliers[1])))
     assert late == pytest.approx(
         method.phase_constant * steps * (exact / steps) ** (method.order + 1), rel=4e-2
     )
@@ -259,10 +259,10 @@ def test_teeth_that_all_grids_see_alike(name, rtol, teeth):
     """Evenly spaced samples of 16, 24 and 48 steps take cos 48φ for 1, and a series of few orders has none
     of it."""
     given, truth = toothed(teeth)
-    found = periodic(given, 1.0, name, rtol=rtol)
+    orbit = periodic(given, 1.0, name, rtol=rtol)
     errors = (
-        relative_error(found.at(PHASES), truth.states(PHASES)[:1]),
-        multiplier_error(found.multipliers, truth.multipliers),
+        relative_error(orbit.at(PHASES), truth.states(PHASES)[:1]),
+        multiplier_error(orbit.multipliers, truth.multipliers),
     )
     assert max(errors) <= rtol
     fixed = periodic(given, 1.0, name, steps=teeth // 4 + 1, rtol=rtol)
@@ -284,22 +284,22 @@ def jumping(stiffness, load):
 def test_a_jump_at_the_end_of_the_period_needs_no_break():
     """A sawtooth: every period begins with a step."""
     given = jumping(lambda turned: 4.0 + 0 * turned, lambda turned: turned / (2 * np.pi))
-    found = periodic(given, 1.0, rtol=1e-6)
+    orbit = periodic(given, 1.0, rtol=1e-6)
     k = np.arange(1, 5000)
     answer = 1 / (4 - k**2 + 0.1j * k)
     q = 0.125 + np.real(np.exp(1j * np.outer(PHASES, k)) @ (1j / (np.pi * k) * answer))
-    assert found.steps < 1000
-    assert np.abs(found.at(PHASES)[0] - q).max() < 1e-6
+    assert orbit.steps < 1000
+    assert np.abs(orbit.at(PHASES)[0] - q).max() < 1e-6
 
 
 @pytest.mark.parametrize("at", [1.9383, 2.0, 5.0007])
 @pytest.mark.parametrize("steps", [None, 256])
 def test_jumps_within_and_at_the_end_of_the_period_do_not_cancel(at, steps):
     given = jumping(lambda turned: 4.0 + 0.5 * (turned > at), np.cos)
-    found = floquet(given, 1.0, Gauss(), steps=steps, rtol=1e-5)
+    stability = floquet(given, 1.0, Gauss(), steps=steps, rtol=1e-5)
     truth = np.abs(np.linalg.eigvals(step_matrix(4.5, 2 * np.pi - at) @ step_matrix(4.0, at))).max()
-    error = abs(found.spectral_radius / truth - 1)
-    assert error <= 10 * found.error_estimate.multipliers
+    error = abs(stability.spectral_radius / truth - 1)
+    assert error <= 10 * stability.error_estimate.multipliers
 
 
 def step_matrix(stiffness, length):
@@ -314,6 +314,6 @@ def test_modes_that_steps_do_not_resolve_are_no_resonance(method, steps, stiffne
     """Their computed multipliers may be anywhere on the unit circle, near +1 too."""
     K = [[2.3, 0.3], [0.3, stiffness]]
     given = constant(np.eye(2), damping * np.eye(2), K, lambda phase: 1 + np.cos(phase)[:, None] * np.ones(2))
-    found = periodic(given, 1.0, method, steps=steps, rtol=0.5)
-    assert found.error_estimate.multipliers == np.inf
-    assert found.warnings
+    orbit = periodic(given, 1.0, method, steps=steps, rtol=0.5)
+    assert orbit.error_estimate.multipliers == np.inf
+    assert orbit.warnings

@@ -26,11 +26,11 @@ def decaying():
 
 
 def test_exponents_are_exact_for_multipliers_65_decades_apart():
-    found = solve.floquet(decaying(), 1.0, rtol=1e-11, all_multipliers=True)
-    np.testing.assert_allclose(found.exponents, [0.0, -24.0], rtol=0, atol=1e-10)
-    assert found.unresolved == 0
-    assert len(found.multipliers) == len(found.multiplier_errors) == 2
-    assert (found.multiplier_errors < 1e-9).all()
+    stability = solve.floquet(decaying(), 1.0, rtol=1e-11, all_multipliers=True)
+    np.testing.assert_allclose(stability.exponents, [0.0, -24.0], rtol=0, atol=1e-10)
+    assert stability.unresolved == 0
+    assert len(stability.multipliers) == len(stability.multiplier_errors) == 2
+    assert (stability.multiplier_errors < 1e-9).all()
 
 
 @pytest.mark.parametrize("engine", ["auto", "numpy"])
@@ -39,30 +39,30 @@ def test_constant_coefficients_have_the_eigenvalues_of_their_matrix(engine):
     truth = np.linalg.eigvals(np.block([[np.zeros((2, 2)), M], [-K, -C]]))
     truth = truth[np.argsort(-truth.real)]
     free = constant(M, C, K, lambda phase: np.zeros((len(phase), 2)))
-    found = solve.floquet(free, 1.0, rtol=1e-9, engine=engine, all_multipliers=True)
-    assert found.unresolved == 0
-    np.testing.assert_allclose(found.exponents.real, truth.real, rtol=1e-9)
-    errors = 2 * np.pi * np.abs(found.exponents.real - truth.real)
-    assert (errors <= 10 * found.multiplier_errors + 1e-12).all()
+    stability = solve.floquet(free, 1.0, rtol=1e-9, engine=engine, all_multipliers=True)
+    assert stability.unresolved == 0
+    np.testing.assert_allclose(stability.exponents.real, truth.real, rtol=1e-9)
+    errors = 2 * np.pi * np.abs(stability.exponents.real - truth.real)
+    assert (errors <= 10 * stability.multiplier_errors + 1e-12).all()
 
 
 @pytest.mark.slow
 def test_the_cam_at_twelve_rpm_by_two_methods_and_by_liouville():
     """|ρ| from 1e-57 down to what no number holds; their logarithms sum up to -∫ tr(M⁻¹C) dt."""
     cam = solve.load("cam")
-    found = solve.floquet(cam, "12 rpm", rtol=1e-6, all_multipliers=True)
+    stability = solve.floquet(cam, "12 rpm", rtol=1e-6, all_multipliers=True)
     other = solve.floquet(cam, "12 rpm", solve.Gauss(16), rtol=1e-6, all_multipliers=True)
     phase = (np.arange(4096) + 0.5) * (cam.period / 4096)
-    M, C, _, _ = cam.in_phase(phase, found.speed)
+    M, C, _, _ = cam.in_phase(phase, stability.speed)
     volume = -np.einsum("kii->k", np.linalg.solve(M, C)).mean() * cam.period
-    for each in found, other:
+    for each in stability, other:
         assert each.unresolved == 0
         assert (each.multiplier_errors <= 1e-6).all()
         logarithms = each.exponents.real * each.period
         assert abs(logarithms.sum() - volume) <= 10 * each.multiplier_errors.sum()
-    allowed = found.multiplier_errors + other.multiplier_errors
-    assert (np.abs(found.exponents - other.exponents) * found.period <= allowed).all()
-    assert found.multipliers[-1] == 0
+    allowed = stability.multiplier_errors + other.multiplier_errors
+    assert (np.abs(stability.exponents - other.exponents) * stability.period <= allowed).all()
+    assert stability.multipliers[-1] == 0
     assert other.modes[4].unfolded == pytest.approx(other.modes[4].order * other.speed, rel=1e-4)
 
 
@@ -78,9 +78,9 @@ def test_periods_taken_in_parts_are_whole_ones(monkeypatch):
 
 
 def test_modes_that_given_steps_do_not_follow_have_no_digit():
-    found = solve.floquet(solve.load("cam"), "12 rpm", "radau", steps=64, rtol=0.9, all_multipliers=True)
-    assert 0 < found.unresolved <= 6
-    assert np.isnan(found.multiplier_errors).sum() == found.unresolved
+    stability = solve.floquet(solve.load("cam"), "12 rpm", "radau", steps=64, rtol=0.9, all_multipliers=True)
+    assert 0 < stability.unresolved <= 6
+    assert np.isnan(stability.multiplier_errors).sum() == stability.unresolved
 
 
 def test_methods_without_step_maps_refuse_all_multipliers():
@@ -131,14 +131,14 @@ def test_axes_that_turn_change_no_multiplier():
     honest, smallest = [], 0.0
     for seed in range(340):
         given, truth = turning(seed)
-        found = solve.floquet(given, 1.0, rtol=1e-9, all_multipliers=True)
-        apart = found.exponents[:, None] * found.period - truth
+        stability = solve.floquet(given, 1.0, rtol=1e-9, all_multipliers=True)
+        apart = stability.exponents[:, None] * stability.period - truth
         distance = np.hypot(apart.real, np.angle(np.exp(1j * apart.imag)))
         rows, columns = linear_sum_assignment(distance)
         error, size = distance[rows, columns], np.maximum(np.abs(truth[columns].real), 1.0)
-        assert found.unresolved == 0
+        assert stability.unresolved == 0
         assert (error <= 1e-9 * size).all()
-        honest += list(error <= 10 * found.multiplier_errors)
+        honest += list(error <= 10 * stability.multiplier_errors)
         smallest = min(smallest, truth.real.min())
     assert np.mean(honest) >= 0.99
     assert smallest < np.log(1e-250)
@@ -148,15 +148,15 @@ def test_axes_that_turn_change_no_multiplier():
 def test_a_linkage_of_elastic_bars_keeps_all_its_multipliers():
     """36 of them, down to exp(-483); their logarithms sum up to -∫ tr(M⁻¹C) dt."""
     linkage = solve.load("four_bar", options={"elements": "2"})
-    found = solve.floquet(
+    stability = solve.floquet(
         linkage, "30 rad/s", solve.Radau(13), rtol=1e-3, engine="numpy", all_multipliers=True
     )
-    assert (len(found.multipliers), found.unresolved, found.warnings) == (36, 0, [])
+    assert (len(stability.multipliers), stability.unresolved, stability.warnings) == (36, 0, [])
     phase = (np.arange(512) + 0.5) * (linkage.period / 512)
-    M, C, _, _ = linkage.in_phase(phase, found.speed)
+    M, C, _, _ = linkage.in_phase(phase, stability.speed)
     volume = -np.einsum("kii->k", np.linalg.solve(M, C)).mean() * linkage.period
-    logarithms = found.exponents.real * found.period
-    assert abs(logarithms.sum() - volume) <= found.multiplier_errors.sum()
+    logarithms = stability.exponents.real * stability.period
+    assert abs(logarithms.sum() - volume) <= stability.multiplier_errors.sum()
     assert logarithms.min() < -480
 
 
@@ -173,28 +173,28 @@ def damped_pair():
 
 
 def test_multipliers_below_round_off_are_null_without_slicot(without_slicot):
-    found = solve.floquet(damped_pair(), 1.0)
+    stability = solve.floquet(damped_pair(), 1.0)
     exact = 2 * np.pi * np.array([-0.1 + 1j * np.sqrt(1.99), -0.1 - 1j * np.sqrt(1.99)])
-    assert found.multipliers[:2] == pytest.approx(np.exp(exact), rel=1e-8)
-    assert np.isnan(found.multipliers[2:]).all()
-    assert np.isnan(found.multiplier_errors[2:]).all()
-    assert found.unresolved == 2
-    assert ["ctrlsys" in note for note in found.notes] == [True]
-    record = found.record()
+    assert stability.multipliers[:2] == pytest.approx(np.exp(exact), rel=1e-8)
+    assert np.isnan(stability.multipliers[2:]).all()
+    assert np.isnan(stability.multiplier_errors[2:]).all()
+    assert stability.unresolved == 2
+    assert ["ctrlsys" in note for note in stability.notes] == [True]
+    record = stability.record()
     assert record["multipliers"][2:] == [[None, None], [None, None]]
     assert record["multiplier_errors"][2:] == [None, None]
-    assert found.verdict == "asymptotically stable"
+    assert stability.verdict == "asymptotically stable"
 
 
 def test_all_multipliers_fall_back_on_the_monodromy_matrix_without_slicot(without_slicot):
-    found = solve.floquet(damped_pair(), 1.0, all_multipliers=True)
-    assert found.unresolved == 2
-    assert any("ctrlsys" in note for note in found.notes)
+    stability = solve.floquet(damped_pair(), 1.0, all_multipliers=True)
+    assert stability.unresolved == 2
+    assert any("ctrlsys" in note for note in stability.notes)
 
 
 def test_multipliers_below_round_off_come_from_slicot():
-    found = solve.floquet(damped_pair(), 1.0)
-    apart = np.abs(found.multipliers[2] / np.exp(2 * np.pi * (-6 + 2.3j)) - 1)
-    assert apart <= 10 * found.multiplier_errors[2]
-    assert found.multiplier_errors[2] < 0.01
-    assert found.notes == []
+    stability = solve.floquet(damped_pair(), 1.0)
+    apart = np.abs(stability.multipliers[2] / np.exp(2 * np.pi * (-6 + 2.3j)) - 1)
+    assert apart <= 10 * stability.multiplier_errors[2]
+    assert stability.multiplier_errors[2] < 0.01
+    assert stability.notes == []

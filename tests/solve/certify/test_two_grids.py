@@ -33,9 +33,9 @@ def test_accidentally_equal_multipliers_are_detected_from_the_monodromy_matrices
         )
 
     given = hill(brentq(difference, *between, xtol=1e-15))
-    found = floquet(given, 1.0, "gauss", rtol=1e-5)
-    error = multiplier_error(found.multipliers, Shooting(given, 1.0).multipliers)
-    assert 1e-12 < error <= 10 * found.error_estimate.multipliers <= 1e-4
+    stability = floquet(given, 1.0, "gauss", rtol=1e-5)
+    error = multiplier_error(stability.multipliers, Shooting(given, 1.0).multipliers)
+    assert 1e-12 < error <= 10 * stability.error_estimate.multipliers <= 1e-4
 
 
 def of_pieces(breaks, K, damping):
@@ -59,9 +59,9 @@ def test_error_covers_pieces_that_the_finer_grid_does_not_refine(seed):
     breaks = np.sort(rng.uniform(0, 2 * np.pi, 5))
     K = rng.uniform(-1, 1, 5) * 10 ** rng.uniform(-1, 2) + 10 ** rng.uniform(-1, 2)
     given, truth = of_pieces(breaks, K, 0.05)
-    found = floquet(given, 1.0, rtol=10.0 ** -(1 + seed % 6))
-    error = multiplier_error(found.multipliers, truth)
-    assert error <= 10 * found.error_estimate.multipliers + 1e-13
+    stability = floquet(given, 1.0, rtol=10.0 ** -(1 + seed % 6))
+    error = multiplier_error(stability.multipliers, truth)
+    assert error <= 10 * stability.error_estimate.multipliers + 1e-13
 
 
 @pytest.mark.parametrize("seed", [35, 70, 231, 259])
@@ -72,9 +72,9 @@ def test_error_covers_a_stiff_piece_divided_alike_on_two_grids(seed, rtol):
     breaks = np.sort(rng.uniform(0, 2 * np.pi, count))
     K = 10 ** rng.uniform(-1, rng.uniform(0, 3), count) * np.where(rng.random(count) < 0.1, -0.05, 1)
     given, truth = of_pieces(breaks, K, rng.choice([0, 0.05, 0.3]))
-    found = floquet(given, 1.0, rtol=rtol)
-    error = multiplier_error(found.multipliers, truth)
-    assert error <= 10 * found.error_estimate.multipliers + 1e-12
+    stability = floquet(given, 1.0, rtol=rtol)
+    error = multiplier_error(stability.multipliers, truth)
+    assert error <= 10 * stability.error_estimate.multipliers + 1e-12
 
 
 @pytest.mark.parametrize("damping", [1e-5, 1e-7, -1e-7])

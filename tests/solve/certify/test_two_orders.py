@@ -51,9 +51,9 @@ def test_modes_that_given_steps_do_not_follow_count_as_error(method, steps):
     """At 100 rpm the cam's fastest mode turns 16 000 rad a revolution."""
     cam = solve.load("cam")
     truth = floquet(cam, "100 rpm", Radau(13), rtol=1e-10)
-    found = floquet(cam, "100 rpm", method, steps=steps, rtol=0.9)
-    error = abs(found.spectral_radius / truth.spectral_radius - 1)
-    assert error <= 10 * found.error_estimate.multipliers
+    stability = floquet(cam, "100 rpm", method, steps=steps, rtol=0.9)
+    error = abs(stability.spectral_radius / truth.spectral_radius - 1)
+    assert error <= 10 * stability.error_estimate.multipliers
 
 
 def test_a_sweep_is_as_exact_as_single_solutions():
@@ -72,10 +72,10 @@ def test_a_sweep_is_as_exact_as_single_solutions():
 
 def test_a_nonlinear_orbit_takes_the_same_estimate():
     """Each iterate is compared by both orders; the reference is of another family."""
-    found = solve.nonlinear(solve.load("cam"), "100 rpm", rtol=1e-7)
+    orbit = solve.nonlinear(solve.load("cam"), "100 rpm", rtol=1e-7)
     reference = solve.nonlinear(solve.load("cam"), "100 rpm", method="gauss", rtol=1e-9)
     phase = np.linspace(0, 2 * np.pi, 500)
-    q, truth = found.at(phase), reference.at(phase)
+    q, truth = orbit.at(phase), reference.at(phase)
     error = (np.abs(q - truth).max(axis=1) / np.abs(truth).max(axis=1)).max()
-    assert error <= 10 * found.error_estimate.orbit
-    assert found.error_estimate.orbit <= 1e-7
+    assert error <= 10 * orbit.error_estimate.orbit
+    assert orbit.error_estimate.orbit <= 1e-7

@@ -11,13 +11,13 @@ CAM = ("animate", "cam", "--speed", "600 rpm", "--rtol", "1e-3", "--frames", "3"
 def test_command_and_python_produce_the_same_animation(command, tmp_path):
     ran = command(*CAM, "--out", "mine.html", "--scale", "2", "--show", "q2")
     assert ran.status == 0
-    made = solve.animate(solve.load("cam"), "600 rpm", 2.0, 3, ["q2"], rtol=1e-3)
-    assert (tmp_path / "mine.html").read_text("utf-8") == made.html
+    animation = solve.animate(solve.load("cam"), "600 rpm", 2.0, 3, ["q2"], rtol=1e-3)
+    assert (tmp_path / "mine.html").read_text("utf-8") == animation.html
     assert ran.out == "cam, case 1, 600 rpm: vibration magnified 2 times\n"
     said = ran.err.replace("\n", " ")
     assert "the linearisation is not to be trusted: max|q1| = 0.867 rad" in said
     assert "wrote mine.html" in said
-    assert "the linearisation is not to be trusted" in made.html
+    assert "the linearisation is not to be trusted" in animation.html
 
 
 @pytest.mark.parametrize("ending", [".gif", ".GIF", ".png", ".svg", ".pdf"])

@@ -14,12 +14,12 @@ CRITICAL = ("critical", "manipulator", "--speeds", "250:400:6 rpm", "--orders", 
 def test_the_chart_as_json(command):
     ran = command(*CHART, "--cut", "epsilon=1", "--json")
     assert ran.status == 0, ran.err
-    found = json.loads(ran.out)
-    assert (found["x"]["name"], found["y"]["name"]) == ("delta", "epsilon")
-    assert len(found["spectral_radius"]) == 7
-    assert all(len(row) == 13 for row in found["spectral_radius"])
-    assert {curve["kind"] for curve in found["boundaries"]} == {"+1", "-1"}
-    crossings = [crossing["at"] for crossing in found["cuts"][0]["crossings"]]
+    record = json.loads(ran.out)
+    assert (record["x"]["name"], record["y"]["name"]) == ("delta", "epsilon")
+    assert len(record["spectral_radius"]) == 7
+    assert all(len(row) == 13 for row in record["spectral_radius"])
+    assert {curve["kind"] for curve in record["boundaries"]} == {"+1", "-1"}
+    crossings = [crossing["at"] for crossing in record["cuts"][0]["crossings"]]
     edges = [mathieu_b(1, 0.5), mathieu_a(1, 0.5), mathieu_b(2, 0.5), mathieu_a(2, 0.5)]
     assert crossings == pytest.approx(edges, abs=1e-7)
 
@@ -35,11 +35,11 @@ def test_tables_fit_80_columns_and_pictures_are_written(command, tmp_path, argum
 def test_critical_speeds_as_json(command):
     ran = command(*CRITICAL, "--figure", "rms", "--json")
     assert ran.status == 0, ran.err
-    found = json.loads(ran.out)
-    assert found["figure"] == "rms"
+    record = json.loads(ran.out)
+    assert record["figure"] == "rms"
     keys = {"response", "multiplier", "division", "division_at_rest", "mode", "order"}
-    assert found["rows"]
-    assert all(row.keys() >= keys for row in found["rows"])
+    assert record["rows"]
+    assert all(row.keys() >= keys for row in record["rows"])
 
 
 def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
@@ -47,15 +47,15 @@ def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
     ran = command("chart", "coupler", *axes, "--plot", "chart.png", "--save", "chart.nc", "--json")
     assert ran.status == 0, ran.err
     assert "4 of 12 points give no result, and boundaries end beside them" in ran.err
-    found = json.loads(ran.out)
-    assert found["spectral_radius"][2] == [None] * 4
-    assert found["verdicts"][2] == ["failed"] * 4
-    assert [(one["row"], one["column"]) for one in found["failures"]] == [(2, k) for k in range(4)]
+    record = json.loads(ran.out)
+    assert record["spectral_radius"][2] == [None] * 4
+    assert record["verdicts"][2] == ["failed"] * 4
+    assert [(one["row"], one["column"]) for one in record["failures"]] == [(2, k) for k in range(4)]
     saved = xarray.open_dataset(tmp_path / "chart.nc")
     assert np.isnan(saved["spectral_radius"].values).tolist() == [[False] * 4] * 2 + [[True] * 4]
     assert saved["spectral_radius"].dims == ("l2", "speed")
     assert all("cannot turn" in text for text in saved["error"].values[2].tolist())
-    assert json.loads(saved.attrs["metadata"])["boundaries"] == found["boundaries"]
+    assert json.loads(saved.attrs["metadata"])["boundaries"] == record["boundaries"]
 
 
 @pytest.mark.parametrize(

@@ -22,17 +22,17 @@ ROW = {"method", "order", "steps", "orbit_error", "multiplier_error", "time", "v
 def test_json_has_the_promised_keys(command):
     ran = command("compare", *ARGUMENTS, "--json")
     assert (ran.status, ran.err) == (0, "")
-    found = json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-    assert found["model"] == "manipulator"
-    assert found["reference"]["error_estimate"]["orbit"] < 1e-10
-    assert all(row.keys() >= ROW for row in found["rows"])
-    kinds = [(row["method"], row["at"], row["target"]) for row in found["rows"]]
+    record = json.loads(ran.out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert record["model"] == "manipulator"
+    assert record["reference"]["error_estimate"]["orbit"] < 1e-10
+    assert all(row.keys() >= ROW for row in record["rows"])
+    kinds = [(row["method"], row["at"], row["target"]) for row in record["rows"]]
     assert kinds == [
         (method, at, target)
         for method in ("newmark", "rk4")
         for at, target in (("equal steps", None), ("equal steps", None), ("equal accuracy", 1e-3))
     ]
-    coarse, fine = (row["orbit_error"] for row in found["rows"][:2])
+    coarse, fine = (row["orbit_error"] for row in record["rows"][:2])
     assert coarse / fine == pytest.approx(4.0, rel=0.1)
 
 
@@ -118,10 +118,10 @@ def test_without_load_the_multipliers_are_judged(command):
     """Mathieu's equation has no orbit but rest; |ρ| by step counts as the order says."""
     arguments = ("mathieu", "--method", "newmark", "--method", "rk4", "--steps", "40")
     ran = command("compare", *arguments, "--rtol", "1e-4", "--rtol", "1e-6", "--json")
-    found = json.loads(ran.out)
-    assert found["judged_by"] == "multipliers"
-    assert all(row["orbit_error"] is None for row in found["rows"])
-    newmark, rk4 = ([row for row in found["rows"] if row["method"] == name] for name in ("newmark", "rk4"))
+    record = json.loads(ran.out)
+    assert record["judged_by"] == "multipliers"
+    assert all(row["orbit_error"] is None for row in record["rows"])
+    newmark, rk4 = ([row for row in record["rows"] if row["method"] == name] for name in ("newmark", "rk4"))
     for rows, order in ((newmark, 2), (rk4, 4)):
         equal, coarse, fine = rows
         assert equal["steps"] == 40

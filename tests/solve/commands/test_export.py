@@ -13,17 +13,17 @@ def test_command_and_python_export_the_same_file(command, tmp_path):
     )
     assert ran.status == 0
     assert "wrote mine.mat" in ran.err
-    made = solve.state_space(solve.load("cam", k1=9e4), "600 rpm", samples=6)
-    found = loadmat(tmp_path / "mine.mat")
-    np.testing.assert_array_equal(np.moveaxis(found["A"], -1, 0), made.A)
-    assert found["C"].shape == (7, 6, 6)
+    space = solve.state_space(solve.load("cam", k1=9e4), "600 rpm", samples=6)
+    content = loadmat(tmp_path / "mine.mat")
+    np.testing.assert_array_equal(np.moveaxis(content["A"], -1, 0), space.A)
+    assert content["C"].shape == (7, 6, 6)
 
 
 def test_c_export_needs_no_speed_and_reports_both_files(command, tmp_path):
     ran = command("export", "coupler", "--option", "modes=2", "--out", "mine.c")
     assert ran.status == 0
     assert ran.err.splitlines() == ["wrote mine.c", "wrote mine.h"]
-    assert sorted(each.name for each in tmp_path.iterdir()) == ["mine.c", "mine.h"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.c", "mine.h"]
 
 
 @pytest.mark.parametrize("wrong", [("--speed", "90"), ("--speed", "-1 rpm"), ("--samples", "0")])

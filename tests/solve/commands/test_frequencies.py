@@ -139,7 +139,7 @@ def test_files(command, tmp_path):
         assert ran.status == 0, ran.err
         assert (tmp_path / f"{number}.png").stat().st_size > 10_000
     rows = [(tmp_path / f"{n}.csv").read_text().splitlines() for n in range(3)]
-    assert [sum(line[0].isdigit() for line in each) for each in rows] == [1, 9, 3]
+    assert [sum(line[0].isdigit() for line in row) for row in rows] == [1, 9, 3]
     assert any("frequency4" in line for line in rows[0])
     assert any("coupler_pinned" in line for line in rows[2])
 
@@ -224,6 +224,6 @@ def test_unstable_positions_are_missing_with_a_warning(command):
     ran = command(
         "frequencies", "mathieu", "--set", "delta=0.1", "--set", "epsilon=1", "--turn", "8", "--json"
     )
-    found = json.loads(ran.out)
-    assert None in [value for row in found["turn"]["frequencies"] for value in row]
+    record = json.loads(ran.out)
+    assert None in [value for row in record["turn"]["frequencies"] for value in row]
     assert "static stiffness is not positive" in ran.err

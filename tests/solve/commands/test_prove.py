@@ -16,21 +16,21 @@ MATHIEU = "floquet", "mathieu", "--speed", "1 rad/s"
 def test_json_contains_the_proof_and_the_result(command):
     ran = command("periodic", *MATHIEU[1:], "--prove", "--digits", "30", "--json")
     assert ran.status == 0, ran.err
-    found = json.loads(ran.out)
-    proof = found["proof"]
+    record = json.loads(ran.out)
+    proof = record["proof"]
     assert proof.keys() == {
         *("proved", "verdict", "multipliers", "isolated", "spectral_radius", "assumed", "max_abs"),
         *("true_error", "seconds"),
     }
     assert proof["proved"] is True
-    assert proof["verdict"] == found["verdict"] == "asymptotically stable"
+    assert proof["verdict"] == record["verdict"] == "asymptotically stable"
     assert proof["isolated"] == [True, True]
     low, high = map(float, proof["spectral_radius"])
-    error = found["error_estimate"]["multipliers"] * found["spectral_radius"]
-    assert low - error <= found["spectral_radius"] <= high + error
-    for (real, imaginary, radius), ordinary in zip(proof["multipliers"], found["multipliers"], strict=True):
+    error = record["error_estimate"]["multipliers"] * record["spectral_radius"]
+    assert low - error <= record["spectral_radius"] <= high + error
+    for (real, imaginary, radius), ordinary in zip(proof["multipliers"], record["multipliers"], strict=True):
         assert abs(complex(real, imaginary) - complex(*ordinary)) <= radius + error
-    assert proof["true_error"]["multipliers"] <= found["error_estimate"]["multipliers"]
+    assert proof["true_error"]["multipliers"] <= record["error_estimate"]["multipliers"]
 
 
 def test_without_an_orbit_its_error_is_null(command):

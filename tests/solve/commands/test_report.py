@@ -8,9 +8,9 @@ MATHIEU = ("report", "mathieu", "--speeds", "1.1:1.2:3 rad/s", "--rtol", "1e-3")
 def test_command_and_python_write_the_same_report(command, tmp_path):
     ran = command(*MATHIEU, "--set", "epsilon=0.2", "--out", "mine.html")
     assert ran.status == 0
-    made = solve.report(solve.load("mathieu", epsilon=0.2), "1.1:1.2:3 rad/s", rtol=1e-3)
-    assert (tmp_path / "mine.html").read_text("utf-8") == made.html
-    assert ran.out.split() == " ".join(made.summary).split()
+    report = solve.report(solve.load("mathieu", epsilon=0.2), "1.1:1.2:3 rad/s", rtol=1e-3)
+    assert (tmp_path / "mine.html").read_text("utf-8") == report.html
+    assert ran.out.split() == " ".join(report.summary).split()
     (left_out,) = (line for line in ran.err.splitlines() if "mathieu has no load" in line)
     assert left_out.startswith("warning: left out: Vibration and stability, ")
     assert "Response over speed, Critical speeds" in left_out

@@ -40,9 +40,9 @@ def test_reported_error_covers_roundoff_of_vanishing_derivatives(by, nonlinear):
     model = model_of(shifted(), **NUMBERS)
     for speed in (0.7, 1.3, 2.1):
         for quantity in OF:
-            found = solve.sensitivities(model, speed, quantity, by, rtol=1e-11, nonlinear=nonlinear)
-            reported = found.found[quantity].errors[by.index("s")]
-            assert abs(found[quantity]["s"]) <= 10 * reported, (speed, quantity)
+            sensitivities = solve.sensitivities(model, speed, quantity, by, rtol=1e-11, nonlinear=nonlinear)
+            reported = sensitivities.found[quantity].errors[by.index("s")]
+            assert abs(sensitivities[quantity]["s"]) <= 10 * reported, (speed, quantity)
             assert reported < 1e-10
 
 
@@ -51,5 +51,5 @@ def test_one_multiplier_is_found_without_the_others(monkeypatch):
     of, by = ["rho1.abs", "exponent1.re"], ["k1", "speed"]
     expected = solve.sensitivities(cam, "600 rpm", of, by)
     monkeypatch.setattr("solve.certify.all_multipliers.Spectrum._logarithms_and_errors", None)
-    found = solve.sensitivities(cam, "600 rpm", of, by)
-    assert [found[quantity] for quantity in of] == [expected[quantity] for quantity in of]
+    sensitivities = solve.sensitivities(cam, "600 rpm", of, by)
+    assert [sensitivities[quantity] for quantity in of] == [expected[quantity] for quantity in of]

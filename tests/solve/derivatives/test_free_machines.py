@@ -27,7 +27,7 @@ def test_sensitivities_of_a_free_machine(numbers):
     else:
         of.remove("drag.max")
     machine = mechanism(**numbers)
-    found = solve.sensitivities(machine, SPEED, of=of, by=by)
+    sensitivities = solve.sensitivities(machine, SPEED, of=of, by=by)
 
     def values(name, step):
         speed = SPEED + step * (name == "speed")
@@ -42,7 +42,7 @@ def test_sensitivities_of_a_free_machine(numbers):
         given = SPEED if name == "speed" else machine.parameters[name]
         step = 1e-4 * given
         differences = (values(name, step) - values(name, -step)) / (2 * step)
-        made = np.array([found.found[text].derivatives[at] for text in of])
+        made = np.array([sensitivities.found[text].derivatives[at] for text in of])
         # Round-off and errors of the orbits, 1e-10 of each quantity, over the step; the mean may be zero.
         allowed = 1e-6 * np.maximum(sizes, 1e-4 * (np.array(of) == "q2.mean")) / given
         assert (np.abs(made - differences) <= 2e-6 * np.abs(differences) + allowed).all()
@@ -52,13 +52,13 @@ def test_critical_speeds_of_a_free_machine_move_with_its_frequencies():
     """dω/dk4 = (φ4 - φ5)²/(2ω) for modes φ of unit modal mass. The response is a harmonic, whose largest and
     smallest values are equally large. Other modes and the slope of envelopes move maxima by 1e-4 of this."""
     speeds = np.linspace(2000, 5000, 31) * np.pi / 30
-    found = solve.critical_speeds(mechanism(c=1e-6), speeds, "q5")
+    critical = solve.critical_speeds(mechanism(c=1e-6), speeds, "q5")
     squares, shapes = eigh(K, J)
     slopes = (shapes[3] - shapes[4]) ** 2 / 2 / np.sqrt(np.maximum(squares, 1e-9))
-    derived = solve.speed_sensitivities(found, ["k4"])
+    derived = solve.speed_sensitivities(critical, ["k4"])
     assert derived.warnings == []
     for way in ("response", "multiplier"):
-        rows = [row for row in found.rows if getattr(row, way)]
+        rows = [row for row in critical.rows if getattr(row, way)]
         assert len(rows) == 2
         for number, row in enumerate(rows, start=1):
             truth = slopes[row.mode - 1] / row.order
@@ -71,19 +71,19 @@ def test_multipliers_of_free_machines_have_derivatives_at_any_speed():
     squares, shapes = eigh(K, J)
     slopes = (shapes[3] - shapes[4]) ** 2
     for speed in (170.3159590038997, *np.random.default_rng(11).uniform(50, 320, 8)):
-        found = solve.sensitivities(mechanism(c=1e-5), speed, ["rho3.abs", "rho5.abs"], ["k4"])
-        assert found.warnings == []
+        sensitivities = solve.sensitivities(mechanism(c=1e-5), speed, ["rho3.abs", "rho5.abs"], ["k4"])
+        assert sensitivities.warnings == []
         for at, mode in ((3, 1), (5, 2)):
             rate = -1e-5 * np.pi / speed
             truth = rate * slopes[mode] * np.exp(rate * squares[mode])
-            assert found[f"rho{at}.abs"]["k4"] == pytest.approx(truth, rel=1e-7)
+            assert sensitivities[f"rho{at}.abs"]["k4"] == pytest.approx(truth, rel=1e-7)
 
 
 def test_a_rigid_body_mode_has_no_derivatives():
-    found = solve.sensitivities(mechanism(b=0.07), SPEED, of=["rho1.abs", "rho3.abs"], by=["k1", "c"])
-    (warning,) = found.warnings
+    sensitivities = solve.sensitivities(mechanism(b=0.07), SPEED, of=["rho1.abs", "rho3.abs"], by=["k1", "c"])
+    (warning,) = sensitivities.warnings
     assert "rho1.abs is of a rigid-body mode" in warning
-    assert np.isfinite(list(found["rho3.abs"].values())).all()
+    assert np.isfinite(list(sensitivities["rho3.abs"].values())).all()
 
 
 def test_sensitivities_of_a_train_that_conserves_its_momentum_are_refused():

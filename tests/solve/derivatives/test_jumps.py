@@ -60,14 +60,16 @@ def wedged(**changed):
 @pytest.mark.parametrize("nonlinear", [False, True])
 @pytest.mark.parametrize("begin", [1.0, 3.5])
 def test_extremum_at_a_kink_moves_with_the_kink(begin, nonlinear):
-    found = solve.sensitivities(wedged(begin=begin), 2.0, "wedge.min", ["begin", "k"], nonlinear=nonlinear)
+    sensitivities = solve.sensitivities(
+        wedged(begin=begin), 2.0, "wedge.min", ["begin", "k"], nonlinear=nonlinear
+    )
     answer = 1 / (7.0 - 2.0**2 + 2j * 0.5)
     # Of both corners the one where k q is below 0; between them the wedge is higher.
     wave = np.exp(1j * begin) * (-1 if (np.exp(1j * begin) * answer).imag > 0 else 1)
     expected = (7.0 * 1j * wave * answer).imag, (wave * (answer - 7.0 * answer**2)).imag
-    assert found.found["wedge.min"].value == pytest.approx((7.0 * wave * answer).imag, rel=1e-8)
+    assert sensitivities.found["wedge.min"].value == pytest.approx((7.0 * wave * answer).imag, rel=1e-8)
     for name, value in zip(("begin", "k"), expected, strict=True):
-        assert found["wedge.min"][name] == pytest.approx(value, rel=1e-7)
+        assert sensitivities["wedge.min"][name] == pytest.approx(value, rel=1e-7)
 
 
 @pytest.mark.parametrize("name", ["late", "early"])
@@ -81,11 +83,13 @@ def test_extremum_at_a_jump_uses_the_one_sided_limit(name):
 @pytest.mark.parametrize("nonlinear", [False, True])
 def test_a_push_that_begins_later_moves_the_vibration_as_it_is(nonlinear):
     of = ["q.rms", "q.max", "spring.harmonic1", "spring.phase1", "q.phase3", "rho1.abs", "exponent1.im"]
-    found = solve.sensitivities(pushed(), 2.0, of, "begin", steps=192, nonlinear=nonlinear)
+    sensitivities = solve.sensitivities(pushed(), 2.0, of, "begin", steps=192, nonlinear=nonlinear)
     for quantity in of:
         expected = -float(quantity[-1]) if "phase" in quantity else 0.0
-        (error,) = found.found[quantity].errors
-        assert found[quantity]["begin"] == pytest.approx(expected, abs=min(1e-5, 2 * error + 1e-11)), quantity
+        (error,) = sensitivities.found[quantity].errors
+        assert sensitivities[quantity]["begin"] == pytest.approx(
+            expected, abs=min(1e-5, 2 * error + 1e-11)
+        ), quantity
 
 
 @pytest.mark.parametrize("method", [solve.Radau(), solve.Gauss()])
@@ -96,12 +100,12 @@ def test_two_pushes_against_differences(method):
         pushed(second=0.6),
     )
     settings = {**ON_A_GRID, "method": method}
-    found = solve.sensitivities(model, 2.0, of, by, **settings)
+    sensitivities = solve.sensitivities(model, 2.0, of, by, **settings)
     for name in by:
         expected = differences(model, 2.0, name, of, **settings)
         # Sums over samples of q leave a little where q″ jumps between them.
-        assert [found[each][name] for each in of] == pytest.approx(list(expected), rel=1e-6)
-        assert [found[each][name] for each in of if "harmonic" not in each] == pytest.approx(
+        assert [sensitivities[each][name] for each in of] == pytest.approx(list(expected), rel=1e-6)
+        assert [sensitivities[each][name] for each in of if "harmonic" not in each] == pytest.approx(
             [value for each, value in zip(of, expected, strict=True) if "harmonic" not in each], rel=1e-8
         )
 
@@ -114,18 +118,18 @@ def test_meissners_interval_in_closed_form():
         (math.sin(w * turn * t), math.cos(w * turn * t)) for w, t in ((w1, share), (w2, 1 - share))
     )
     slope = turn * (-w1 * s1 * c2 + w2 * c1 * s2 - mean * (w1 * c1 * s2 - w2 * s1 * c2))
-    found = solve.sensitivities(model, omega, ["rho1.re", "rho1.abs"], "share")
-    assert found.found["rho1.re"].value == pytest.approx(c1 * c2 - mean * s1 * s2, rel=1e-8)
-    assert found["rho1.re"]["share"] == pytest.approx(slope, rel=1e-8)
-    assert found["rho1.abs"]["share"] == pytest.approx(0.0, abs=1e-9)
+    sensitivities = solve.sensitivities(model, omega, ["rho1.re", "rho1.abs"], "share")
+    assert sensitivities.found["rho1.re"].value == pytest.approx(c1 * c2 - mean * s1 * s2, rel=1e-8)
+    assert sensitivities["rho1.re"]["share"] == pytest.approx(slope, rel=1e-8)
+    assert sensitivities["rho1.abs"]["share"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_derivative_of_a_jumping_output_is_nan_with_a_warning():
-    found = solve.sensitivities(pushed(), 2.0, ["push.mean", "spring.mean"], ["f", "begin"])
-    assert np.isnan(found["push.mean"]["begin"])
-    assert found["push.mean"]["f"] == pytest.approx(1.0)
-    assert "jumps where they move" in found.warnings[0]
-    assert found["spring.mean"]["f"] == pytest.approx(1.0)
+    sensitivities = solve.sensitivities(pushed(), 2.0, ["push.mean", "spring.mean"], ["f", "begin"])
+    assert np.isnan(sensitivities["push.mean"]["begin"])
+    assert sensitivities["push.mean"]["f"] == pytest.approx(1.0)
+    assert "jumps where they move" in sensitivities.warnings[0]
+    assert sensitivities["spring.mean"]["f"] == pytest.approx(1.0)
 
 
 def test_jumps_that_meet_are_refused_and_left_out():

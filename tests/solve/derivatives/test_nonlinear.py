@@ -20,12 +20,14 @@ def check(model, speed, of, by, steps):
     """Newton's iteration takes its matrices along the curve and not at the stages: what it gives on a grid
     has the derivatives of the orbit but for the error of the grid, which is small here."""
     settings = {**GRID, "steps": steps}
-    found = solve.sensitivities(model, speed, of, by, nonlinear=True, **settings)
-    for name in found.by:
+    sensitivities = solve.sensitivities(model, speed, of, by, nonlinear=True, **settings)
+    for name in sensitivities.by:
         expected = differences(model, speed, name, of, solved=solve.nonlinear, parts=(1e-3, 1e-4), **settings)
         for quantity, slope in zip(of, expected, strict=True):
-            scale = max(abs(slope), 1e-2 * abs(found.found[quantity].value / (found.by[name] or 0.05)))
-            assert abs(found[quantity][name] - slope) <= 1e-8 * scale, (quantity, name)
+            scale = max(
+                abs(slope), 1e-2 * abs(sensitivities.found[quantity].value / (sensitivities.by[name] or 0.05))
+            )
+            assert abs(sensitivities[quantity][name] - slope) <= 1e-8 * scale, (quantity, name)
 
 
 @pytest.mark.slow
@@ -91,8 +93,8 @@ def test_two_period_orbit_repeating_after_one_has_equal_derivatives():
         solve.sensitivities(model, 2.3, of, by, steps=128 * k, nonlinear=True, periods=k) for k in (1, 2)
     )
     radius = one.found["rho1.abs"].value
-    assert not any("repeats" in each for each in one.notes)
-    assert any("repeats after each of its 2 periods" in each for each in two.notes)
+    assert not any("repeats" in note for note in one.notes)
+    assert any("repeats after each of its 2 periods" in note for note in two.notes)
     for quantity in of:
         doubled = 2 * radius if quantity == "rho1.abs" else 1.0
         for name in by:
@@ -107,11 +109,13 @@ def test_a_pendulum_that_swings_with_half_the_frequency():
         ["b", "c"],
     )
     settings = {**GRID, "steps": 512, "periods": 2}
-    found = solve.sensitivities(model, 2.0, of, by, nonlinear=True, **settings)
+    sensitivities = solve.sensitivities(model, 2.0, of, by, nonlinear=True, **settings)
     from_here = partial(solve.nonlinear, start=solve.nonlinear(model, 2.0, periods=2))
     for name in by:
         expected = differences(model, 2.0, name, of, solved=from_here, parts=(1e-2, 1e-3), **settings)
-        assert [found[each][name] for each in of] == pytest.approx(list(expected), rel=1e-7, abs=1e-10)
+        assert [sensitivities[each][name] for each in of] == pytest.approx(
+            list(expected), rel=1e-7, abs=1e-10
+        )
 
 
 @cache

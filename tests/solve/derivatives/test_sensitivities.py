@@ -90,7 +90,7 @@ def test_multipliers_and_exponents_in_closed_form():
     names = ["m", "c", "k", "speed"]
     lam, period = exponent(), 2 * math.pi / SPEED
     of = ["rho1", "rho1.re", "rho1.im", "rho1.abs", "spectral_radius", "exponent1", "exponent1.re", "rho2.im"]
-    found = solve.sensitivities(model(), SPEED, of, names)
+    sensitivities = solve.sensitivities(model(), SPEED, of, names)
     rho = np.exp(lam * period)
     root = math.sqrt(4 * M * K - C**2)
     slopes = {
@@ -103,14 +103,14 @@ def test_multipliers_and_exponents_in_closed_form():
     for name in names:
         of_rho = rho * (slopes[name] * period - (lam * period / SPEED) * (name == "speed"))
         upper = of_rho if sign > 0 else of_rho.conjugate()
-        assert found["rho1"][name] == pytest.approx(upper, rel=1e-8)
-        assert found["rho1.re"][name] == pytest.approx(upper.real, rel=1e-8)
-        assert found["rho1.im"][name] == pytest.approx(upper.imag, rel=1e-8)
-        assert found["rho2.im"][name] == pytest.approx(-upper.imag, rel=1e-8)
+        assert sensitivities["rho1"][name] == pytest.approx(upper, rel=1e-8)
+        assert sensitivities["rho1.re"][name] == pytest.approx(upper.real, rel=1e-8)
+        assert sensitivities["rho1.im"][name] == pytest.approx(upper.imag, rel=1e-8)
+        assert sensitivities["rho2.im"][name] == pytest.approx(-upper.imag, rel=1e-8)
         radius = (of_rho * rho.conjugate()).real / abs(rho)
-        assert found["rho1.abs"][name] == pytest.approx(radius, rel=1e-8, abs=1e-12)
-        assert found["spectral_radius"][name] == found["rho1.abs"][name]
-        assert found["exponent1.re"][name] == pytest.approx(slopes[name].real, rel=1e-8, abs=1e-11)
+        assert sensitivities["rho1.abs"][name] == pytest.approx(radius, rel=1e-8, abs=1e-12)
+        assert sensitivities["spectral_radius"][name] == sensitivities["rho1.abs"][name]
+        assert sensitivities["exponent1.re"][name] == pytest.approx(slopes[name].real, rel=1e-8, abs=1e-11)
 
 
 def test_an_elasticity_is_relative_change_by_relative_change(found):
@@ -167,9 +167,9 @@ def check(name, parameters):
         "steps": 384 if name in ("cam", "gear_pair") else 96,
         "engine": "numpy",
     }
-    found = solve.sensitivities(model, speed, of, parameters, **settings)
-    for by in parameters or found.by:
-        at = found.by[by]
+    sensitivities = solve.sensitivities(model, speed, of, parameters, **settings)
+    for by in parameters or sensitivities.by:
+        at = sensitivities.by[by]
         try:
             expected = differences(model, speed, by, of, parts=STIFF.get(name, PARTS), **settings)
         except ValueOutOfBoundsError:
@@ -177,7 +177,7 @@ def check(name, parameters):
             assert at == 0
             continue
         for quantity, slope in zip(of, expected, strict=True):
-            ours, value = found[quantity][by], found.found[quantity].value
+            ours, value = sensitivities[quantity][by], sensitivities.found[quantity].value
             if name == "manipulator" and math.isnan(abs(ours)):
                 # Half a turn later the unloaded hammer does the same, but for a load or an even order.
                 assert by == "F" or by.rstrip("0123456789") in ("a", "b", "Fa", "Fb")
@@ -199,25 +199,27 @@ def test_all_parameter_derivatives_match_the_discrete_solution(name):
 
 def test_multipliers_that_meet_have_no_derivative():
     twins = model(m=1.0, k2=K, c2=C)
-    found = solve.sensitivities(twins, SPEED, ["rho1.abs", "q.max"], ["k", "c"])
-    assert all(math.isnan(each) for each in found["rho1.abs"].values())
-    assert "meets another" in found.warnings[0]
-    assert found["q.max"]["k"] != 0
+    sensitivities = solve.sensitivities(twins, SPEED, ["rho1.abs", "q.max"], ["k", "c"])
+    assert all(math.isnan(each) for each in sensitivities["rho1.abs"].values())
+    assert "meets another" in sensitivities.warnings[0]
+    assert sensitivities["q.max"]["k"] != 0
 
 
 def test_a_radius_that_two_multipliers_share_has_no_derivative():
     alike = model(m=1.0, k2=2.0, c2=C)
-    found = solve.sensitivities(alike, SPEED, ["spectral_radius", "rho1.abs"], ["c"])
-    assert "same modulus" in found.found["spectral_radius"].reason
-    assert found["rho1.abs"]["c"] != 0
+    sensitivities = solve.sensitivities(alike, SPEED, ["spectral_radius", "rho1.abs"], ["c"])
+    assert "same modulus" in sensitivities.found["spectral_radius"].reason
+    assert sensitivities["rho1.abs"]["c"] != 0
 
 
 def test_equal_extrema_with_different_slopes_have_no_derivative():
-    found = solve.sensitivities(solve.load("manipulator"), "50 rpm", ["q1.max", "q1.rms"], ["F", "k1"])
-    assert math.isnan(found["q1.max"]["F"])
-    assert found["q1.max"]["k1"] != 0
-    assert "several extrema" in found.warnings[0]
-    assert found["q1.rms"]["F"] == pytest.approx(0.0, abs=1e-12)
+    sensitivities = solve.sensitivities(
+        solve.load("manipulator"), "50 rpm", ["q1.max", "q1.rms"], ["F", "k1"]
+    )
+    assert math.isnan(sensitivities["q1.max"]["F"])
+    assert sensitivities["q1.max"]["k1"] != 0
+    assert "several extrema" in sensitivities.warnings[0]
+    assert sensitivities["q1.rms"]["F"] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_invalid_sensitivity_requests_are_refused():
@@ -248,10 +250,10 @@ def test_damping_ratios_change_with_the_stiffness():
     damped = solve.load(chain(), e=0.3, zeta1=0.03, zeta2=0.08, **CHAIN)
     of, by = ["q1.max", "q2.rms", "rho1"], ["k", "zeta2"]
     settings = {"method": solve.Radau(), "steps": 96, "engine": "numpy"}
-    found = solve.sensitivities(damped, 3.0, of, by, **settings)
+    sensitivities = solve.sensitivities(damped, 3.0, of, by, **settings)
     for name in by:
         expected = differences(damped, 3.0, name, of, **settings)
-        assert [found[quantity][name] for quantity in of] == pytest.approx(list(expected), rel=1e-8)
+        assert [sensitivities[quantity][name] for quantity in of] == pytest.approx(list(expected), rel=1e-8)
     at_rest = solve.load(chain(), e=0.0, zeta1=0.03, zeta2=0.08, **CHAIN)
     with pytest.raises(NoDerivativeError, match="e is 0"):
         solve.sensitivities(at_rest, 3.0, of, "e")

@@ -94,8 +94,8 @@ def test_two_models_in_one_program(tmp_path):
 
 def test_the_header_lists_parameters_with_unit_and_meaning(tmp_path):
     model = solve.load("coupler", options={"modes": 2})
-    made = solve.export(model, tmp_path / "coupler.c")
-    assert [file.name for file in made.files] == ["coupler.c", "coupler.h"]
+    exported = solve.export(model, tmp_path / "coupler.c")
+    assert [file.name for file in exported.files] == ["coupler.c", "coupler.h"]
     header = (tmp_path / "coupler.h").read_text("utf-8")
     for at, (name, (unit, meaning)) in enumerate(model.parameter_labels.items()):
         assert f"   p[{at}]  {name} ({unit}): {meaning}\n" in header
@@ -123,4 +123,4 @@ def test_a_header_that_cannot_be_written_leaves_no_source(tmp_path):
     (tmp_path / "mathieu.h").mkdir()
     with pytest.raises(FileError, match="is a folder"):
         solve.export(solve.load("mathieu"), tmp_path / "mathieu.c")
-    assert [each.name for each in tmp_path.iterdir()] == ["mathieu.h"]
+    assert [path.name for path in tmp_path.iterdir()] == ["mathieu.h"]

@@ -75,7 +75,9 @@ def test_fmu_is_valid_with_units_and_descriptions(cam):
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(cam) == []
-    found = {each.name: each for each in fmpy.read_model_description(cam).modelVariables}
+    found = {
+        modelvariable.name: modelvariable for modelvariable in fmpy.read_model_description(cam).modelVariables
+    }
     model = solve.load("cam")
     for name, (unit, meaning) in model.parameter_labels.items():
         variable = found[name]
@@ -133,8 +135,8 @@ def test_fmu_nominals_are_the_sizes_of_the_states(tmp_path):
 
 
 def test_without_a_load_it_starts_at_rest(tmp_path):
-    made = solve.export(solve.load("mathieu"), tmp_path / "mathieu.fmu")
-    assert made.warnings[0].endswith("the unit starts at rest")
+    exported = solve.export(solve.load("mathieu"), tmp_path / "mathieu.fmu")
+    assert exported.warnings[0].endswith("the unit starts at rest")
     found = fmpy.simulate_fmu(
         str(tmp_path / "mathieu.fmu"), stop_time=np.pi, relative_tolerance=1e-9, start_values={"q": 1.0}
     )

@@ -32,7 +32,7 @@ def test_the_examples_in_python(tmp_path, monkeypatch):
     assert found.failed == 0
 
 
-@pytest.mark.parametrize("line", [each for each in COMMANDS if not each.endswith(".fmu")])
+@pytest.mark.parametrize("line", [command for command in COMMANDS if not command.endswith(".fmu")])
 def test_the_commands(line, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(shlex.split(line)) == 0

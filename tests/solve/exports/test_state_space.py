@@ -25,38 +25,38 @@ def random_system(seed, n=3):
 def test_the_state_space_is_the_equation_of_motion(seed):
     """M q̈ + C q̇ + K q = d + u for any state and force."""
     given = random_system(seed)
-    made = solve.state_space(given, 2.0, samples=5)
+    space = solve.state_space(given, 2.0, samples=5)
     rng = np.random.default_rng(seed)
     x, u = rng.standard_normal((5, 6)), rng.standard_normal((5, 3))
-    rate = np.einsum("kij,kj->ki", made.A, x) + np.einsum("kij,kj->ki", made.B, u + made.d)
-    M, C, K, d = given.at(made.phase, 2.0)
+    rate = np.einsum("kij,kj->ki", space.A, x) + np.einsum("kij,kj->ki", space.B, u + space.d)
+    M, C, K, d = given.at(space.phase, 2.0)
     force = (np.einsum("kij,kj->ki", part, q) for part, q in ((M, rate[:, 3:]), (C, x[:, 3:]), (K, x[:, :3])))
     np.testing.assert_allclose(rate[:, :3], x[:, 3:])
     np.testing.assert_allclose(sum(force), d + u, rtol=1e-12, atol=1e-12)
-    np.testing.assert_array_equal(np.einsum("kij,kj->ki", made.C, x), x[:, :3])
-    assert not made.D.any()
-    assert made.phase == pytest.approx(np.arange(5) * 2 * np.pi / 5)
+    np.testing.assert_array_equal(np.einsum("kij,kj->ki", space.C, x), x[:, :3])
+    assert not space.D.any()
+    assert space.phase == pytest.approx(np.arange(5) * 2 * np.pi / 5)
 
 
 def test_outputs_of_a_model_are_linearised_with_the_acceleration():
     """The outputs of the manipulator, some of which depend on q̈, for a small state and force."""
     model, speed, small = solve.load("manipulator"), 20.0, 1e-6
-    made = solve.state_space(model, speed, samples=7)
+    space = solve.state_space(model, speed, samples=7)
     rng = np.random.default_rng(0)
-    u = rng.standard_normal((7, 2)) * np.abs(made.d).max(axis=0)
+    u = rng.standard_normal((7, 2)) * np.abs(space.d).max(axis=0)
     x = rng.standard_normal((7, 4)) * np.array([1e-3, 1e-3, 1e-2, 1e-2])
 
     def outputs(size):
-        acceleration = np.einsum("kij,kj->ki", made.A, size * x) + np.einsum("kij,kj->ki", made.B, size * u)
+        acceleration = np.einsum("kij,kj->ki", space.A, size * x) + np.einsum("kij,kj->ki", space.B, size * u)
         states = (size * x[:, :2]).T, (size * x[:, 2:]).T, acceleration[:, 2:].T
-        values = model.output_values(made.phase, speed, *states)
+        values = model.output_values(space.phase, speed, *states)
         return np.stack([values[name] for name in model.outputs], axis=1)
 
     slope = (outputs(small) - outputs(-small)) / (2 * small)
-    linear = np.einsum("kij,kj->ki", made.C, x) + np.einsum("kij,kj->ki", made.D, u)
+    linear = np.einsum("kij,kj->ki", space.C, x) + np.einsum("kij,kj->ki", space.D, u)
     np.testing.assert_allclose(linear[:, 2:], slope, rtol=1e-5, atol=1e-7 * np.abs(slope).max())
-    np.testing.assert_allclose(made.y0[:, 2:], outputs(0.0), rtol=1e-12)
-    assert made.signals.outputs == (*model.coordinates, *model.outputs)
+    np.testing.assert_allclose(space.y0[:, 2:], outputs(0.0), rtol=1e-12)
+    assert space.signals.outputs == (*model.coordinates, *model.outputs)
 
 
 def test_names_and_units_of_the_signals():
@@ -70,30 +70,30 @@ def test_names_and_units_of_the_signals():
 
 def test_sample_at_a_jump_is_the_value_after_it():
     """Meissner's equation jumps at 0 and at half the turn."""
-    made = solve.state_space(solve.load("meissner", w1=3.0, w2=1.0), 1.0, samples=4)
-    np.testing.assert_allclose(-made.A[:, 1, 0], [9.0, 9.0, 1.0, 1.0])
+    space = solve.state_space(solve.load("meissner", w1=3.0, w2=1.0), 1.0, samples=4)
+    np.testing.assert_allclose(-space.A[:, 1, 0], [9.0, 9.0, 1.0, 1.0])
 
 
 def test_a_structure_of_beams_has_its_coordinates_alone():
     beams = solve.load("four_bar")
-    made = solve.state_space(beams, "30 rad/s", samples=2)
-    assert made.signals.outputs == beams.coordinates
-    assert made.A.shape == (2, 18, 18)
+    space = solve.state_space(beams, "30 rad/s", samples=2)
+    assert space.signals.outputs == beams.coordinates
+    assert space.A.shape == (2, 18, 18)
 
 
 def test_frozen_system_is_a_python_control_system():
     pytest.importorskip("control", reason="python-control is not installed")
-    made = solve.state_space(solve.load("cam"), "600 rpm", samples=4)
-    frozen = made.frozen(made.phase[3])
-    np.testing.assert_array_equal(frozen.A, made.A[3])
-    np.testing.assert_array_equal(frozen.D, made.D[3])
-    assert frozen.input_labels == list(made.signals.inputs)
-    assert frozen.output_labels == list(made.signals.outputs)
+    space = solve.state_space(solve.load("cam"), "600 rpm", samples=4)
+    frozen = space.frozen(space.phase[3])
+    np.testing.assert_array_equal(frozen.A, space.A[3])
+    np.testing.assert_array_equal(frozen.D, space.D[3])
+    assert frozen.input_labels == list(space.signals.inputs)
+    assert frozen.output_labels == list(space.signals.outputs)
     with pytest.raises(ValueOutOfBoundsError, match="phase is nan"):
-        made.frozen(np.nan)
+        space.frozen(np.nan)
     for wrong in ("a", None, 1j, [0.0, 1.0]):
         with pytest.raises(ValueOutOfBoundsError, match="allowed: a finite one, in rad"):
-            made.frozen(wrong)
+            space.frozen(wrong)
 
 
 def test_frozen_system_at_a_jump_is_that_after_it():
@@ -103,9 +103,9 @@ def test_frozen_system_at_a_jump_is_that_after_it():
         one, half = np.ones((len(phase), 1, 1)), np.sign(np.sin(phase))[:, None, None]
         return one, 0 * one, 5.0 + 4 * half, one[:, 0]
 
-    made = solve.state_space(solve.PeriodicSystem(matrices, ["q"], breaks=(0.0, np.pi)), 1.0, samples=4)
-    for phase, A in zip(made.phase, made.A, strict=True):
-        np.testing.assert_array_equal(made.frozen(phase).A, A)
+    space = solve.state_space(solve.PeriodicSystem(matrices, ["q"], breaks=(0.0, np.pi)), 1.0, samples=4)
+    for phase, A in zip(space.phase, space.A, strict=True):
+        np.testing.assert_array_equal(space.frozen(phase).A, A)
 
 
 def test_names_with_dots_are_converted_for_python_control():
@@ -136,8 +136,8 @@ def test_repr_lists_signals():
 def test_the_torque_of_the_drive_is_that_in_its_shaft():
     """As docs/interfaces.md says: a force along the twist acts from outside on what the shaft carries."""
     model = solve.load("cam")
-    made = solve.state_space(model, "600 rpm", samples=4)
-    row = made.signals.outputs.index("drive_torque")
-    assert not made.D[:, row].any()
+    space = solve.state_space(model, "600 rpm", samples=4)
+    row = space.signals.outputs.index("drive_torque")
+    assert not space.D[:, row].any()
     shaft = [-model.parameters["k1"], 0, 0, -model.parameters["c1"], 0, 0]
-    np.testing.assert_allclose(made.C[:, row], [shaft] * 4, rtol=1e-12)
+    np.testing.assert_allclose(space.C[:, row], [shaft] * 4, rtol=1e-12)

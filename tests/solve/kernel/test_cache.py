@@ -23,10 +23,10 @@ def again():
 
 def refused(own_cache):
     """What the note of a sweep says, which is solved by NumPy."""
-    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
-    assert found.engine == "numpy"
-    assert found.points[0].error is None
-    (note,) = found.notes
+    sweep = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert sweep.engine == "numpy"
+    assert sweep.points[0].error is None
+    (note,) = sweep.notes
     assert note.endswith("; NumPy is used, several times slower")
     assert "\n" not in note
     return note
@@ -55,10 +55,10 @@ def test_broken_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypatc
     monkeypatch.setenv(
         "CC", script(tmp_path / "cc", 'case "$*" in *-dM*) exit 0;; esac; echo no luck >&2; exit 1')
     )
-    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
-    assert found.engine == "numpy"
-    assert found.points[0].error is None
-    (note,) = found.notes
+    sweep = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert sweep.engine == "numpy"
+    assert sweep.points[0].error is None
+    (note,) = sweep.notes
     assert "no luck" in note
     assert "NumPy is used" in note
     assert "\n" not in note
@@ -73,8 +73,8 @@ def test_compiler_may_lack_processor_flags(own_cache, tmp_path, monkeypatch, kno
     kept = f"{known}) ;; -m*) {refusal};;" if known else f"-m*) {refusal};;"
     command = f'for each; do case "$each" in {kept} *) set -- "$@" "$each";; esac; shift; done; exec cc "$@"'
     monkeypatch.setenv("CC", script(tmp_path / "other", command))
-    found = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
-    assert (found.engine, found.notes) == ("compiled", [])
+    sweep = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
+    assert (sweep.engine, sweep.notes) == ("compiled", [])
 
 
 def test_missing_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypatch):

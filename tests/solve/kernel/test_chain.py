@@ -59,8 +59,8 @@ def test_every_width(width):
 
 @needs_compiler
 def test_a_chain_that_cannot_close():
-    found = closed(np.broadcast_to(np.eye(2), (8, 2, 2)), np.ones((8, 2, 1)))
-    assert found is None or not found[1] < 1e14
+    states = closed(np.broadcast_to(np.eye(2), (8, 2, 2)), np.ones((8, 2, 1)))
+    assert states is None or not states[1] < 1e14
 
 
 @needs_compiler

@@ -139,11 +139,11 @@ def test_overflow_and_resonance_are_reported_as_failures():
 
     points = np.array([[-1e5], [0.5], [1.0], [2.0]])
     family = BuiltFamily(lambda delta: matrices(delta), ["delta"], points, 1.0)
-    for found in grids(family, points, 1, solve.Gauss(), 256):
-        failures = {at: type(why).__name__ for at, why in found.failures.items()}
+    for grid in grids(family, points, 1, solve.Gauss(), 256):
+        failures = {at: type(why).__name__ for at, why in grid.failures.items()}
         assert failures.pop(0) == "StepsError"
         if not failures:
-            assert found.condition[2] > 1e12
+            assert grid.condition[2] > 1e12
         else:
             assert failures == {2: "ResonanceError"}
 

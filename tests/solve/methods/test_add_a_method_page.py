@@ -73,17 +73,17 @@ def test_amplitude_halves_after_the_phase_stated_on_the_page():
     """Half the amplitude of an undamped mode is left after 500 rad."""
     frequency = 50 * METHOD.follows / (2 * np.pi)
     plain = constant([[1.0]], [[0.0]], [[frequency**2]], lambda phase: np.zeros((len(phase), 1)))
-    found = solve.floquet(plain, 1.0, METHOD, steps=50, rtol=0.9)
-    assert found.spectral_radius ** (500 / (2 * np.pi * frequency)) == pytest.approx(0.5, abs=0.1)
+    stability = solve.floquet(plain, 1.0, METHOD, steps=50, rtol=0.9)
+    assert stability.spectral_radius ** (500 / (2 * np.pi * frequency)) == pytest.approx(0.5, abs=0.1)
 
 
 def test_the_certificate_is_honest():
     equation = random_system(5, 3)
     better = solve.periodic(equation, 1.0, rtol=1e-10)
-    found = solve.periodic(equation, 1.0, METHOD, rtol=1e-4)
+    orbit = solve.periodic(equation, 1.0, METHOD, rtol=1e-4)
     phase = np.linspace(0.0, 2 * np.pi, 301)
-    assert relative_error(found.at(phase), better.at(phase)) <= found.error_estimate.orbit <= 1e-4
-    assert multiplier_error(found.multipliers, better.multipliers) <= found.error_estimate.multipliers <= 1e-4
+    assert relative_error(orbit.at(phase), better.at(phase)) <= orbit.error_estimate.orbit <= 1e-4
+    assert multiplier_error(orbit.multipliers, better.multipliers) <= orbit.error_estimate.multipliers <= 1e-4
 
 
 def test_page_method_is_compared_with_others():

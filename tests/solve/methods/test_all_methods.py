@@ -184,8 +184,8 @@ def test_stiff_modes_are_damped_only_by_l_stable_methods(method):
     equation = stiff_direction_that_turns()
     truth = floquet(equation, 1.0, Radau(13), rtol=1e-8)
     assert truth.unresolved == 2
-    found = method.solutions(OnePoint(equation, 1.0), Grid.uniform(48, TURN), False)
-    values = np.sort(np.abs(np.linalg.eigvals(found.Phi[0])))[::-1]
+    solutions = method.solutions(OnePoint(equation, 1.0), Grid.uniform(48, TURN), False)
+    values = np.sort(np.abs(np.linalg.eigvals(solutions.Phi[0])))[::-1]
     damped = values[2] < 1e-9 and values[0] == pytest.approx(truth.spectral_radius, rel=0.05)
     assert damped == method.l_stable
 
@@ -278,9 +278,9 @@ def test_least_steps_are_stable_and_fewer_are_refused(method):
             match=rf"{method.name} with {least - 1} steps .* at least {least} steps, or .*\(radau\)",
         ):
             floquet(equation, 1.0, method, steps=int(least) - 1)
-    found = method.solutions(OnePoint(equation, 1.0), Grid.uniform(int(least), TURN), False)
+    solutions = method.solutions(OnePoint(equation, 1.0), Grid.uniform(int(least), TURN), False)
     if not method.warnings:
-        assert np.abs(np.linalg.eigvals(found.Phi[0])).max() < 1 + 1e-9
+        assert np.abs(np.linalg.eigvals(solutions.Phi[0])).max() < 1 + 1e-9
 
 
 AT_RESONANCE = {

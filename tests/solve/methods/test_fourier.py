@@ -25,8 +25,8 @@ def test_orbit_and_multipliers_equal_dop853(seed):
 def test_forty_one_points_suffice_where_no_mode_rings():
     given = random_system(4, 2)
     truth = periodic(given, 1.0, Radau(13), rtol=1e-13)
-    found = periodic(given, 1.0, "fourier", steps=41, rtol=0.5)
-    assert relative_error(found.at(PHASES), truth.at(PHASES)) < 1e-13
+    orbit = periodic(given, 1.0, "fourier", steps=41, rtol=0.5)
+    assert relative_error(orbit.at(PHASES), truth.at(PHASES)) < 1e-13
 
 
 def test_even_steps_become_odd():
@@ -45,9 +45,9 @@ def test_vectors_at_the_edge_of_the_orders_give_no_multipliers(index, steps):
     weight at both of their ends must not pass for central ones; before, nothing must break."""
     given = member(index)
     truth = floquet(given.system, given.speed, Radau(13), rtol=1e-11)
-    found = floquet(given.system, given.speed, "fourier", steps=steps, rtol=0.9)
-    error = multiplier_error(found.multipliers, truth.multipliers)
-    assert error <= 10 * found.error_estimate.multipliers
+    stability = floquet(given.system, given.speed, "fourier", steps=steps, rtol=0.9)
+    error = multiplier_error(stability.multipliers, truth.multipliers)
+    assert error <= 10 * stability.error_estimate.multipliers
     if steps == 203:
         assert error < 1e-10
 
@@ -66,10 +66,10 @@ def test_growing_mode_is_not_replaced_by_a_duplicate(method):
         return M + 0 * at, C + 0 * at, stiffness, np.zeros((len(phase), 2))
 
     given = system(matrices, 2)
-    found = floquet(given, 0.54, method, rtol=1e-3)
-    error = multiplier_error(found.multipliers, Shooting(given, 0.54).multipliers)
-    assert found.verdict == "unstable"
-    assert error <= 10 * found.error_estimate.multipliers
+    stability = floquet(given, 0.54, method, rtol=1e-3)
+    error = multiplier_error(stability.multipliers, Shooting(given, 0.54).multipliers)
+    assert stability.verdict == "unstable"
+    assert error <= 10 * stability.error_estimate.multipliers
 
 
 def test_differentiation_is_exact_for_the_orders_it_holds():
@@ -96,16 +96,16 @@ def variants_error(speed):
     """Of Bahgat and Willmert's orbit against the true one, and as it states it."""
     given, omega = at_speed(speed)
     truth = periodic(given, omega, "radau", rtol=1e-9)
-    found = periodic(given, omega, "bahgat-willmert", steps=61, rtol=0.9)
-    return relative_error(found.at(PHASES), truth.at(PHASES)), found.error_estimate.orbit
+    orbit = periodic(given, omega, "bahgat-willmert", steps=61, rtol=0.9)
+    return relative_error(orbit.at(PHASES), truth.at(PHASES)), orbit.error_estimate.orbit
 
 
 def test_bahgat_and_willmerts_variant_is_exact_for_constant_matrices_only():
     load = random_matrices(6, 2)
     plain = constant(np.eye(2), 0.1 * np.eye(2), np.diag([2.0, 3.0]), lambda phase: load(phase, 1.0)[3])
     truth = periodic(plain, 1.0, "fourier", rtol=1e-10)
-    found = periodic(plain, 1.0, "bahgat-willmert", steps=61)
-    assert relative_error(found.at(PHASES), truth.at(PHASES)) < 1e-12
+    orbit = periodic(plain, 1.0, "bahgat-willmert", steps=61)
+    assert relative_error(orbit.at(PHASES), truth.at(PHASES)) < 1e-12
 
 
 def test_bahgat_and_willmert_variant_reports_its_error_growing_with_speed():

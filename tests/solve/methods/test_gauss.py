@@ -60,12 +60,12 @@ def test_unresolved_stiff_mode_of_gauss_is_flagged(order):
     given = constant(
         np.eye(2), np.diag([0.1, 5e3]), np.diag([1.3, 2.5e7]), lambda phase: np.ones((len(phase), 2))
     )
-    found = floquet(given, 1.0, Gauss(order), steps=8, rtol=1e-3)
+    stability = floquet(given, 1.0, Gauss(order), steps=8, rtol=1e-3)
     true = np.exp(-0.1 * np.pi)
-    assert found.spectral_radius > 0.8 > true
-    assert found.error_estimate.multipliers > 0.1
-    assert any("leave stiff modes unresolved" in text for text in found.warnings)
-    assert any("gives the multipliers to" in text for text in found.warnings)
+    assert stability.spectral_radius > 0.8 > true
+    assert stability.error_estimate.multipliers > 0.1
+    assert any("leave stiff modes unresolved" in text for text in stability.warnings)
+    assert any("gives the multipliers to" in text for text in stability.warnings)
 
 
 @pytest.mark.parametrize("order", [2, 5, 18, 0])

@@ -91,12 +91,12 @@ def test_the_general_form_holds_the_printed_ones():
 @pytest.mark.parametrize("seed", range(3))
 def test_meissners_functions_are_half_the_sum_of_the_multipliers(method, count, seed):
     v, lengths = drawn(seed, count)
-    found = floquet(meissner(v, lengths), 1.0, method, rtol=1e-13)
+    stability = floquet(meissner(v, lengths), 1.0, method, rtol=1e-13)
     J = JN(v, lengths)
     scale = max(1.0, abs(J))
-    assert abs(found.multipliers.sum().real / 2 - J) < 1e-12 * scale
-    assert found.multipliers.prod().real == pytest.approx(1.0, abs=1e-11 * scale**2)
-    assert found.stable == (abs(J) <= 1)
+    assert abs(stability.multipliers.sum().real / 2 - J) < 1e-12 * scale
+    assert stability.multipliers.prod().real == pytest.approx(1.0, abs=1e-11 * scale**2)
+    assert stability.stable == (abs(J) <= 1)
 
 
 @given(seeds, st.integers(1, 4), st.floats(0.2, 5.0), st.integers(1, 30))
@@ -124,6 +124,6 @@ def test_the_orbit_between_the_nodes_keeps_the_order():
     )
     truth = periodic(loaded, 1.0, Radau(13), rtol=1e-12)
     phases = np.linspace(0.0, TURN, 301)
-    found = periodic(loaded, 1.0, Hsu(), steps=60, rtol=0.9)
-    np.testing.assert_allclose(found.q[:, :-1], truth.at(found.phase[:-1]), rtol=0, atol=1e-11)
-    assert relative_error(found.at(phases), truth.at(phases)) < 1e-7
+    orbit = periodic(loaded, 1.0, Hsu(), steps=60, rtol=0.9)
+    np.testing.assert_allclose(orbit.q[:, :-1], truth.at(orbit.phase[:-1]), rtol=0, atol=1e-11)
+    assert relative_error(orbit.at(phases), truth.at(phases)) < 1e-7

@@ -88,13 +88,13 @@ def test_error_estimate_includes_the_remaining_transient():
     phases = np.linspace(0.0, 2 * np.pi, 301)
     limit = periodic(system, 1.0, "newmark", steps=2000, rtol=0.9)
     for tolerance in (1e-2, 1e-4, 1e-6):
-        found = periodic(system, 1.0, March(tolerance=tolerance), steps=2000, rtol=0.9)
-        left = relative_error(found.at(phases), limit.at(phases))
-        stated = found.error_estimate.orbit
+        orbit = periodic(system, 1.0, March(tolerance=tolerance), steps=2000, rtol=0.9)
+        left = relative_error(orbit.at(phases), limit.at(phases))
+        stated = orbit.error_estimate.orbit
         assert left <= 10 * stated
         # The transients of both solutions that are compared are within the tolerance.
         assert 1e-3 * tolerance < stated < 2 * tolerance + limit.error_estimate.orbit * 1.01
-    np.testing.assert_allclose(found.multipliers, limit.multipliers, rtol=1e-12)
+    np.testing.assert_allclose(orbit.multipliers, limit.multipliers, rtol=1e-12)
 
 
 def test_other_settings_of_newmark_march_too():

@@ -30,8 +30,8 @@ def test_multipliers_are_exact_for_constant_symmetric_proportional_systems(n):
     given, (M, C, K, _) = proportional(n, n)
     inverse = np.linalg.inv(M)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ K, -inverse @ C]])
-    found = floquet(given, 1.0, "modal", steps=24, rtol=0.9)
-    assert multiplier_error(found.multipliers, np.linalg.eigvals(expm(2 * np.pi * state))) < 1e-12
+    stability = floquet(given, 1.0, "modal", steps=24, rtol=0.9)
+    assert multiplier_error(stability.multipliers, np.linalg.eigvals(expm(2 * np.pi * state))) < 1e-12
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
@@ -104,11 +104,11 @@ def test_damping_that_couples_the_modes_is_left_out():
         np.diag([1.3, 2.1]),
         lambda phase: np.ones((len(phase), 2)),
     )
-    found = floquet(coupled, 1.0, "modal", steps=24, rtol=0.9)
+    stability = floquet(coupled, 1.0, "modal", steps=24, rtol=0.9)
     lambdas = [-0.2 + 1j * np.sqrt(k - 0.04) for k in (1.3, 2.1)]
     expected = np.exp(2 * np.pi * np.array([*lambdas, *np.conj(lambdas)]))
-    assert multiplier_error(found.multipliers, expected) < 1e-12
-    assert found.error_estimate.multipliers > 0.1
+    assert multiplier_error(stability.multipliers, expected) < 1e-12
+    assert stability.error_estimate.multipliers > 0.1
 
 
 def test_units_of_coordinates_do_not_change_the_approximation():

@@ -40,52 +40,54 @@ def cantilever(count):
 
 def test_fixed_interface_modes_of_a_chain_have_the_frequencies_of_a_string_of_beads():
     """m beads between fixed ends: 2 sin(jπ/(2(m+1)))."""
-    found = craig_bampton(*chain(8), interface=[7], modes=3)
+    reduction = craig_bampton(*chain(8), interface=[7], modes=3)
     expected = 2 * np.sin(np.arange(1, 5) * np.pi / 16)
-    np.testing.assert_allclose(found.frequencies, expected[:3], rtol=1e-13)
-    assert found.discarded == pytest.approx(expected[3], rel=1e-13)
-    np.testing.assert_allclose(found.mass[1:, 1:], np.eye(3), atol=1e-13)
-    np.testing.assert_allclose(found.stiffness[1:, 1:], np.diag(expected[:3] ** 2), atol=1e-13)
-    np.testing.assert_allclose(found.basis[:, 0], np.arange(1, 9) / 8, rtol=1e-13)
+    np.testing.assert_allclose(reduction.frequencies, expected[:3], rtol=1e-13)
+    assert reduction.discarded == pytest.approx(expected[3], rel=1e-13)
+    np.testing.assert_allclose(reduction.mass[1:, 1:], np.eye(3), atol=1e-13)
+    np.testing.assert_allclose(reduction.stiffness[1:, 1:], np.diag(expected[:3] ** 2), atol=1e-13)
+    np.testing.assert_allclose(reduction.basis[:, 0], np.arange(1, 9) / 8, rtol=1e-13)
 
 
 @pytest.mark.parametrize("interface", [[7], [0, 7], [5, 2], []])
 def test_with_all_modes_the_basis_is_complete(interface):
     M, K = chain(8)
-    found = craig_bampton(M, K, interface, modes=8 - len(interface))
-    assert found.discarded == np.inf
-    np.testing.assert_allclose(eigh(found.stiffness, found.mass)[0], eigh(K, M)[0], rtol=1e-12)
-    np.testing.assert_array_equal(found.basis[interface, : len(interface)], np.eye(len(interface)))
+    reduction = craig_bampton(M, K, interface, modes=8 - len(interface))
+    assert reduction.discarded == np.inf
+    np.testing.assert_allclose(eigh(reduction.stiffness, reduction.mass)[0], eigh(K, M)[0], rtol=1e-12)
+    np.testing.assert_array_equal(reduction.basis[interface, : len(interface)], np.eye(len(interface)))
 
 
 def test_a_reduced_cantilever_has_its_frequencies_from_above():
     """cos λ cosh λ = −1, ω = λ²; coordinates of the tip and four clamped-clamped modes."""
     M, K = cantilever(40)
-    found = craig_bampton(M, K, [78, 79], modes=4)
-    omega = np.sqrt(eigh(found.stiffness, found.mass, eigvals_only=True)[:3])
+    reduction = craig_bampton(M, K, [78, 79], modes=4)
+    omega = np.sqrt(eigh(reduction.stiffness, reduction.mass, eigvals_only=True)[:3])
     exact = [brentq(lambda x: np.cos(x) + 1 / np.cosh(x), a, a + 2) ** 2 for a in (1, 4, 7)]
     whole = np.sqrt(eigh(K, M, eigvals_only=True)[:3])
     assert (np.abs(omega / exact - 1) < [1e-5, 2e-4, 1e-3]).all()
     assert (omega >= whole * (1 - 1e-10)).all()
     clamped = [brentq(lambda x: np.cos(x) - 1 / np.cosh(x), a, a + 1.5) ** 2 for a in (4, 7, 10, 13.5, 16.5)]
-    np.testing.assert_allclose([*found.frequencies, found.discarded], clamped, rtol=1e-4)
+    np.testing.assert_allclose([*reduction.frequencies, reduction.discarded], clamped, rtol=1e-4)
 
 
 def test_static_shapes_complete_the_modes():
     """The deflection under a uniform load is a combination of the basis and one static shape."""
     M, K = cantilever(12)
     load = M @ np.tile([1.0, 0.0], 12)
-    found = craig_bampton(M, K, [22, 23], modes=2)
-    shapes = static_shapes(K, found.basis, [22, 23], np.column_stack((load, 2 * load)))
+    reduction = craig_bampton(M, K, [22, 23], modes=2)
+    shapes = static_shapes(K, reduction.basis, [22, 23], np.column_stack((load, 2 * load)))
     assert shapes.shape == (24, 1)
     np.testing.assert_allclose(
-        shapes.T @ K @ np.column_stack((found.basis, shapes)), [[0] * 4 + [1]], atol=1e-9
+        shapes.T @ K @ np.column_stack((reduction.basis, shapes)), [[0] * 4 + [1]], atol=1e-9
     )
     deflection = np.linalg.solve(K, load)
-    fitted = np.column_stack((found.basis, shapes))
+    fitted = np.column_stack((reduction.basis, shapes))
     coefficients = np.linalg.lstsq(fitted, deflection, rcond=None)[0]
     np.testing.assert_allclose(fitted @ coefficients, deflection, rtol=1e-9)
-    assert np.linalg.norm(found.basis @ np.linalg.lstsq(found.basis, deflection)[0] - deflection) > 1e-5
+    assert (
+        np.linalg.norm(reduction.basis @ np.linalg.lstsq(reduction.basis, deflection)[0] - deflection) > 1e-5
+    )
     everything = craig_bampton(M, K, [22, 23], modes=22)
     assert static_shapes(K, everything.basis, [22, 23], load[:, None]).shape == (24, 0)
 

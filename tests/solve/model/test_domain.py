@@ -41,9 +41,10 @@ def test_the_bead_vibrates_where_its_angle_exists(hoop, speed):
     inertia = BEAD["m"] * BEAD["a"] ** 2
     decay, stiffness = BEAD["c"] / inertia / 2, speed**2 - (9.81 / 0.2) ** 2 / speed**2
     exponent = -decay + 1j * math.sqrt(stiffness - decay**2)
-    found = solve.floquet(hoop, speed)
-    assert found.multipliers[0] == pytest.approx(np.exp(2 * math.pi * exponent / speed), rel=1e-7) or (
-        found.multipliers[0] == pytest.approx(np.exp(2 * math.pi * exponent.conjugate() / speed), rel=1e-7)
+    stability = solve.floquet(hoop, speed)
+    assert stability.multipliers[0] == pytest.approx(np.exp(2 * math.pi * exponent / speed), rel=1e-7) or (
+        stability.multipliers[0]
+        == pytest.approx(np.exp(2 * math.pi * exponent.conjugate() / speed), rel=1e-7)
     )
 
 

@@ -82,41 +82,41 @@ def test_a_branch_that_ends_shortly_before_it_turns_back(rotor_branch, up, part)
     """Upwards it ends with the largest of three amplitudes, downwards with the smallest."""
     turning = rotor_branch.turning
     end = turning.max() * (1 - part) if up else turning.min() * (1 + part)
-    found = solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8 if up else 1.6, end), rtol=1e-5)
+    branch = solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8 if up else 1.6, end), rtol=1e-5)
     c, k, alpha, f = NUMBERS.values()
     real = k - end**2
     squares = np.roots([alpha**2, 2 * alpha * real, real**2 + (c * end) ** 2, -(f**2)])
     assert np.abs(squares.imag).max() == 0
-    assert len(found.turning) == 0
-    assert found.speeds[-1] == pytest.approx(end, rel=1e-9)
-    assert np.ptp(found.speeds) == pytest.approx(abs(end - found.speeds[0]), rel=1e-9)
+    assert len(branch.turning) == 0
+    assert branch.speeds[-1] == pytest.approx(end, rel=1e-9)
+    assert np.ptp(branch.speeds) == pytest.approx(abs(end - branch.speeds[0]), rel=1e-9)
     exact = np.sqrt(squares.real.max() if up else squares.real.min())
-    assert found.peaks[-1, 0] == pytest.approx(exact, rel=1e-4)
-    assert set(found.verdicts) == {"asymptotically stable"}
+    assert branch.peaks[-1, 0] == pytest.approx(exact, rel=1e-4)
+    assert set(branch.verdicts) == {"asymptotically stable"}
 
 
 @pytest.mark.slow
 def test_cam_branch_turns_back_near_436_rpm():
     cam = solve.load("cam")
-    found = solve.branch(cam, "420:500 rpm", points=30)
-    going_on, lifted = found.warnings
+    branch = solve.branch(cam, "420:500 rpm", points=30)
+    going_on, lifted = branch.warnings
     assert going_on == "the branch continues beyond the 30 points requested; request more"
     assert lifted.startswith("the follower lifts off the cam: contact_force reaches -")
-    first = found.turning[0] * 30 / np.pi
+    first = branch.turning[0] * 30 / np.pi
     assert 435.9 < first < 437.3
-    at = int(np.flatnonzero(found.turns)[0])
-    orbit = solve.nonlinear(cam, float(found.speeds[at - 3]), rtol=1e-6)
+    at = int(np.flatnonzero(branch.turns)[0])
+    orbit = solve.nonlinear(cam, float(branch.speeds[at - 3]), rtol=1e-6)
     peaks = [orbit.statistics(name).max_abs for name in cam.coordinates]
-    np.testing.assert_allclose(found.peaks[at - 3], peaks, rtol=3e-3)
-    assert found.radius[at] == pytest.approx(1.0, abs=0.05)
+    np.testing.assert_allclose(branch.peaks[at - 3], peaks, rtol=3e-3)
+    assert branch.radius[at] == pytest.approx(1.0, abs=0.05)
 
 
 def test_truncated_branch_gives_a_warning():
     model = model_of(cubic_rotor(), **NUMBERS)
-    found = solve.branch(model, "0.8:1.6 rad/s", points=4)
-    assert len(found.speeds) == 4
-    assert found.warnings == ["the branch continues beyond the 4 points requested; request more"]
-    assert not len(found.turning)
+    branch = solve.branch(model, "0.8:1.6 rad/s", points=4)
+    assert len(branch.speeds) == 4
+    assert branch.warnings == ["the branch continues beyond the 4 points requested; request more"]
+    assert not len(branch.turning)
 
 
 @pytest.mark.parametrize(
@@ -161,8 +161,8 @@ def test_sharp_resonances_are_passed_in_both_ways(numbers):
 
 
 def test_a_coordinate_at_rest_stays_at_rest():
-    found = solve.branch(solve.load("mathieu"), "1:2 rad/s", points=3)
-    assert not found.peaks.any()
+    branch = solve.branch(solve.load("mathieu"), "1:2 rad/s", points=3)
+    assert not branch.peaks.any()
 
 
 def test_branch_of_a_linear_model_is_refused():

@@ -95,7 +95,7 @@ def test_missing_orbit_error_reports_the_progress_of_each_strategy(chaos):
     for part in ("450 rpm", "by the linear orbit", "% of the load", "turns back or ends", "turns from rest"):
         assert part in text
     low, high = (
-        float(each) for each in text.split("between ")[2].split(";")[0].replace(" rpm", "").split(" and ")
+        float(word) for word in text.split("between ")[2].split(";")[0].replace(" rpm", "").split(" and ")
     )
     assert 400 < low < high < 450
 

@@ -58,12 +58,12 @@ def test_a_nonlinear_machine_that_is_driven_is_refused():
 @pytest.mark.parametrize(("T0", "b"), [(0.0, 0.0), (0.3, 0.1)])
 def test_branch_of_a_free_machine_matches_single_orbits(T0, b):
     system = cubic(T0, b)
-    found = solve.branch(system, "1.3:1.5 rad/s")
+    branch = solve.branch(system, "1.3:1.5 rad/s")
     orbit = solve.nonlinear(system, 1.5)
     largest = [orbit.statistics(name).max_abs for name in orbit.coordinates]
-    last = int(np.abs(found.speeds - 1.5).argmin())
-    assert found.speeds[last] == pytest.approx(1.5, rel=1e-9)
-    np.testing.assert_allclose(found.peaks[last], largest, rtol=1e-5)
+    last = int(np.abs(branch.speeds - 1.5).argmin())
+    assert branch.speeds[last] == pytest.approx(1.5, rel=1e-9)
+    np.testing.assert_allclose(branch.peaks[last], largest, rtol=1e-5)
 
 
 @pytest.mark.parametrize(("T0", "drag"), [(0.0, 0.0), (1.0, 0.4)])
@@ -73,11 +73,11 @@ def test_a_transient_reaches_the_orbit_of_a_free_machine(T0, drag):
     shaft = np.array([[1.0, -1.0], [-1.0, 1.0]])
     C = 0.8 * shaft + np.diag([0.0, drag])
     machine = train(C, T0, np.diag([1.0, 2.0]), 5.0 * shaft, np.array([1.0, 0.0]), 1)
-    found = solve.transient(machine, 1.3, 60)
-    assert found.reached is not None
-    assert found.reached < 60
-    assert found.distances[0].max() > 1e-2
-    assert not [text for text in found.warnings if "not reached" in text]
+    transient = solve.transient(machine, 1.3, 60)
+    assert transient.reached is not None
+    assert transient.reached < 60
+    assert transient.distances[0].max() > 1e-2
+    assert not [text for text in transient.warnings if "not reached" in text]
 
 
 def test_more_turns_are_suggested_only_with_damping():

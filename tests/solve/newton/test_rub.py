@@ -60,10 +60,10 @@ def test_the_rubbing_orbit(rotor, speed):
 
 def test_from_rest_at_the_middle_of_the_ring(rotor):
     """The transient starts where the ring force is 0·(0/0) and ends on the orbit."""
-    found = solve.transient(rotor, 90.0, turns=60, nonlinear=True)
-    assert np.isfinite(found.q).all()
-    assert np.abs(found.q[0]).max() == pytest.approx(np.abs(found.q).max(), rel=0.2)
-    last = np.hypot(*found.q[:, -64:])
+    transient = solve.transient(rotor, 90.0, turns=60, nonlinear=True)
+    assert np.isfinite(transient.q).all()
+    assert np.abs(transient.q[0]).max() == pytest.approx(np.abs(transient.q).max(), rel=0.2)
+    last = np.hypot(*transient.q[:, -64:])
     assert last == pytest.approx(np.full(64, amplitude(90.0, **NUMBERS)), rel=1e-3)
 
 

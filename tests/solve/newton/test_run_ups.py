@@ -68,52 +68,58 @@ def crank_rate(first, last, end, linear):
 @pytest.mark.parametrize("ramp", [(0.0, 25.0), (25.0, 0.0), (8.0, 14.0)])
 def test_a_run_up_and_a_run_down_of_a_crank(ramp, linear):
     model = solve.load(crank(), **CRANK)
-    found = solve.transient(model, turns=6, nonlinear=not linear, speeds=ramp)
+    transient = solve.transient(model, turns=6, nonlinear=not linear, speeds=ramp)
     end = 2 * 6 * 2 * np.pi / sum(ramp)
-    assert found.time[-1] == pytest.approx(end)
-    phi, *_ = drive(found.time, *ramp, end)
-    np.testing.assert_allclose(found.phase, phi, atol=1e-9)
-    truth = integrated(crank_rate(*ramp, end, linear), 2, found.time)
+    assert transient.time[-1] == pytest.approx(end)
+    phi, *_ = drive(transient.time, *ramp, end)
+    np.testing.assert_allclose(transient.phase, phi, atol=1e-9)
+    truth = integrated(crank_rate(*ramp, end, linear), 2, transient.time)
     sizes = np.abs(truth).max(axis=1)
     atol = 1e-6 if linear else 1e-5
-    np.testing.assert_allclose(found.q[0] / sizes[0], truth[0] / sizes[0], rtol=0, atol=atol)
-    np.testing.assert_allclose(found.qd[0] / sizes[1], truth[1] / sizes[1], rtol=0, atol=atol)
+    np.testing.assert_allclose(transient.q[0] / sizes[0], truth[0] / sizes[0], rtol=0, atol=atol)
+    np.testing.assert_allclose(transient.qd[0] / sizes[1], truth[1] / sizes[1], rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("ramp", [(0.0, 25.0), (14.0, 8.0)])
 def test_drive_work_balances_energy_and_dissipation(ramp):
     """∫ torque Ω dt = change of energy + ∫ c q̇² dt, the energies written by hand."""
-    found = solve.transient(solve.load(crank(), **CRANK), turns=4, nonlinear=True, speeds=ramp)
-    (q,), (v,), t = found.q, found.qd, found.time
+    transient = solve.transient(solve.load(crank(), **CRANK), turns=4, nonlinear=True, speeds=ramp)
+    (q,), (v,), t = transient.q, transient.qd, transient.time
     speed = drive(t, *ramp, t[-1])[1]
-    theta, turning = found.phase + q, speed + v
+    theta, turning = transient.phase + q, speed + v
     slider = CRANK["r"] * np.cos(theta) * turning
     energy = (CRANK["motor"] * speed**2 + CRANK["J"] * turning**2 + CRANK["m"] * slider**2) / 2
     energy += CRANK["k"] * q**2 / 2
-    power = found.outputs["drive_torque"] * speed - CRANK["c"] * v**2
+    power = transient.outputs["drive_torque"] * speed - CRANK["c"] * v**2
     given = CubicSpline(t, power).antiderivative()(t)
     np.testing.assert_allclose(given, energy - energy[0], rtol=0, atol=2e-6 * np.abs(energy).max())
     # Of the constant speed's formulas the motor's part is lost.
-    steady = found.system.output_values(found.phase, speed, found.q, found.qd, found._joined(2))
-    lost = found.outputs["drive_torque"] - steady["drive_torque"]
-    np.testing.assert_allclose(lost, CRANK["motor"] * found.acceleration, rtol=1e-9)
+    steady = transient.system.output_values(
+        transient.phase, speed, transient.q, transient.qd, transient._joined(2)
+    )
+    lost = transient.outputs["drive_torque"] - steady["drive_torque"]
+    np.testing.assert_allclose(lost, CRANK["motor"] * transient.acceleration, rtol=1e-9)
 
 
 @pytest.mark.parametrize("linear", [True, False])
 def test_an_output_has_the_acceleration_of_the_drive(linear):
-    found = solve.transient(solve.load(crank(), **CRANK), turns=3, nonlinear=not linear, speeds=(3.0, 20.0))
-    _, speed, alpha = drive(found.time, 3.0, 20.0, found.time[-1])
-    states = np.stack((found.q[0], found.qd[0]), axis=1)
-    rates = crank_rate(3.0, 20.0, found.time[-1], linear)
-    a = np.array([rates(t, x)[1] for t, x in zip(found.time, states, strict=True)])
-    theta, turning = found.phase + found.q[0], speed + found.qd[0]
+    transient = solve.transient(
+        solve.load(crank(), **CRANK), turns=3, nonlinear=not linear, speeds=(3.0, 20.0)
+    )
+    _, speed, alpha = drive(transient.time, 3.0, 20.0, transient.time[-1])
+    states = np.stack((transient.q[0], transient.qd[0]), axis=1)
+    rates = crank_rate(3.0, 20.0, transient.time[-1], linear)
+    a = np.array([rates(t, x)[1] for t, x in zip(transient.time, states, strict=True)])
+    theta, turning = transient.phase + transient.q[0], speed + transient.qd[0]
     expected = CRANK["r"] * (np.cos(theta) * (alpha + a) - np.sin(theta) * turning**2)
     size = np.abs(expected).max()
-    np.testing.assert_allclose(found.outputs["slider"], expected, rtol=0, atol=1e-6 * size)
-    record = found.record()["outputs"]["slider"]
-    between = CubicSpline(found.time, found.outputs["slider"])(np.linspace(0, found.time[-1], 10**5))
+    np.testing.assert_allclose(transient.outputs["slider"], expected, rtol=0, atol=1e-6 * size)
+    record = transient.record()["outputs"]["slider"]
+    between = CubicSpline(transient.time, transient.outputs["slider"])(
+        np.linspace(0, transient.time[-1], 10**5)
+    )
     assert record["max"] == pytest.approx(between.max(), rel=1e-5)
-    np.testing.assert_array_equal(found.to_xarray()["slider"], found.outputs["slider"])
+    np.testing.assert_array_equal(transient.to_xarray()["slider"], transient.outputs["slider"])
 
 
 @pytest.mark.parametrize("nonlinear", [True, False])
@@ -130,27 +136,27 @@ def test_beams_take_speed_and_acceleration_of_their_links():
     """A stiff arm on springs and dashpots: (μL + m) ẍ + c ẋ + k x = −(μL/2 + m) L d²(cos φ)/dt²."""
     numbers = {"E": 1e14, "A": 1e-4, "I": 1e-5, "rho": 5e3, "L": 0.5, "m": 0.4}
     model = solve.load(rotor(), **numbers, kx=900.0, ky=2500.0, kt=1e9, c=8.0)
-    found = solve.transient(model, turns=1, speeds="0:40 rad/s")
+    transient = solve.transient(model, turns=1, speeds="0:40 rad/s")
     mass, unbalance = 0.65, 0.525 * 0.5
 
     def rate_of(t, x):
-        phi, speed, alpha = drive(t, 0.0, 40.0, found.time[-1])
+        phi, speed, alpha = drive(t, 0.0, 40.0, transient.time[-1])
         load = unbalance * (speed**2 - 1j * alpha) * np.exp(1j * phi)
         ax = (load.real - 8.0 * x[2] - 900.0 * x[0]) / mass
         return [x[2], x[3], ax, (load.imag - 8.0 * x[3] - 2500.0 * x[1]) / mass]
 
-    truth = integrated(rate_of, 4, found.time)
+    truth = integrated(rate_of, 4, transient.time)
     for row, name in enumerate(("O_x", "O_y")):
-        error = np.abs(found.values(name) - truth[row]).max() / np.abs(truth[row]).max()
+        error = np.abs(transient.values(name) - truth[row]).max() / np.abs(truth[row]).max()
         assert error < 1e-5
-    _, _, ax, ay = np.transpose([rate_of(t, x) for t, x in zip(found.time, truth.T, strict=True)])
-    phi, speed, alpha = drive(found.time, 0.0, 40.0, found.time[-1])
+    _, _, ax, ay = np.transpose([rate_of(t, x) for t, x in zip(transient.time, truth.T, strict=True)])
+    phi, speed, alpha = drive(transient.time, 0.0, 40.0, transient.time[-1])
     direction, own = np.exp(1j * phi), ax + 1j * ay
     force = mass * own + unbalance * (1j * alpha - speed**2) * direction
     moment = (0.25 / 3 + 0.4) * 0.5**2 * alpha + unbalance * np.imag(np.conj(direction) * own)
     for name, expected in (("O_force_x", force.real), ("O_force_y", force.imag), ("O_moment", moment)):
         # At the first instant nothing is bent yet that could bear the arm.
-        error = np.abs(found.values(name) - expected)[1:].max() / np.abs(expected).max()
+        error = np.abs(transient.values(name) - expected)[1:].max() / np.abs(expected).max()
         assert error < 1e-5
 
 
@@ -163,26 +169,26 @@ def test_a_field_is_loaded_by_the_acceleration():
     velocity = rate(beam.deflection) + beam.position * made.speed
     made.kinetic = beam.integral(mu * velocity**2) / 2
     made.potential = beam.integral(EI * beam.curvature**2) / 2
-    found = solve.transient(solve.load(made, L=2.0, mu=3.0, EI=50.0), turns=4, speeds="0:20 rad/s")
-    alpha = 20.0 / found.time[-1]
+    transient = solve.transient(solve.load(made, L=2.0, mu=3.0, EI=50.0), turns=4, speeds="0:20 rad/s")
+    alpha = 20.0 / transient.time[-1]
     torque = 3.0 * 2.0**3 / 3 * alpha
     for k in (1, 2, 3):
         omega = (k * np.pi / 2.0) ** 2 * np.sqrt(50.0 / 3.0)
         load = -alpha * 2 * 2.0 * (-1) ** (k + 1) / (k * np.pi)
-        expected = load / omega**2 * (1 - np.cos(omega * found.time))
-        np.testing.assert_allclose(found.q[k - 1], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+        expected = load / omega**2 * (1 - np.cos(omega * transient.time))
+        np.testing.assert_allclose(transient.q[k - 1], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
         # What ∫μ x ẅ dx takes.
-        torque += 3.0 * 2.0**2 * (-1) ** (k + 1) / (k * np.pi) * load * np.cos(omega * found.time)
+        torque += 3.0 * 2.0**2 * (-1) ** (k + 1) / (k * np.pi) * load * np.cos(omega * transient.time)
     np.testing.assert_allclose(
-        found.outputs["drive_torque"], torque, rtol=0, atol=1e-6 * np.abs(torque).max()
+        transient.outputs["drive_torque"], torque, rtol=0, atol=1e-6 * np.abs(torque).max()
     )
 
 
 def test_jumps_are_met_at_their_times_and_modes_damped():
     """Piece by piece, each with C = 2ζ M √(M⁻¹K)."""
     model = solve.load(chain(lambda phase: rectangle(phase, 1, 3), 1), e=0.5, zeta1=0.04, **NUMBERS)
-    found = solve.transient(model, turns=3, speeds="1:6 rad/s")
-    M, end, state = np.diag([2.0, 4.0]), found.time[-1], np.zeros(4)
+    transient = solve.transient(model, turns=3, speeds="1:6 rad/s")
+    M, end, state = np.diag([2.0, 4.0]), transient.time[-1], np.zeros(4)
     K = {True: np.array([[125.0, -50], [-50, 50]]), False: np.array([[100.0, -50], [-50, 50]])}
     C = {key: 2 * 0.04 * M @ sqrtm(np.linalg.solve(M, k)).real for key, k in K.items()}
     alpha = 5.0 / end
@@ -197,17 +203,21 @@ def test_jumps_are_met_at_their_times_and_modes_damped():
             return np.concatenate((x[2:], np.linalg.solve(M, force)))
 
         state = solve_ivp(rate_of, (start, stop), state, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
-    np.testing.assert_allclose(np.append(found.q[:, -1], found.qd[:, -1]), state, rtol=1e-5)
+    np.testing.assert_allclose(np.append(transient.q[:, -1], transient.qd[:, -1]), state, rtol=1e-5)
 
 
 def test_run_up_starts_on_an_orbit_and_can_be_resumed(tmp_path):
     model = solve.load(crank(), **CRANK)
     orbit = solve.periodic(model, 8.0)
-    found = solve.transient(model, turns=4, start="orbit", speeds="8:14 rad/s")
-    np.testing.assert_allclose((found.q[0, 0], found.qd[0, 0]), (orbit.q[0, 0], orbit.qd[0, 0]), rtol=1e-6)
-    found.save(str(tmp_path / "up.npz"))
+    transient = solve.transient(model, turns=4, start="orbit", speeds="8:14 rad/s")
+    np.testing.assert_allclose(
+        (transient.q[0, 0], transient.qd[0, 0]), (orbit.q[0, 0], orbit.qd[0, 0]), rtol=1e-6
+    )
+    transient.save(str(tmp_path / "up.npz"))
     on = solve.transient(model, 14.0, 1, tmp_path / "up.npz")
-    np.testing.assert_allclose((on.q[0, 0], on.qd[0, 0]), (found.q[0, -1], found.qd[0, -1]), rtol=1e-12)
+    np.testing.assert_allclose(
+        (on.q[0, 0], on.qd[0, 0]), (transient.q[0, -1], transient.qd[0, -1]), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize(

@@ -29,46 +29,48 @@ def integrated(alpha, state, time):
 @pytest.mark.parametrize(("alpha", "atol"), [(0.0, 1e-7), (1.0, 1e-5)])
 def test_transient_from_a_state_matches_time_integration(alpha, atol):
     model, state = model_of(duffing(), alpha=alpha, **NUMBERS), (np.array([0.3]), np.array([-0.2]))
-    found = solve.transient(model, SPEED, 5, state, nonlinear=alpha != 0)
-    truth = integrated(alpha, [0.3, -0.2], found.time)
-    np.testing.assert_allclose(np.concatenate((found.q, found.qd)), truth, rtol=0, atol=atol)
-    assert found.time[-1] == pytest.approx(5 * 2 * np.pi / SPEED)
+    transient = solve.transient(model, SPEED, 5, state, nonlinear=alpha != 0)
+    truth = integrated(alpha, [0.3, -0.2], transient.time)
+    np.testing.assert_allclose(np.concatenate((transient.q, transient.qd)), truth, rtol=0, atol=atol)
+    assert transient.time[-1] == pytest.approx(5 * 2 * np.pi / SPEED)
 
 
 def test_the_distance_to_the_orbit_falls_with_the_largest_multiplier():
     model = model_of(duffing(), alpha=0.0, **NUMBERS)
-    found = solve.transient(model, SPEED, 40)
+    transient = solve.transient(model, SPEED, 40)
     rate = np.exp(-NUMBERS["zeta"] * 2 * np.pi / SPEED)
-    falling = (found.distances[30, 0] / found.distances[10, 0]) ** (1 / 20)
+    falling = (transient.distances[30, 0] / transient.distances[10, 0]) ** (1 / 20)
     assert falling == pytest.approx(rate, rel=0.01)
-    assert found.reached == int(np.sum(found.distances[:, 0] > 1e-3))
-    assert abs(found.reached - np.log(1e-3 / found.distances[0, 0]) / np.log(rate)) < 3
+    assert transient.reached == int(np.sum(transient.distances[:, 0] > 1e-3))
+    assert abs(transient.reached - np.log(1e-3 / transient.distances[0, 0]) / np.log(rate)) < 3
 
 
 def test_who_starts_on_the_orbit_is_there():
-    found = solve.transient(solve.load("cam"), "300 rpm", 2, "orbit")
-    assert found.reached == 0
-    assert found.distances.max() < 1e-8
-    assert set(found.warnings) == set(solve.periodic(solve.load("cam"), "300 rpm").warnings)
+    transient = solve.transient(solve.load("cam"), "300 rpm", 2, "orbit")
+    assert transient.reached == 0
+    assert transient.distances.max() < 1e-8
+    assert set(transient.warnings) == set(solve.periodic(solve.load("cam"), "300 rpm").warnings)
 
 
 def test_outputs_belong_to_the_state_of_each_instant():
     """The contact force is that of its spring and damper, from q and q̇."""
     cam = solve.load("cam")
-    found = solve.transient(cam, "200 rpm", 3)
+    transient = solve.transient(cam, "200 rpm", 3)
     p = cam.parameters
-    expected = -(p["k2"] * found.q[1] + p["c2"] * found.qd[1])
-    np.testing.assert_allclose(found.outputs["contact_force"], expected, atol=1e-9 * np.abs(expected).max())
-    record = found.record()["outputs"]["contact_force"]
-    curve = BPoly.from_derivatives(
-        found.time, np.stack((found.q[1], found.qd[1], found._joined(2)[1]), axis=1)
+    expected = -(p["k2"] * transient.q[1] + p["c2"] * transient.qd[1])
+    np.testing.assert_allclose(
+        transient.outputs["contact_force"], expected, atol=1e-9 * np.abs(expected).max()
     )
-    dense = np.linspace(0, found.time[-1], 10**5)
+    record = transient.record()["outputs"]["contact_force"]
+    curve = BPoly.from_derivatives(
+        transient.time, np.stack((transient.q[1], transient.qd[1], transient._joined(2)[1]), axis=1)
+    )
+    dense = np.linspace(0, transient.time[-1], 10**5)
     between = -(p["k2"] * curve(dense) + p["c2"] * curve(dense, 1))
     assert record["min"] == pytest.approx(between.min(), rel=1e-5)
     assert record["min"] < expected.min()
     assert record["unit"] == "N"
-    assert found.to_xarray()["contact_force"].shape == found.time.shape
+    assert transient.to_xarray()["contact_force"].shape == transient.time.shape
 
 
 def test_motion_outside_the_model_range_gives_a_warning():
@@ -98,8 +100,8 @@ def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
 
 def test_a_structure_of_beams_starts_up_by_its_own_maps():
     beams = solve.load("four_bar")
-    found = solve.transient(beams, 30.0, 2, "orbit")
-    assert found.reached == 0
+    transient = solve.transient(beams, 30.0, 2, "orbit")
+    assert transient.reached == 0
     with pytest.raises(LinearModelError, match="linear by construction"):
         solve.transient(beams, 30.0, 2, nonlinear=True)
 
@@ -116,9 +118,9 @@ def test_a_saved_transient_goes_on_from_its_end(tmp_path):
 
 
 def test_short_transient_warns_that_the_orbit_is_not_reached():
-    found = solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, 3)
-    assert found.reached is None
-    assert any("not reached" in text for text in found.warnings)
+    transient = solve.transient(model_of(duffing(), alpha=0.0, **NUMBERS), SPEED, 3)
+    assert transient.reached is None
+    assert any("not reached" in text for text in transient.warnings)
 
 
 @pytest.mark.parametrize(
@@ -161,27 +163,27 @@ def ringing(ratio):
 def test_a_stiff_mode_rings_to_its_overshoot():
     """From rest under a constant load a mode goes to 1 + exp(-πζ/√(1 - ζ²)) of where it comes to rest."""
     ratio = 0.01
-    found = solve.transient(ringing(ratio), 1.0, 2)
+    transient = solve.transient(ringing(ratio), 1.0, 2)
     over = 1 + np.exp(-np.pi * ratio / np.sqrt(1 - ratio**2))
-    assert found.peaks[0, 1] == pytest.approx(over, abs=found.between)
-    assert found.between < 1e-4
-    assert found.record()["coordinates"]["fast"]["max"] == pytest.approx(over, rel=1e-4)
+    assert transient.peaks[0, 1] == pytest.approx(over, abs=transient.between)
+    assert transient.between < 1e-4
+    assert transient.record()["coordinates"]["fast"]["max"] == pytest.approx(over, rel=1e-4)
 
 
 def test_states_too_few_for_a_vibration_are_warned_of(monkeypatch):
     monkeypatch.setattr("solve.newton.transients._MOST_STATES", 256)
-    found = solve.transient(ringing(0.01), 1.0, 2)
-    assert any("between 256 states per turn" in text for text in found.warnings)
-    assert abs(found.peaks[0, 1] - 1.969) > 1e-3
+    transient = solve.transient(ringing(0.01), 1.0, 2)
+    assert any("between 256 states per turn" in text for text in transient.warnings)
+    assert abs(transient.peaks[0, 1] - 1.969) > 1e-3
 
 
 def test_modes_that_no_steps_follow_are_warned_of():
     """A ramp over which a stiff mode turns so often that nothing tells what its sudden load makes of it."""
     numbers = {"zeta": 0.05, "k": 1e8, "alpha": 1.0, "f": 1e6}
-    found = solve.transient(model_of(duffing(), **numbers), turns=1, speeds="0:1 rad/s")
-    assert any(text.startswith("ω_max h = ") for text in found.warnings)
-    assert any("states per turn is unknown" in text for text in found.warnings)
-    assert found.peaks[0, 0] == pytest.approx(np.abs(found.q[0, :-1]).max())
+    transient = solve.transient(model_of(duffing(), **numbers), turns=1, speeds="0:1 rad/s")
+    assert any(text.startswith("ω_max h = ") for text in transient.warnings)
+    assert any("states per turn is unknown" in text for text in transient.warnings)
+    assert transient.peaks[0, 0] == pytest.approx(np.abs(transient.q[0, :-1]).max())
 
 
 @pytest.mark.parametrize("nonlinear", [True, False])
@@ -189,10 +191,10 @@ def test_modes_that_no_steps_follow_are_warned_of():
 def test_stiffness_refuses_no_motion_linear_or_not(drive, nonlinear):
     """A mode of 1000 times the speed, suddenly loaded, goes to twice where it comes to rest."""
     numbers = {"zeta": 0.05, "k": 1e6, "alpha": 1.0, "f": 1e4}
-    found = solve.transient(model_of(duffing(), **numbers), turns=1, nonlinear=nonlinear, **drive)
+    transient = solve.transient(model_of(duffing(), **numbers), turns=1, nonlinear=nonlinear, **drive)
     over = 0.01 * (1 + np.exp(-np.pi * 0.05 / 1000))
-    assert found.between < 0.02
-    assert found.peaks[0, 0] == pytest.approx(over, rel=max(5e-4, found.between))
+    assert transient.between < 0.02
+    assert transient.peaks[0, 0] == pytest.approx(over, rel=max(5e-4, transient.between))
 
 
 def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch):
@@ -206,21 +208,23 @@ def test_a_nonlinear_motion_too_stiff_for_its_steps_is_refused_soon(monkeypatch)
 @pytest.mark.slow
 def test_start_with_fast_modes_needs_small_steps_only_initially():
     """Of the first turn's 760 000 steps, the first of 256 equal times takes more than the mean allows."""
-    found = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1, nonlinear=True)
+    transient = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1, nonlinear=True)
     linear = solve.transient(solve.load("cam"), speeds="0:5 rpm", turns=1)
-    assert found.q[:, -1] == pytest.approx(linear.q[:, -1], rel=1e-3)
+    assert transient.q[:, -1] == pytest.approx(linear.q[:, -1], rel=1e-3)
 
 
 def test_a_nonlinear_motion_needs_no_linear_orbit():
     """At the resonance of the linear equations, undamped."""
     model = model_of(duffing(), zeta=0.0, k=1.0, alpha=1.0, f=0.4)
-    found = solve.transient(model, 1.0, 3, nonlinear=True)
+    transient = solve.transient(model, 1.0, 3, nonlinear=True)
 
     def rate(t, x):
         return [x[1], 0.4 * np.cos(t) - x[0] - x[0] ** 3]
 
-    truth = solve_ivp(rate, (0, found.time[-1]), [0, 0], "DOP853", found.time, rtol=1e-12, atol=1e-13).y
-    np.testing.assert_allclose(found.q[0], truth[0], rtol=0, atol=5e-5)
+    truth = solve_ivp(
+        rate, (0, transient.time[-1]), [0, 0], "DOP853", transient.time, rtol=1e-12, atol=1e-13
+    ).y
+    np.testing.assert_allclose(transient.q[0], truth[0], rtol=0, atol=5e-5)
     with pytest.raises(ResonanceError):
         solve.transient(model, 1.0, 3, nonlinear=True, start="orbit")
 

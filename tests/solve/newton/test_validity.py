@@ -46,16 +46,16 @@ def test_all_models_at_ten_speeds(name, case):
 
 def test_valid_range_ends_before_the_first_speed_above_tolerance():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3)
-    found = solve.validity(model, [0.9, 0.1, 0.3, 0.2], at=0.05)
-    np.testing.assert_array_equal(found.speeds, [0.1, 0.2, 0.3, 0.9])
-    errors = found.errors[:, 0]
+    validity = solve.validity(model, [0.9, 0.1, 0.3, 0.2], at=0.05)
+    np.testing.assert_array_equal(validity.speeds, [0.1, 0.2, 0.3, 0.9])
+    errors = validity.errors[:, 0]
     # Slow: q + α q³ = f in the crest, against q = f.
     crest = np.roots([0.2, 0, 1.0, -0.3])
     crest = crest[np.isreal(crest)].real[0]
     assert errors[0] == pytest.approx((0.3 - crest) / crest, rel=0.1)
     assert (np.diff(errors) > 0).all()
     assert errors[2] < 0.05 < errors[3]
-    assert found.trusted_to == 0.3
+    assert validity.trusted_to == 0.3
     assert solve.validity(model, [0.1, 0.9], at=1e-6).trusted_to is None
 
 

@@ -86,9 +86,9 @@ def test_the_same_under_a_load(module, numbers, speed, F):
 
 def test_an_equilibrium_is_trusted_and_continued():
     model = model_of(bead(), c=0.1, g=43.7, F=0.0)
-    found = solve.validity(model, [7.7, 8.1, 8.9, 9.3])
-    assert found.errors.max() < 1e-12
-    assert found.trusted_to == 9.3
+    validity = solve.validity(model, [7.7, 8.1, 8.9, 9.3])
+    assert validity.errors.max() < 1e-12
+    assert validity.trusted_to == 9.3
     branch = solve.branch(model, (8.1, 9.9))
     assert branch.warnings == []
     assert branch.speeds[-1] == pytest.approx(9.9)

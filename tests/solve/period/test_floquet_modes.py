@@ -27,11 +27,11 @@ def chain():
 @pytest.mark.parametrize("method", ["auto", "radau", "gauss", "newmark", "rk4"])
 def test_constant_coefficients_have_their_own_frequencies(method):
     M, C, K, roots = chain()
-    found = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, method, rtol=1e-4)
+    stability = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, method, rtol=1e-4)
     truth = np.sort(np.abs(roots.imag))
     assert truth.min() > 10 * OMEGA
-    np.testing.assert_allclose(sorted(mode.unfolded for mode in found.modes), truth, rtol=1e-4)
-    for mode, exponent in zip(found.modes, found.exponents, strict=True):
+    np.testing.assert_allclose(sorted(mode.unfolded for mode in stability.modes), truth, rtol=1e-4)
+    for mode, exponent in zip(stability.modes, stability.exponents, strict=True):
         assert mode.participation == pytest.approx(1.0, abs=1e-3)
         assert mode.folded == pytest.approx(exponent.imag, abs=1e-9)
         assert abs(mode.folded + mode.order * OMEGA) == pytest.approx(mode.unfolded, rel=1e-12)
@@ -42,17 +42,17 @@ def test_modes_that_turn_too_far_in_a_step_get_no_order():
     """`hsu` is exact for constant coefficients whatever its steps; 4 of them do not follow an order of
     34, and nothing is known of the errors."""
     M, C, K, _ = chain()
-    found = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, "hsu", steps=4, rtol=1e-4)
-    assert found.unresolved == 4
-    assert [mode.order for mode in found.modes] == [None] * 4
+    stability = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, "hsu", steps=4, rtol=1e-4)
+    assert stability.unresolved == 4
+    assert [mode.order for mode in stability.modes] == [None] * 4
 
 
 def test_floquet_modes_do_not_depend_on_step_lengths():
     M, C, K, _ = chain()
     without = solve.floquet(constant(M, C, K, no_load(2)), OMEGA, "radau", rtol=1e-6)
     given = system(lambda phase, speed: constant(M, C, K, no_load(2)).at(phase, speed), 2, breaks=(0.4, 3.0))
-    found = solve.floquet(given, OMEGA, "radau", rtol=1e-6)
-    for ours, theirs in zip(found.modes, without.modes, strict=True):
+    stability = solve.floquet(given, OMEGA, "radau", rtol=1e-6)
+    for ours, theirs in zip(stability.modes, without.modes, strict=True):
         assert ours.order == theirs.order
         assert ours.unfolded == pytest.approx(theirs.unfolded, rel=1e-6)
 
@@ -62,8 +62,8 @@ def test_coordinates_that_turn_shift_the_order_by_one():
     and the frequencies ω ± Ω of the turning coordinates are what is measured there."""
     omega = 7.45
     M, K, G = np.eye(2), (omega**2 - OMEGA**2) * np.eye(2), 2 * OMEGA * np.array([[0.0, -1.0], [1.0, 0.0]])
-    found = solve.floquet(constant(M, G, K, no_load(2)), OMEGA, rtol=1e-9)
-    frequencies = sorted(mode.unfolded for mode in found.modes)
+    stability = solve.floquet(constant(M, G, K, no_load(2)), OMEGA, rtol=1e-9)
+    frequencies = sorted(mode.unfolded for mode in stability.modes)
     np.testing.assert_allclose(frequencies, np.repeat([omega - OMEGA, omega + OMEGA], 2), rtol=1e-8)
 
 
@@ -71,9 +71,9 @@ def test_a_real_multiplier_names_both_orders():
     """Inside Mathieu's tongue about δ = 1 both multipliers are real and negative, and the motion has half the
     frequency of the parameter, or odd multiples of it."""
     given = solve.load("mathieu", delta=1.0, epsilon=0.6)
-    found = solve.floquet(given, 1.0)
-    assert found.verdict == "unstable"
-    for mode in found.modes:
+    stability = solve.floquet(given, 1.0)
+    assert stability.verdict == "unstable"
+    for mode in stability.modes:
         assert (mode.order, mode.mirror) == (0, -1)
         assert mode.unfolded == pytest.approx(1.0, rel=1e-9)
         assert mode.participation == pytest.approx(0.5, abs=0.1)
@@ -85,11 +85,11 @@ def test_a_real_multiplier_names_both_orders():
 def test_the_gear_pair_vibrates_at_the_frequency_of_its_mean_stiffness():
     """869 Hz, which its multiplier shows as 1.07 Hz."""
     pair = solve.load("gear_pair")
-    found = solve.floquet(pair, pair.case_speed)
+    stability = solve.floquet(pair, pair.case_speed)
     phase = np.arange(4096) * (pair.period / 4096)
-    M, _, K, _ = pair.at(phase, found.speed)
+    M, _, K, _ = pair.at(phase, stability.speed)
     mean = math.sqrt(K.mean() / M.mean())
-    first = found.modes[0]
+    first = stability.modes[0]
     assert first.unfolded == pytest.approx(mean, rel=0.02)
     assert abs(first.folded) < 0.01 * first.unfolded
     assert first.participation > 0.9

@@ -18,12 +18,14 @@ def exact(M, K):
 
 
 def test_the_first_frequency_of_a_free_chain_is_exactly_zero():
-    found = natural_frequencies(np.diag(INERTIA)[None], chain(CHAIN)[None], 5)
-    hertz = found.frequencies[0] / (2 * np.pi)
+    frequencies = natural_frequencies(np.diag(INERTIA)[None], chain(CHAIN)[None], 5)
+    hertz = frequencies.frequencies[0] / (2 * np.pi)
     assert hertz[0] == 0.0
     np.testing.assert_allclose(hertz[1:], [81.21, 141.21, 378.95, 536.36], atol=5e-3)
-    np.testing.assert_allclose(found.frequencies[0] ** 2, exact(np.diag(INERTIA), chain(CHAIN)), atol=1e-6)
-    assert np.isnan(found.growth_rates).all()
+    np.testing.assert_allclose(
+        frequencies.frequencies[0] ** 2, exact(np.diag(INERTIA), chain(CHAIN)), atol=1e-6
+    )
+    assert np.isnan(frequencies.growth_rates).all()
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -48,32 +50,32 @@ def test_a_negative_spring_keeps_the_mode_numbers(k1):
     a, b = k1 + 1.0, 101.0
     root = np.hypot((a - b) / 2, 1.0)
     low, high = (a + b) / 2 - root, (a + b) / 2 + root
-    found = natural_frequencies(np.eye(2)[None], np.array([[[a, -1.0], [-1.0, b]]]), 2)
+    frequencies = natural_frequencies(np.eye(2)[None], np.array([[[a, -1.0], [-1.0, b]]]), 2)
     if low < 0:
-        assert np.isnan(found.frequencies[0, 0])
-        assert found.growth_rates[0, 0] == pytest.approx(np.sqrt(-low), rel=1e-12)
+        assert np.isnan(frequencies.frequencies[0, 0])
+        assert frequencies.growth_rates[0, 0] == pytest.approx(np.sqrt(-low), rel=1e-12)
     else:
-        assert found.frequencies[0, 0] == pytest.approx(np.sqrt(low), rel=1e-12)
-        assert np.isnan(found.growth_rates[0, 0])
-    assert found.frequencies[0, 1] == pytest.approx(np.sqrt(high), rel=1e-14)
-    assert np.isnan(found.growth_rates[0, 1])
+        assert frequencies.frequencies[0, 0] == pytest.approx(np.sqrt(low), rel=1e-12)
+        assert np.isnan(frequencies.growth_rates[0, 0])
+    assert frequencies.frequencies[0, 1] == pytest.approx(np.sqrt(high), rel=1e-14)
+    assert np.isnan(frequencies.growth_rates[0, 1])
 
 
 def test_a_mode_that_grows_comes_before_a_rigid_body_mode():
     """Two discs on a shaft of negative stiffness, and two on a positive one."""
     K = np.zeros((4, 4))
     K[:2, :2], K[2:, 2:] = chain([-8.0]), chain([2.0])
-    found = natural_frequencies(np.eye(4)[None], K[None], 4)
-    np.testing.assert_allclose(found.growth_rates[0], [4.0, np.nan, np.nan, np.nan])
-    np.testing.assert_allclose(found.frequencies[0], [np.nan, 0.0, 0.0, 2.0])
+    frequencies = natural_frequencies(np.eye(4)[None], K[None], 4)
+    np.testing.assert_allclose(frequencies.growth_rates[0], [4.0, np.nan, np.nan, np.nan])
+    np.testing.assert_allclose(frequencies.frequencies[0], [np.nan, 0.0, 0.0, 2.0])
 
 
 def test_circulatory_forces_give_a_pair_a_frequency_and_a_growth_rate():
     """λ = k ± i p for K = [[k, p], [-p, k]]."""
-    found = natural_frequencies(np.eye(2)[None], np.array([[[4.0, 3.0], [-3.0, 4.0]]]), 2)
+    frequencies = natural_frequencies(np.eye(2)[None], np.array([[[4.0, 3.0], [-3.0, 4.0]]]), 2)
     root = np.sqrt(-(4.0 + 3.0j))
-    np.testing.assert_allclose(found.frequencies[0], [abs(root.imag)] * 2, rtol=1e-14)
-    np.testing.assert_allclose(found.growth_rates[0], [abs(root.real)] * 2, rtol=1e-14)
+    np.testing.assert_allclose(frequencies.frequencies[0], [abs(root.imag)] * 2, rtol=1e-14)
+    np.testing.assert_allclose(frequencies.growth_rates[0], [abs(root.real)] * 2, rtol=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -84,9 +86,9 @@ def test_equations_in_any_units_have_the_same_frequencies(seed):
     vectors = np.linalg.qr(draw.standard_normal((4, 4)))[0]
     rows = np.diag(10.0 ** draw.uniform(-4, 4, 4))
     K = vectors @ np.diag([1.0, 9.0, 9.0, 100.0]) @ vectors.T
-    found = natural_frequencies(rows[None], (rows @ K)[None], 4)
-    np.testing.assert_allclose(found.frequencies[0], [1.0, 3.0, 3.0, 10.0], rtol=1e-9)
-    assert np.isnan(found.growth_rates).all()
+    frequencies = natural_frequencies(rows[None], (rows @ K)[None], 4)
+    np.testing.assert_allclose(frequencies.frequencies[0], [1.0, 3.0, 3.0, 10.0], rtol=1e-9)
+    assert np.isnan(frequencies.growth_rates).all()
 
 
 def test_positions_with_and_without_a_rigid_body_mode():

@@ -81,8 +81,8 @@ def step_maps(given, steps, period=2 * np.pi):
 
 def one(factors, **settings):
     """Logarithms (N,) and errors (N,) of a single product."""
-    found = product_eigenvalues(np.asarray(factors, dtype=float)[None], **settings)
-    return found.logarithms[0], found.errors[0]
+    eigenvalues = product_eigenvalues(np.asarray(factors, dtype=float)[None], **settings)
+    return eigenvalues.logarithms[0], eigenvalues.errors[0]
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -274,19 +274,19 @@ def test_exact_zeros_and_singular_factors():
 def test_eigenvectors_along_the_chain():
     rng, logarithms = np.random.default_rng(4), np.array([0.0, 0.0, -20.0, -50.0, -100.0])
     factors = np.array([chain(rng, 5, 30, logarithms, [1.0], 1.0, 10.0) for _ in range(2)])
-    found = product_eigenvalues(factors, vectors=True)
-    assert found.right is not None
-    assert found.left is not None
+    eigenvalues = product_eigenvalues(factors, vectors=True)
+    assert eigenvalues.right is not None
+    assert eigenvalues.left is not None
     size = np.abs(factors).max()
-    along = factors @ found.right
-    after = np.roll(found.right, -1, axis=1)
+    along = factors @ eigenvalues.right
+    after = np.roll(eigenvalues.right, -1, axis=1)
     growth = (after.conj() * along).sum(axis=-2)
     assert np.abs(along - after * growth[..., None, :]).max() < 1e-12 * size
-    assert np.log(growth).sum(axis=1).real == pytest.approx(found.logarithms.real, abs=1e-9)
-    assert np.linalg.norm(found.right, axis=-2) == pytest.approx(1.0, abs=1e-12)
-    left = np.swapaxes(found.left.conj(), -1, -2)
+    assert np.log(growth).sum(axis=1).real == pytest.approx(eigenvalues.logarithms.real, abs=1e-9)
+    assert np.linalg.norm(eigenvalues.right, axis=-2) == pytest.approx(1.0, abs=1e-12)
+    left = np.swapaxes(eigenvalues.left.conj(), -1, -2)
     assert np.abs(np.roll(left, -1, axis=1) @ factors - growth[..., None] * left).max() < 1e-12 * size
-    assert left @ found.right == pytest.approx(np.broadcast_to(np.eye(5), left.shape), abs=1e-10)
+    assert left @ eigenvalues.right == pytest.approx(np.broadcast_to(np.eye(5), left.shape), abs=1e-10)
 
 
 def test_points_do_not_depend_on_each_other():

@@ -51,26 +51,26 @@ def test_units_of_coordinates_and_equations_do_not_matter(seed):
     units, rows = 10.0 ** draw.uniform(-6, 6, (2, 4))
     K = rows[:, None] * chain(draw.uniform(1e3, 1e5, 3), ratios) * units
     C = rows[:, None] * np.diag([0.0, 0.0, 1e-4, 0.0]) * units
-    found = rigid_body_modes(over_the_period(K[None, None]), over_the_period(C[None, None]))
+    modes = rigid_body_modes(over_the_period(K[None, None]), over_the_period(C[None, None]))
     expected = ratios / units
-    np.testing.assert_allclose(found.vectors[0, :, 0], expected / np.abs(expected).max(), rtol=1e-12)
-    assert found.damped.all()
-    assert found.errors.max() < 1e-14
+    np.testing.assert_allclose(modes.vectors[0, :, 0], expected / np.abs(expected).max(), rtol=1e-12)
+    assert modes.damped.all()
+    assert modes.errors.max() < 1e-14
 
 
 def test_undamped_modes_come_first():
     """Two chains, the first with drag, and a coupling that damps only their relative motion."""
     K = block(chain([1e3, 2e3]), chain([3e3]))[None, None]
     drag = np.diag([0.0, 0.5, 0, 0, 0])[None, None]
-    found = rigid_body_modes(K, drag)
-    assert found.vectors[0].T.tolist() == [[0, 0, 0, 1, 1], [1, 1, 1, 0, 0]]
-    assert found.damped[0].tolist() == [False, True]
+    modes = rigid_body_modes(K, drag)
+    assert modes.vectors[0].T.tolist() == [[0, 0, 0, 1, 1], [1, 1, 1, 0, 0]]
+    assert modes.damped[0].tolist() == [False, True]
     apart = np.array([1.0, 0, 0, -1, 0])
-    found = rigid_body_modes(K, np.outer(apart, apart)[None, None])
-    assert found.vectors[0, :, 0].tolist() == [1, 1, 1, 1, 1]
-    assert found.damped[0].tolist() == [False, True]
-    assert found.multiplicity.tolist() == [3]
-    np.testing.assert_allclose(found.measures @ found.vectors, np.eye(2)[None], atol=1e-15)
+    modes = rigid_body_modes(K, np.outer(apart, apart)[None, None])
+    assert modes.vectors[0, :, 0].tolist() == [1, 1, 1, 1, 1]
+    assert modes.damped[0].tolist() == [False, True]
+    assert modes.multiplicity.tolist() == [3]
+    np.testing.assert_allclose(modes.measures @ modes.vectors, np.eye(2)[None], atol=1e-15)
 
 
 def test_a_direction_free_at_some_phases_is_not_a_mode():
@@ -88,10 +88,10 @@ def test_a_direction_free_at_some_phases_is_not_a_mode():
 def test_the_bound_separates_round_off_from_soft_springs(part, free):
     K = chain([1e4])
     K[0, 0] += part * 1e4
-    found = rigid_body_modes(K[None, None], 0 * K[None, None])
-    assert found.any.tolist() == [free]
+    modes = rigid_body_modes(K[None, None], 0 * K[None, None])
+    assert modes.any.tolist() == [free]
     if free:
-        assert found.errors[0, 0] == pytest.approx(part / 2, rel=1e-2)
+        assert modes.errors[0, 0] == pytest.approx(part / 2, rel=1e-2)
 
 
 def test_round_off_of_the_inertia_is_no_stiffness():

@@ -84,16 +84,16 @@ def test_boxes_of_meissners_equation_agree_with_the_closed_form():
     """Stiffness w1² and w2² in turn, each for 1 s, without damping: the trace of Φ is
     2 cos w1 cos w2 − (w1/w2 + w2/w1) sin w1 sin w2."""
     system, whole, rng = solve.load("meissner"), Box((1.0, 1.5), (2.0, 2.5)), np.random.default_rng(3)
-    found = proved_boxes(Plane(system, ("w1", "w2"), np.pi), whole)
-    assert found.fraction(STABLE) > 0.2
-    assert found.fraction(UNSTABLE) > 0.05
-    assert found.fraction(UNDETERMINED) <= 0.001
-    assert found.fraction(ASYMPTOTICALLY_STABLE) == 0
-    for ends, verdict in zip(found.ends, found.verdicts, strict=True):
+    boxes = proved_boxes(Plane(system, ("w1", "w2"), np.pi), whole)
+    assert boxes.fraction(STABLE) > 0.2
+    assert boxes.fraction(UNSTABLE) > 0.05
+    assert boxes.fraction(UNDETERMINED) <= 0.001
+    assert boxes.fraction(ASYMPTOTICALLY_STABLE) == 0
+    for ends, verdict in zip(boxes.ends, boxes.verdicts, strict=True):
         w1, w2 = inside((ends[:2], ends[2:]), rng)
         trace = 2 * np.cos(w1) * np.cos(w2) - (w1 / w2 + w2 / w1) * np.sin(w1) * np.sin(w2)
         assert verdict == UNDETERMINED or verdict == (STABLE if abs(trace) < 2 else UNSTABLE)
-    areas = (found.ends[:, 1] - found.ends[:, 0]) * (found.ends[:, 3] - found.ends[:, 2])
+    areas = (boxes.ends[:, 1] - boxes.ends[:, 0]) * (boxes.ends[:, 3] - boxes.ends[:, 2])
     np.testing.assert_allclose(areas.sum(), 0.25, rtol=1e-12)
 
 
@@ -119,17 +119,17 @@ def two_oscillators():
 def test_boxes_of_two_coordinates_agree_with_the_oscillators_alone(monkeypatch):
     monkeypatch.setattr(of_boxes, "_OPEN", 0.1)
     system = solve.load(two_oscillators(), k=1.0, e=0.4, c=0.1, m=1.0)
-    found = proved_boxes(Plane(system, ("k", "e"), 1.0), Box((0.5, 0.9), (0.1, 0.5)))
-    assert found.fraction(UNSTABLE) > 0.03
-    assert found.fraction(ASYMPTOTICALLY_STABLE) > 0.1
-    assert found.fraction(UNDETERMINED) <= 0.1
+    boxes = proved_boxes(Plane(system, ("k", "e"), 1.0), Box((0.5, 0.9), (0.1, 0.5)))
+    assert boxes.fraction(UNSTABLE) > 0.03
+    assert boxes.fraction(ASYMPTOTICALLY_STABLE) > 0.1
+    assert boxes.fraction(UNDETERMINED) <= 0.1
     rng = np.random.default_rng(11)
-    decided = np.flatnonzero(found.verdicts != UNDETERMINED)
+    decided = np.flatnonzero(boxes.verdicts != UNDETERMINED)
     for at in rng.choice(decided, 12, replace=False):
-        k, e = inside((found.ends[at, :2], found.ends[at, 2:]), rng)
+        k, e = inside((boxes.ends[at, :2], boxes.ends[at, 2:]), rng)
         alone = solve.load("mathieu", delta=k, epsilon=e, zeta=0.05 / np.sqrt(k))
         stable = solve.floquet(alone, 1.0).spectral_radius < 1
-        assert found.verdicts[at] == (ASYMPTOTICALLY_STABLE if stable else UNSTABLE)
+        assert boxes.verdicts[at] == (ASYMPTOTICALLY_STABLE if stable else UNSTABLE)
 
 
 def test_chart_reports_proved_fractions_and_contradictions():

@@ -63,16 +63,16 @@ def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
     ],
 )
 def test_the_trace_of_mathieusequation_of(delta, epsilon, zeta, said):
-    found = prove(mathieu(delta=delta, epsilon=epsilon, zeta=zeta), 1.0, digits=25)
-    assert found.verdict == said
+    proof = prove(mathieu(delta=delta, epsilon=epsilon, zeta=zeta), 1.0, digits=25)
+    assert proof.verdict == said
     trace = exact_trace(delta, epsilon, zeta)
     with precision(300):
         Phi = _enclosed(
-            found.result.system, equation_of(found.result.system, 1.0, False), 120, 24.0, False
+            proof.result.system, equation_of(proof.result.system, 1.0, False), 120, 24.0, False
         ).Phi
         enclosure, exact = Phi[0, 0] + Phi[1, 1], arb(mpmath.nstr(trace, 38))
         assert abs(enclosure - exact) < 1e-30
-    low, high = found.spectral_radius
+    low, high = proof.spectral_radius
     with mpmath.workdps(40):
         damping = 2 * mpmath.mpf(zeta) * mpmath.sqrt(mpmath.mpf(delta))
         radius = max(map(abs, mpmath.polyroots([1, -trace, mpmath.exp(-damping * mpmath.pi)])))
@@ -91,15 +91,15 @@ def test_more_digits_lie_within_fewer():
 
 def test_jumps_have_the_closed_form():
     """Meissner's equation: a product of two rotations."""
-    found = prove(solve.load("meissner"), 1.0)
-    assert found.verdict == "stable"
+    proof = prove(solve.load("meissner"), 1.0)
+    assert proof.verdict == "stable"
     product = np.eye(2)
-    given = found.result.system.parameters
+    given = proof.result.system.parameters
     assert given["share"] == 0.5
     for w in (given["w1"], given["w2"]):
         a, b = math.cos(w * math.pi), math.sin(w * math.pi)
         product = np.array([[a, b / w], [-w * b, a]]) @ product
-    assert sum(found.multipliers).real == pytest.approx(np.trace(product), abs=1e-12)
+    assert sum(proof.multipliers).real == pytest.approx(np.trace(product), abs=1e-12)
 
 
 def test_an_undeclared_jump_is_refused():
@@ -109,16 +109,16 @@ def test_an_undeclared_jump_is_refused():
 
 
 def test_the_ordinary_result_is_within_its_estimate_of_the_proof():
-    found = prove(solve.load("manipulator"), "50 rpm")
-    estimate = found.result.error_estimate
-    assert found.verdict == found.result.verdict == "asymptotically stable"
-    assert not found.contradicted
-    assert found.true_error["multipliers"] <= estimate.multipliers
-    assert found.true_error["orbit"] <= estimate.orbit
-    for name in found.result.coordinates:
-        low, high = found.statistics(name)
+    proof = prove(solve.load("manipulator"), "50 rpm")
+    estimate = proof.result.error_estimate
+    assert proof.verdict == proof.result.verdict == "asymptotically stable"
+    assert not proof.contradicted
+    assert proof.true_error["multipliers"] <= estimate.multipliers
+    assert proof.true_error["orbit"] <= estimate.orbit
+    for name in proof.result.coordinates:
+        low, high = proof.statistics(name)
         assert high - low < 1e-9 * high
-        assert found.result.statistics(name).max_abs == pytest.approx(low, rel=2 * estimate.orbit + 1e-11)
+        assert proof.result.statistics(name).max_abs == pytest.approx(low, rel=2 * estimate.orbit + 1e-11)
 
 
 @pytest.mark.parametrize("left_out", ["truncated coefficients", "defect"])
@@ -136,9 +136,9 @@ def test_leaving_out_a_remainder_is_noticed(monkeypatch, left_out):
         return terms, defect if left_out != "defect" else 0 * defect
 
     monkeypatch.setattr(of_step, "_polynomial", coarse)
-    found = prove(system, 1.0, digits=20)
+    proof = prove(system, 1.0, digits=20)
     with mpmath.workdps(60):
-        low, high = map(mpmath.mpf, found.spectral_radius)
+        low, high = map(mpmath.mpf, proof.spectral_radius)
         assert not low <= mpmath.mpf(truth.spectral_radius[0]) <= high
 
 
@@ -163,10 +163,10 @@ def test_a_result_is_proved_at_its_own_speed():
 
 def test_stability_boundary_stays_unproved():
     """Without stiffness a mass drifts: a double multiplier +1."""
-    found = prove(mathieu(delta=0.0, epsilon=0.0, zeta=0.0), 1.0, orbit=False)
-    assert found.verdict == "undetermined"
-    assert not found.proved
-    assert any("meet the unit circle" in text for text in found.warnings)
+    proof = prove(mathieu(delta=0.0, epsilon=0.0, zeta=0.0), 1.0, orbit=False)
+    assert proof.verdict == "undetermined"
+    assert not proof.proved
+    assert any("meet the unit circle" in text for text in proof.warnings)
 
 
 def test_every_phase_of_a_period_is_covered():
@@ -195,7 +195,7 @@ def test_bounds_of_an_orbit_hold_to_the_last_digit():
     made.force(F * cos(made.phase), along=q2)
     for _ in range(6):
         values = dict(zip(("m", "c", "k1", "k2", "F"), rng.uniform(0.5, 2, 5).tolist(), strict=True))
-        found = prove(solve.load(made, **values), 1.0, digits=6)
+        proof = prove(solve.load(made, **values), 1.0, digits=6)
         with mpmath.workdps(50):
             m_, c_, a, b, F_ = (mpmath.mpf(values[name]) for name in ("m", "c", "k1", "k2", "F"))
             diagonal = 1j * c_ - m_
@@ -203,7 +203,7 @@ def test_bounds_of_an_orbit_hold_to_the_last_digit():
                 mpmath.matrix([[a + b + diagonal, -b], [-b, b + diagonal]]), mpmath.matrix([0, F_])
             )
             for name, exact in zip(("q1", "q2"), map(abs, amplitude), strict=True):
-                low, high = found.statistics(name)
+                low, high = proof.statistics(name)
                 assert mpmath.mpf(low) <= exact <= mpmath.mpf(high)
                 assert high - low < 1e-10 * high
 
@@ -237,8 +237,8 @@ def test_a_step_beyond_a_singular_inertia_is_given_up():
     )
     made.kinetic = m * (e + cos(made.phase)) * rate(q) ** 2 / 2
     made.potential, made.dissipation = k * q**2 / 2, c * rate(q) ** 2 / 2
-    found = prove(solve.load(made, m=1.0, e=1.0017, c=1e-3, k=1e-3), 1.0, digits=3, orbit=False)
-    assert found.result.verdict == found.verdict
+    proof = prove(solve.load(made, m=1.0, e=1.0017, c=1e-3, k=1e-3), 1.0, digits=3, orbit=False)
+    assert proof.result.verdict == proof.verdict
 
 
 def test_unsupported_proofs_are_refused():
@@ -269,13 +269,13 @@ def oscillator(stiffness, load=cos):
 
 
 def test_the_response_of_constant_coefficients_has_the_closed_form():
-    found = prove(oscillator(lambda phase: 3.9, lambda phase: cos(2 * phase)), 1.0)
-    low, high = found.statistics("q")
+    proof = prove(oscillator(lambda phase: 3.9, lambda phase: cos(2 * phase)), 1.0)
+    low, high = proof.statistics("q")
     response = 1 / abs(3.9 - 4 + 0.04j)
     assert low <= response * (1 + 1e-15)
     assert high >= response * (1 - 1e-15)
     assert high - low < 1e-9 * response
-    assert found.true_error["orbit"] <= found.result.error_estimate.orbit
+    assert proof.true_error["orbit"] <= proof.result.error_estimate.orbit
 
 
 @pytest.mark.parametrize("place", [0.7, 2.9, 5.1])
@@ -285,7 +285,7 @@ def test_proof_detects_a_very_short_stiffness_pulse(place):
     strength = 4.0
     peak = strength / (width * math.sqrt(2 * math.pi))
     system = oscillator(lambda phase: 3.9 + peak * exp(-2 * (sin((phase - place) / 2) / width) ** 2))
-    found = prove(system, 1.0, orbit=False)
+    proof = prove(system, 1.0, orbit=False)
     w = math.sqrt(3.9 - 0.01**2)
     T, decay = 2 * math.pi, math.exp(-0.01 * 2 * math.pi)
     smooth = decay * np.array(
@@ -296,5 +296,5 @@ def test_proof_detects_a_very_short_stiffness_pulse(place):
     )
     limit = max(abs(np.linalg.eigvals(smooth @ [[1.0, 0.0], [-strength, 1.0]])))
     assert limit > 1.1
-    assert found.verdict == "unstable"
-    assert float(found.spectral_radius[0]) == pytest.approx(limit, rel=0.02)
+    assert proof.verdict == "unstable"
+    assert float(proof.spectral_radius[0]) == pytest.approx(limit, rel=0.02)

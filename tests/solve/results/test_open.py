@@ -67,12 +67,12 @@ def test_the_labels_of_the_system_are_kept(again):
 
 def test_a_chart_of_a_quantity_is_read_back(tmp_path):
     speeds, stiff = {"speed": ["200 rpm", "300 rpm"]}, {"k1": [8e4, 1e5]}
-    made = solve.chart(solve.load("cam"), speeds, stiff, boundaries=False, of="q3.max_abs", rtol=1e-5)
-    made.save(tmp_path / "chart.nc")
+    chart = solve.chart(solve.load("cam"), speeds, stiff, boundaries=False, of="q3.max_abs", rtol=1e-5)
+    chart.save(tmp_path / "chart.nc")
     read = solve.open(tmp_path / "chart.nc")
-    assert read.of == made.of
-    assert read.values.tobytes() == made.values.tobytes()
-    assert read.record() == made.record()
+    assert read.of == chart.of
+    assert read.values.tobytes() == chart.values.tobytes()
+    assert read.record() == chart.record()
 
 
 def test_reopened_chart_keeps_its_cuts_and_refuses_new_points(tmp_path):
@@ -201,10 +201,10 @@ def test_foreign_files_are_refused_in_one_line(tmp_path):
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_damaged_files_are_refused_or_read_correctly(tmp_path, ending):
     """A truncated file is refused. A file with a changed byte is refused or gives the same result."""
-    made = solve.floquet(oscillators(), SPEED)
+    stability = solve.floquet(oscillators(), SPEED)
     file = tmp_path / f"result{ending}"
-    made.save(file)
-    whole, record = file.read_bytes(), made.record()
+    stability.save(file)
+    whole, record = file.read_bytes(), stability.record()
     for end in np.linspace(0, len(whole) - 1, 25).astype(int):
         file.write_bytes(whole[:end])
         with pytest.raises(FileError):
@@ -222,10 +222,10 @@ def test_damaged_files_are_refused_or_read_correctly(tmp_path, ending):
 
 
 def test_later_format_and_undefined_class_are_refused(tmp_path, monkeypatch):
-    made = solve.floquet(oscillators(), SPEED)
-    made.save(tmp_path / "now.npz")
+    stability = solve.floquet(oscillators(), SPEED)
+    stability.save(tmp_path / "now.npz")
     monkeypatch.setattr(serialization, "FORMAT", serialization.FORMAT + 1)
-    made.save(tmp_path / "later.npz")
+    stability.save(tmp_path / "later.npz")
     monkeypatch.undo()
     with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it is of format 3, known up to 2"):
         solve.open(tmp_path / "later.npz")

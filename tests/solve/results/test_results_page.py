@@ -258,9 +258,9 @@ def test_the_examples_run(tmp_path, monkeypatch):
 def test_a_notebook_shows_a_result_once(monkeypatch):
     """Within Jupyter Rich displays by itself what it prints, and a text is then empty."""
     shown = []
-    found = solve.floquet(solve.load("mathieu"), "1 rad/s")
-    alone = repr(found)
+    stability = solve.floquet(solve.load("mathieu"), "1 rad/s")
+    alone = repr(stability)
     monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
     monkeypatch.setattr("rich.jupyter.display", lambda *parts: shown.append(parts))
-    assert repr(found) == alone != ""
+    assert repr(stability) == alone != ""
     assert shown == []

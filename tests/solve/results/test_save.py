@@ -64,9 +64,9 @@ def test_names_that_no_file_can_hold_are_refused(name, tmp_path):
 @pytest.mark.parametrize("ending", [".nc", ".npz"])
 def test_coordinate_names_resembling_internal_names_are_read_back(ending, tmp_path):
     alike = chain(2)
-    found = solve.sweep(PeriodicSystem(alike.at, ["seal_gap", "state_of_valve"]), [3.0, 4.0], rtol=1e-3)
-    found.save(tmp_path / f"sweep{ending}")
-    assert solve.open(tmp_path / f"sweep{ending}").record() == found.record()
+    sweep = solve.sweep(PeriodicSystem(alike.at, ["seal_gap", "state_of_valve"]), [3.0, 4.0], rtol=1e-3)
+    sweep.save(tmp_path / f"sweep{ending}")
+    assert solve.open(tmp_path / f"sweep{ending}").record() == sweep.record()
 
 
 def test_csv(result, tmp_path):
@@ -95,11 +95,11 @@ def test_mat(result, tmp_path):
 @pytest.mark.parametrize("name", ["φ", "_x"])
 def test_names_that_matlab_cannot_hold_are_refused(name, tmp_path):
     """The library that writes would stop at the one, and leave the other out."""
-    found = solve.sweep(PeriodicSystem(chain(2).at, [name, "y"]), [3.0, 4.0], rtol=1e-3)
+    sweep = solve.sweep(PeriodicSystem(chain(2).at, [name, "y"]), [3.0, 4.0], rtol=1e-3)
     with pytest.raises(
         ValueOutOfBoundsError, match=f"'{name}_max' cannot be the name of a variable in MATLAB"
     ):
-        found.save(tmp_path / "sweep.mat")
+        sweep.save(tmp_path / "sweep.mat")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -111,10 +111,10 @@ def test_parameter_named_like_a_column_is_refused(name, tmp_path):
     mechanism.kinetic, mechanism.potential = mass * rate(x) ** 2 / 2, k * x**2 / 2
     mechanism.force(k * cos(mechanism.phase) * x, along=x)
     model = solve.load(mechanism, **{name: 1.0, "k": 4.0})
-    found = solve.sweep(model, 1.3, over={name: [1.0, 1.2]}, rtol=1e-3)
-    assert "1.2" in repr(found)
+    sweep = solve.sweep(model, 1.3, over={name: [1.0, 1.2]}, rtol=1e-3)
+    assert "1.2" in repr(sweep)
     with pytest.raises(ValueOutOfBoundsError, match=f"'{name}' is the name of two quantities"):
-        found.save(tmp_path / "sweep.csv")
+        sweep.save(tmp_path / "sweep.csv")
     charted = solve.chart(model, {name: [1.0, 1.2]}, {"speed": [1.0, 1.3]}, boundaries=False)
     if name in ("verdict", "spectral_radius"):
         with pytest.raises(ValueOutOfBoundsError, match=f"'{name}' is the name of two quantities"):
@@ -124,19 +124,19 @@ def test_parameter_named_like_a_column_is_refused(name, tmp_path):
 
 
 def test_dataset(result):
-    made = result.to_xarray()
-    assert made["x"].dims == ("phase",)
-    assert_array_equal(made["phase"], result.phase)
-    assert_array_equal(made["time"], result.time)
+    dataset = result.to_xarray()
+    assert dataset["x"].dims == ("phase",)
+    assert_array_equal(dataset["phase"], result.phase)
+    assert_array_equal(dataset["time"], result.time)
     for name, row in (("x", result.q[0]), ("phid", result.qd[1]), ("xdd", result.qdd[0])):
-        assert_array_equal(made[name], row)
-    assert_array_equal(made["power"], result.outputs["power"])
-    assert_array_equal(made["multiplier_re"] + 1j * made["multiplier_im"], result.multipliers)
-    assert made["x"].attrs == {"units": "m", "long_name": "slide"}
-    assert made["phid"].attrs["units"] == "rad/s"
-    assert made["xdd"].attrs["units"] == "m/s^2"
-    assert made["time"].attrs["units"] == "s"
-    assert made.attrs["speed"] == 3.0
+        assert_array_equal(dataset[name], row)
+    assert_array_equal(dataset["power"], result.outputs["power"])
+    assert_array_equal(dataset["multiplier_re"] + 1j * dataset["multiplier_im"], result.multipliers)
+    assert dataset["x"].attrs == {"units": "m", "long_name": "slide"}
+    assert dataset["phid"].attrs["units"] == "rad/s"
+    assert dataset["xdd"].attrs["units"] == "m/s^2"
+    assert dataset["time"].attrs["units"] == "s"
+    assert dataset.attrs["speed"] == 3.0
 
 
 def test_nc(result, tmp_path):

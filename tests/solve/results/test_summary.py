@@ -55,16 +55,16 @@ def test_bands_are_named_and_the_rest_counted():
 
 
 def test_summary_names_the_largest_elasticity():
-    found = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs", ["k1", "F", "speed"])
-    sizes = found.elasticities("q3.max_abs")
+    sensitivities = solve.sensitivities(solve.load("cam"), "600 rpm", "q3.max_abs", ["k1", "F", "speed"])
+    sizes = sensitivities.elasticities("q3.max_abs")
     most = max(sizes, key=lambda name: abs(sizes[name]))
-    assert f"q3.max_abs by {most} ({sizes[most]:.3g} % per 1 %)" in found.summary
+    assert f"q3.max_abs by {most} ({sizes[most]:.3g} % per 1 %)" in sensitivities.summary
 
 
 def test_the_highest_maximum_is_named():
     """Response of the oscillator is largest at Ω = √(4 − 0.2²/2)."""
-    found = solve.critical_speeds(oscillator(0.2), "1:3:5 rad/s", rtol=1e-6)
-    (speed,) = re.findall(r"at ([\d.]+) rad/s", found.summary)
+    critical = solve.critical_speeds(oscillator(0.2), "1:3:5 rad/s", rtol=1e-6)
+    (speed,) = re.findall(r"at ([\d.]+) rad/s", critical.summary)
     assert float(speed) == pytest.approx(math.sqrt(4 - 0.02), rel=1e-4)
 
 

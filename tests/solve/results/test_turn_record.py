@@ -40,13 +40,13 @@ def extremum(signal, period, sign):
     width = period / 20000
     phases = np.arange(20000) * width
     best = phases[np.argmax(sign * signal(phases))]
-    found = minimize_scalar(
+    minimum = minimize_scalar(
         lambda phase: -sign * float(signal(np.array([phase]))[0]),
         bounds=(best - width, best + width),
         options={"xatol": 1e-12},
         method="bounded",
     )
-    return -found.fun
+    return -minimum.fun
 
 
 @pytest.mark.parametrize("name", ["crank_tip_deflection", "O_moment", "B_force_x", "strain_energy", "B_x"])

@@ -31,20 +31,20 @@ def edge(values, order, low, high):
 
 @pytest.mark.parametrize("engine", ["numpy", "auto"])
 def test_edges_are_characteristic_values(engine):
-    found = solve.bands(mathieu(), np.linspace(0.9, 4.0, 40), tolerance=1e-10, engine=engine)
-    assert [band.kind for band in found] == ["+1", "-1"]
+    bands = solve.bands(mathieu(), np.linspace(0.9, 4.0, 40), tolerance=1e-10, engine=engine)
+    assert [band.kind for band in bands] == ["+1", "-1"]
     second = edge(mathieu_a, 2, 0.8, 1.1), edge(mathieu_b, 2, 0.8, 1.1)
     first = edge(mathieu_a, 1, 1.5, 2.6), edge(mathieu_b, 1, 1.5, 2.6)
-    for band, edges in zip(found, (second, first), strict=True):
+    for band, edges in zip(bands, (second, first), strict=True):
         assert (band.low, band.high) == pytest.approx(sorted(edges), rel=1e-8)
         assert (band.open_low, band.open_high) == (False, False)
 
 
 def test_a_band_between_two_speeds_is_found():
     speeds = np.linspace(0.9, 4.0, 9)
-    found = solve.bands(mathieu(), speeds)
-    inside = [np.any((speeds > band.low) & (speeds < band.high)) for band in found]
-    assert [band.kind for band in found] == ["+1", "-1"]
+    bands = solve.bands(mathieu(), speeds)
+    inside = [np.any((speeds > band.low) & (speeds < band.high)) for band in bands]
+    assert [band.kind for band in bands] == ["+1", "-1"]
     assert not all(inside), "the grid alone would have shown both"
 
 
@@ -134,9 +134,9 @@ def test_progress_reports_stages_and_points():
 def test_unresolved_tiny_multipliers_count_as_stable():
     """At 1 rad/s no grid resolves the cam's multipliers; their relative errors are infinite."""
     cam = solve.load("cam")
-    found = solve.bands(cam, [1.0, 1.2], rtol=1e-2)
-    assert list(found) == []
-    assert found.notes == []
+    bands = solve.bands(cam, [1.0, 1.2], rtol=1e-2)
+    assert list(bands) == []
+    assert bands.notes == []
     alone = solve.floquet(cam, 1.0, rtol=1e-2)
     assert alone.error_estimate.multipliers == np.inf
     assert alone.verdict == "asymptotically stable"
@@ -168,12 +168,12 @@ def rpm(*speeds):
 def test_bands_do_not_depend_on_the_speeds_between_the_ends(count):
     """Two wide bands, two narrow ones where multipliers meet off the real axis, stable speeds between."""
     coupler = undamped_coupler()
-    found = solve.bands(coupler, f"4200:6000:{count} rpm")
-    assert [band.kind for band in found] == ["-1", "complex", "complex", "+1"]
-    assert [band.open_high for band in found] == [False, False, False, True]
-    edges = rpm(found[0].low, found[0].high, found[3].low)
+    bands = solve.bands(coupler, f"4200:6000:{count} rpm")
+    assert [band.kind for band in bands] == ["-1", "complex", "complex", "+1"]
+    assert [band.open_high for band in bands] == [False, False, False, True]
+    edges = rpm(bands[0].low, bands[0].high, bands[3].low)
     np.testing.assert_allclose(edges, [4294.86, 4347.96, 5643.97], rtol=0, atol=0.05)
-    for band in found:
+    for band in bands:
         width = (band.high - band.low) / (20 if band.open_high else 1)
         outside = [band.low - 0.3 * width, *([] if band.open_high else [band.high + 0.3 * width])]
         assert all(solve.floquet(coupler, speed).spectral_radius < 1 + 1e-8 for speed in outside), band
@@ -189,12 +189,12 @@ def test_unstable_range_is_split_at_a_stable_interior(monkeypatch):
     coupler = undamped_coupler()
     ends = [solve.floquet(coupler, f"{speed} rpm") for speed in (3286.9, 6000)]
     assert all(not end.stable and end.multipliers[0].real > 1 for end in ends)
-    found = solve.bands(coupler, "3286.9:6000:2 rpm")
-    assert (found[0].kind, found[0].open_low, found[0].open_high) == ("+1", True, False)
-    assert (found[-1].kind, found[-1].open_low, found[-1].open_high) == ("+1", False, True)
-    assert rpm(found[-1].low) == pytest.approx(5643.97, abs=0.05)
+    bands = solve.bands(coupler, "3286.9:6000:2 rpm")
+    assert (bands[0].kind, bands[0].open_low, bands[0].open_high) == ("+1", True, False)
+    assert (bands[-1].kind, bands[-1].open_low, bands[-1].open_high) == ("+1", False, True)
+    assert rpm(bands[-1].low) == pytest.approx(5643.97, abs=0.05)
     for place, stable in ((-1e-6, False), (1e-6, True)):
-        assert solve.floquet(coupler, found[0].high * (1 + place)).stable is stable
+        assert solve.floquet(coupler, bands[0].high * (1 + place)).stable is stable
 
 
 def test_spacing_is_the_largest_distance_of_speeds_solved():
@@ -213,14 +213,14 @@ def test_singular_inertia_is_refused():
 
 
 def test_the_picture_shows_the_largest_multiplier_of_each_band():
-    found = solve.bands(solve.load("meissner"), "0.6:1.5:3 rad/s")
-    assert len(found) > 2
-    for band in found:
-        inside = (found.speeds > band.low) & (found.speeds < band.high)
-        assert found.spectral_radius[inside].max() == band.spectral_radius
+    bands = solve.bands(solve.load("meissner"), "0.6:1.5:3 rad/s")
+    assert len(bands) > 2
+    for band in bands:
+        inside = (bands.speeds > band.low) & (bands.speeds < band.high)
+        assert bands.spectral_radius[inside].max() == band.spectral_radius
 
 
 def test_plot_refuses_an_invalid_sweep():
-    found = solve.bands(mathieu(), [1.95, 2.05])
+    bands = solve.bands(mathieu(), [1.95, 2.05])
     with pytest.raises(ValueOutOfBoundsError, match=r"sweep is 'bands.png'; give a Sweep, .* or nothing"):
-        found.plot("bands.png")
+        bands.plot("bands.png")

@@ -88,16 +88,16 @@ def test_points_are_single_solves(undamped):
 
 
 def test_a_stable_sliver_between_unstable_points_has_both_edges():
-    found = solve.chart(
+    chart = solve.chart(
         solve.load("mathieu", zeta=0.0),
         {"delta": np.linspace(-6, -2, 9)},
         {"epsilon": np.linspace(4, 20, 9)},
         1.0,
     )
-    assert {curve.name for curve in found.boundaries} == {"+1", "-1"}
-    for curve in found.boundaries:
+    assert {curve.name for curve in chart.boundaries} == {"+1", "-1"}
+    for curve in chart.boundaries:
         assert distances(curve.points).min(axis=0).max() < 1e-6
-    at = found.cut(x=-4.0)
+    at = chart.cut(x=-4.0)
     assert [kind for _, kind in at.crossings] == ["+1", "-1"]
     low, high = (place for place, _ in at.crossings)
     assert high - low < 0.6
@@ -117,8 +117,8 @@ def test_no_sliver_where_another_multiplier_stays_outside():
         return systems.system(matrices, 2, period=np.pi)
 
     axes = {"delta": np.linspace(-6, -2, 5)}, {"epsilon": np.linspace(4, 20, 5)}
-    found = solve.chart(build, *axes, 1.0)
-    assert found.boundaries == []
+    chart = solve.chart(build, *axes, 1.0)
+    assert chart.boundaries == []
     alone = solve.chart(solve.load("mathieu", zeta=0.0), *axes, 1.0)
     assert alone.boundaries != []
 
@@ -133,11 +133,11 @@ def test_cuts_cross_where_the_values_are(undamped, held):
 
 
 def test_damped_boundaries_lie_on_the_unit_circle():
-    found = solve.chart(solve.load("mathieu", zeta=0.05), X, Y, 1.0)
-    assert found.boundaries
-    for curve in found.boundaries:
+    chart = solve.chart(solve.load("mathieu", zeta=0.05), X, Y, 1.0)
+    assert chart.boundaries
+    for curve in chart.boundaries:
         for x, y in curve.points[::9]:
-            assert found.at(x, y).spectral_radius == pytest.approx(1.0, abs=1e-5)
+            assert chart.at(x, y).spectral_radius == pytest.approx(1.0, abs=1e-5)
 
 
 def test_a_system_of_ones_own():
@@ -148,7 +148,7 @@ def test_a_system_of_ones_own():
 
         return systems.system(matrices, 1, period=np.pi)
 
-    found = solve.chart(build, {"delta": [0.5, 1.0, 1.5]}, {"epsilon": [0.5, 1.0]}, 1.0, boundaries=False)
+    chart = solve.chart(build, {"delta": [0.5, 1.0, 1.5]}, {"epsilon": [0.5, 1.0]}, 1.0, boundaries=False)
     model = solve.chart(
         solve.load("mathieu", zeta=0.0),
         {"delta": [0.5, 1.0, 1.5]},
@@ -156,7 +156,7 @@ def test_a_system_of_ones_own():
         1.0,
         boundaries=False,
     )
-    np.testing.assert_allclose(found.spectral_radius, model.spectral_radius, rtol=1e-12)
+    np.testing.assert_allclose(chart.spectral_radius, model.spectral_radius, rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -282,25 +282,25 @@ def test_orbit_chart_solves_once_and_keeps_stability_without_an_orbit(monkeypatc
         return solve.PeriodicSystem(matrices, ["x"])
 
     axes = {"k": [0.5, 1.0, 2.0]}, {"c": [0.0, 0.1]}
-    found = solve.chart(build, *axes, 1.0, boundaries=False, of="x.max_abs")
+    chart = solve.chart(build, *axes, 1.0, boundaries=False, of="x.max_abs")
     assert solved == [6]
     k, c = np.meshgrid(*(next(iter(axis.values())) for axis in axes))
     with np.errstate(divide="ignore"):
         size = 1 / np.hypot(1 - k, c)
-    np.testing.assert_allclose(found.values, np.where(np.isinf(size), np.nan, size), rtol=1e-7)
+    np.testing.assert_allclose(chart.values, np.where(np.isinf(size), np.nan, size), rtol=1e-7)
     plain = solve.chart(build, *axes, 1.0, boundaries=False)
-    np.testing.assert_allclose(found.spectral_radius, plain.spectral_radius, rtol=1e-7)
-    np.testing.assert_array_equal(found.verdicts, plain.verdicts)
-    assert found.failures == plain.failures == {}
-    (warning,) = found.warnings
+    np.testing.assert_allclose(chart.spectral_radius, plain.spectral_radius, rtol=1e-7)
+    np.testing.assert_array_equal(chart.verdicts, plain.verdicts)
+    assert chart.failures == plain.failures == {}
+    (warning,) = chart.warnings
     assert warning.startswith("1 of 6 points have no orbit: I - Φ is singular")
     with pytest.raises(NoResultError, match="none of the 4 points gives a result: I - Φ is singular"):
         solve.chart(lambda a, b: build(1, 0), {"a": [1.0, 2.0]}, {"b": [1.0, 2.0]}, 1.0, of="x.max_abs")
 
 
 def test_pickled_chart_can_solve_further_points():
-    found = solve.chart("mathieu", {"delta": [1.0, 2.0, 3.0]}, {"epsilon": [0.5, 1.0]})
-    other = pickle.loads(pickle.dumps(found))
-    assert other.record() == found.record()
-    assert other.at(1.5, 0.7).record() == found.at(1.5, 0.7).record()
-    assert other.cut(y=0.7).crossings == found.cut(y=0.7).crossings != []
+    chart = solve.chart("mathieu", {"delta": [1.0, 2.0, 3.0]}, {"epsilon": [0.5, 1.0]})
+    other = pickle.loads(pickle.dumps(chart))
+    assert other.record() == chart.record()
+    assert other.at(1.5, 0.7).record() == chart.at(1.5, 0.7).record()
+    assert other.cut(y=0.7).crossings == chart.cut(y=0.7).crossings != []

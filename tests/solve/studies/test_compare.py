@@ -93,23 +93,23 @@ def test_every_method_of_the_registry_takes_part(monkeypatch):
 
     monkeypatch.setitem(METHODS, "newcomer", Renamed)
     reported = []
-    with progress.listen(lambda tracker: reported.extend(each.what for each in tracker.tasks)):
-        found = compare(oscillator(), SPEED, steps=[40], targets=[0.05])
+    with progress.listen(lambda tracker: reported.extend(task.what for task in tracker.tasks)):
+        comparison = compare(oscillator(), SPEED, steps=[40], targets=[0.05])
     names = [name for name in METHODS if name != "auto"]
     assert "newcomer" in names
-    assert [each for each in dict.fromkeys(reported) if each in ("reference", *names)] == [
+    assert [fromkey for fromkey in dict.fromkeys(reported) if fromkey in ("reference", *names)] == [
         "reference",
         *names,
     ]
-    assert [row.method for row in rows(found, "equal steps")] == names
-    assert [row.method for row in rows(found, "equal accuracy")] == names
-    for row in found.rows:
+    assert [row.method for row in rows(comparison, "equal steps")] == names
+    assert [row.method for row in rows(comparison, "equal accuracy")] == names
+    for row in comparison.rows:
         assert (row.reason is None) == math.isfinite(row.orbit_error), row
 
 
 def test_settings_that_are_not_the_usual_ones_are_named():
-    found = compare(oscillator(), SPEED, [solve.Newmark(), solve.Newmark(beta=1 / 6)], [40], [0.1])
-    assert [row.method for row in rows(found, "equal steps")] == ["newmark", f"newmark beta {1 / 6}"]
+    comparison = compare(oscillator(), SPEED, [solve.Newmark(), solve.Newmark(beta=1 / 6)], [40], [0.1])
+    assert [row.method for row in rows(comparison, "equal steps")] == ["newmark", f"newmark beta {1 / 6}"]
 
 
 def test_steps_beyond_the_stability_limit_give_a_required_minimum():
@@ -122,8 +122,8 @@ def test_steps_beyond_the_stability_limit_give_a_required_minimum():
 
 
 def test_unattainable_accuracy_is_reported():
-    found = compare(oscillator(), SPEED, [METHODS["march"](tolerance=0.05)], steps=[100], targets=[1e-6])
-    row = rows(found, "equal accuracy")[0]
+    comparison = compare(oscillator(), SPEED, [METHODS["march"](tolerance=0.05)], steps=[100], targets=[1e-6])
+    row = rows(comparison, "equal accuracy")[0]
     assert row.steps is None
     assert math.isnan(row.time)
     assert "out of reach" in row.reason
@@ -137,8 +137,10 @@ def test_an_unstable_method_shows_in_its_verdict():
 
 def test_steps_too_long_for_the_fastest_mode_are_marked():
     """ω_max h = 2π 100 / (3 · 50) = 4.2, which Newmark neither follows nor damps, and Radau damps."""
-    found = compare(oscillator(stiffness=1e4), SPEED, ["newmark", "radau"], steps=[50, 400], targets=[0.5])
-    followed = {(row.method, row.steps): row.followed for row in rows(found, "equal steps")}
+    comparison = compare(
+        oscillator(stiffness=1e4), SPEED, ["newmark", "radau"], steps=[50, 400], targets=[0.5]
+    )
+    followed = {(row.method, row.steps): row.followed for row in rows(comparison, "equal steps")}
     assert followed == {
         ("newmark", 50): False,
         ("newmark", 400): True,
@@ -148,8 +150,8 @@ def test_steps_too_long_for_the_fastest_mode_are_marked():
 
 
 def test_spectral_methods_report_their_step_limit():
-    found = compare(oscillator(), SPEED, ["fourier", "hill"], steps=[5000], targets=[0.5])
-    for row in rows(found, "equal steps"):
+    comparison = compare(oscillator(), SPEED, ["fourier", "hill"], steps=[5000], targets=[0.5])
+    for row in rows(comparison, "equal steps"):
         assert row.reason == "takes at most 1000 steps a period for n = 1"
 
 
@@ -158,9 +160,11 @@ def test_without_load_the_multipliers_reach_the_targets():
         M, C, K, d = oscillator()._matrices(phase, speed)
         return M, C, K, 0 * d
 
-    found = compare(solve.PeriodicSystem(free, ["q"]), SPEED, ["newmark", "rk4"], steps=[50], targets=[1e-4])
-    assert found.judged_by == "multipliers"
-    for row in found.rows:
+    comparison = compare(
+        solve.PeriodicSystem(free, ["q"]), SPEED, ["newmark", "rk4"], steps=[50], targets=[1e-4]
+    )
+    assert comparison.judged_by == "multipliers"
+    for row in comparison.rows:
         assert math.isnan(row.orbit_error)
         assert row.multiplier_error == pytest.approx(true_errors(row.method, row.steps)[1], rel=0.05)
         assert row.at == "equal steps" or row.multiplier_error <= 1e-4

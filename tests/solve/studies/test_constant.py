@@ -54,12 +54,12 @@ def solutions(monkeypatch):
 
 @pytest.mark.parametrize("anchor", [0.0, 0.1])
 def test_bands_of_a_chain_need_no_solution(solutions, anchor):
-    found = solve.bands(free_chain(anchor), "500:3000:30 rpm")
-    assert list(found) == []
-    assert found.constant_matrices
-    assert [text.split(":")[0] for text in found.notes] == ["rigid-body modes"] * (anchor == 0)
+    bands = solve.bands(free_chain(anchor), "500:3000:30 rpm")
+    assert list(bands) == []
+    assert bands.constant_matrices
+    assert [text.split(":")[0] for text in bands.notes] == ["rigid-body modes"] * (anchor == 0)
     assert solutions == [0]
-    np.testing.assert_allclose(found.spectral_radius, 1.0, atol=1e-11)
+    np.testing.assert_allclose(bands.spectral_radius, 1.0, atol=1e-11)
 
 
 @pytest.mark.parametrize("k2", [1.5, 1.01, 1.0001])
@@ -153,8 +153,8 @@ def test_a_chart_of_a_chain_looks_for_no_tongues(solutions):
         K = chain([k1, *CHAIN[1:]]) + np.diag([anchor, 0, 0, 0, 0])
         return over(lambda speed: (INERTIA, 0 * K, K), 5)
 
-    made = solve.chart(build, "k1=11e3:13e3:5", "anchor=1:10:4", "1000 rpm")
-    assert made.boundaries == []
+    chart = solve.chart(build, "k1=11e3:13e3:5", "anchor=1:10:4", "1000 rpm")
+    assert chart.boundaries == []
     assert solutions == [20]
 
 
@@ -165,6 +165,6 @@ def test_a_chart_of_rotors_finds_the_threshold():
         K = np.eye(2) - 0.03 * speed * TURN
         return over(lambda _: (np.eye(2), (outer + 0.03) * np.eye(2), K), 2)
 
-    made = solve.chart(lambda outer, w: build(outer, w), "outer=0.01:0.03:5", "w=1:3:9", 1.0)
-    (curve,) = made.boundaries
+    chart = solve.chart(lambda outer, w: build(outer, w), "outer=0.01:0.03:5", "w=1:3:9", 1.0)
+    (curve,) = chart.boundaries
     np.testing.assert_allclose(curve.points[:, 1], 1 + curve.points[:, 0] / 0.03, rtol=1e-8)

@@ -119,14 +119,16 @@ def _growing(phase, speed):
 
 
 def test_unstable_ranges_are_reported_and_omitted_from_the_curve():
-    made = solve.critical_speeds(solve.PeriodicSystem(_growing, ["q"]), np.linspace(1.0, 4.0, 31), orders=3)
-    ((low, high, radius),) = made.unstable_ranges
+    critical = solve.critical_speeds(
+        solve.PeriodicSystem(_growing, ["q"]), np.linspace(1.0, 4.0, 31), orders=3
+    )
+    ((low, high, radius),) = critical.unstable_ranges
     assert 2.0 < low < 2.2
     assert 2.8 < high < 3.0
     assert radius == pytest.approx(np.exp(0.05 * 2 * np.pi / low), rel=1e-6)
-    assert any("the motion is unstable from" in text for text in made.warnings)
-    assert "Unstable among the speeds" in made._repr_html_()
-    (curve,) = [line for line in made.plot().axes[0].get_lines() if line.get_marker() != "v"]
+    assert any("the motion is unstable from" in text for text in critical.warnings)
+    assert "Unstable among the speeds" in critical._repr_html_()
+    (curve,) = [line for line in critical.plot().axes[0].get_lines() if line.get_marker() != "v"]
     x, y = np.array(curve.get_data())
     inside = (x > 2.2 * 30 / np.pi) & (x < 2.8 * 30 / np.pi)
     assert not np.isfinite(y[inside]).any()
@@ -137,9 +139,9 @@ def test_imaginary_frozen_frequencies_give_a_warning():
         one = np.ones((len(phase), 1, 1))
         return one, 0.4 * one, (1.0 + 2.0 * np.cos(phase))[:, None, None], np.cos(phase)[:, None]
 
-    made = solve.critical_speeds(solve.PeriodicSystem(hill, ["q"]), np.linspace(4.0, 6.0, 5), orders=3)
-    assert made.imaginary.all()
-    assert any("means and divisions are meaningless" in text for text in made.warnings)
+    critical = solve.critical_speeds(solve.PeriodicSystem(hill, ["q"]), np.linspace(4.0, 6.0, 5), orders=3)
+    assert critical.imaginary.all()
+    assert any("means and divisions are meaningless" in text for text in critical.warnings)
 
 
 def test_the_curve_goes_through_the_maxima_that_are_marked(found):
@@ -159,10 +161,10 @@ def test_peak_is_assigned_to_the_resonant_order():
         return np.column_stack((np.cos(3 * phase), np.zeros_like(phase)))
 
     system = systems.constant(np.eye(2), np.diag(2 * ZETA * frequencies), np.diag(frequencies**2), push)
-    made = solve.critical_speeds(system, np.linspace(9.2, 10.8, 9), orders=8)
-    ((mode, order),) = [(row.mode, row.order) for row in made.rows if row.response]
+    critical = solve.critical_speeds(system, np.linspace(9.2, 10.8, 9), orders=8)
+    ((mode, order),) = [(row.mode, row.order) for row in critical.rows if row.response]
     assert (mode, order) == (1, 3)
-    assert any((row.mode, row.order) == (2, 7) for row in made.rows)
+    assert any((row.mode, row.order) == (2, 7) for row in critical.rows)
 
 
 ZETA_OF_ROTOR = 0.01
@@ -188,19 +190,19 @@ def test_unstable_rotor_growth_is_not_assigned_to_a_division():
     the multiplier's maximum there belongs to no division."""
     half = np.sqrt(0.2**2 - 4 * ZETA_OF_ROTOR**2 + 4 * ZETA_OF_ROTOR**4)
     low, high = 100 * np.sqrt(1 - 2 * ZETA_OF_ROTOR**2 + np.array([-half, half]))
-    made = solve.critical_speeds(rotor(), np.linspace(40.0, 130.0, 91), orders=4)
-    ((first, last, radius),) = made.unstable_ranges
+    critical = solve.critical_speeds(rotor(), np.linspace(40.0, 130.0, 91), orders=4)
+    ((first, last, radius),) = critical.unstable_ranges
     assert low < first < low + 1.01
     assert high - 1.01 < last < high
-    peaks = sorted(row.response.speed for row in made.rows if row.response)
+    peaks = sorted(row.response.speed for row in critical.rows if row.response)
     assert peaks == pytest.approx([low, high], rel=1e-4)
     assert radius > 1.1
-    attributed = [row for row in made.rows if row.mode and (row.response or row.multiplier)]
+    attributed = [row for row in critical.rows if row.mode and (row.response or row.multiplier)]
     assert {row.order for row in attributed if row.response} == {1}
     for row in attributed:
         assert row.multiplier is None or row.multiplier.height < 1
         assert abs(row.speed - row.division) < 0.05 * row.division
-    inside = [row for row in made.rows if first < row.speed < last and row.multiplier]
+    inside = [row for row in critical.rows if first < row.speed < last and row.multiplier]
     assert inside
     assert all(row.mode is None for row in inside)
 
@@ -215,16 +217,16 @@ def pushed(damping):
 
 
 def test_undamped_resonance_is_unbounded():
-    made = solve.critical_speeds(pushed(0.0), "10:40:30 rpm", orders=4)
-    rows = [row for row in made.rows if row.response]
+    critical = solve.critical_speeds(pushed(0.0), "10:40:30 rpm", orders=4)
+    rows = [row for row in critical.rows if row.response]
     assert [row.response.speed for row in rows] == pytest.approx([3.0, 1.5], rel=2e-5)
     assert all(row.unbounded and row.response.height == np.inf for row in rows)
-    assert [row["response_height"] for row in made.record()["rows"] if row["unbounded"]] == [None, None]
-    (warning,) = [text for text in made.warnings if "is unbounded at 14.324 rpm" in text]
+    assert [row["response_height"] for row in critical.record()["rows"] if row["unbounded"]] == [None, None]
+    (warning,) = [text for text in critical.warnings if "is unbounded at 14.324 rpm" in text]
     assert "a multiplier is +1 there" in warning
-    assert "∞" in made._repr_html_()
-    assert "unbounded at 14.324 rpm, at 28.648 rpm" in made.summary
-    axes = made.plot().axes[0]
+    assert "∞" in critical._repr_html_()
+    assert "unbounded at 14.324 rpm, at 28.648 rpm" in critical.summary
+    axes = critical.plot().axes[0]
     assert "beyond all bounds" in [text.get_text() for text in axes.get_legend().get_texts()]
     lines = sorted(line.get_xdata()[0] for line in axes.get_lines() if line.get_marker() == "^")
     assert lines == pytest.approx([1.5 * 30 / np.pi, 3 * 30 / np.pi], rel=2e-5)
@@ -240,23 +242,23 @@ def test_narrow_unstable_ranges_have_no_height_however_many_speeds_are_given(cou
         stiffness = 100 * (1 + 0.2 * np.cos(phase))[:, None, None]
         return one, 0 * one, stiffness, (1 + np.cos(phase))[:, None]
 
-    made = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), f"1.2:6:{count} rad/s")
-    divisions = [row.response for row in made.rows if row.response and row.response.height > 0.1]
+    critical = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), f"1.2:6:{count} rad/s")
+    divisions = [row.response for row in critical.rows if row.response and row.response.height > 0.1]
     assert [round(9.97 / one.speed) for one in divisions] == [2, 3, 4, 5, 6, 7, 8]
     assert all(one.height == np.inf for one in divisions)
 
 
 def test_a_resonance_with_the_least_damping_has_its_height():
-    made = solve.critical_speeds(pushed(1e-7), np.linspace(2.5, 3.5, 12), orders=1)
-    (row,) = [row for row in made.rows if row.response]
+    critical = solve.critical_speeds(pushed(1e-7), np.linspace(2.5, 3.5, 12), orders=1)
+    (row,) = [row for row in critical.rows if row.response]
     assert not row.unbounded
     assert row.response.height == pytest.approx(1 / (2e-7 * 9), rel=1e-5)
-    assert not any("unbounded" in text for text in made.warnings)
+    assert not any("unbounded" in text for text in critical.warnings)
 
 
 def test_response_is_unbounded_at_edges_of_an_unstable_range():
-    made = solve.critical_speeds(rotor(), np.linspace(80.0, 120.0, 41), orders=2)
-    assert [row.unbounded for row in made.rows if row.response] == [True, True]
+    critical = solve.critical_speeds(rotor(), np.linspace(80.0, 120.0, 41), orders=2)
+    assert [row.unbounded for row in critical.rows if row.response] == [True, True]
 
 
 def test_both_edges_of_a_narrow_unstable_range_are_unbounded():
@@ -270,8 +272,8 @@ def test_both_edges_of_a_narrow_unstable_range_are_unbounded():
 
     pendulum = solve.PeriodicSystem(matrices, ["q"])
     (band,) = solve.bands(pendulum, [4.0, 5.0])
-    made = solve.critical_speeds(pendulum, np.linspace(2.0, 20.0, 30))
-    speeds = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    critical = solve.critical_speeds(pendulum, np.linspace(2.0, 20.0, 30))
+    speeds = [row.response.speed for row in critical.rows if row.response and row.unbounded]
     assert band.kind == "+1"
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
 
@@ -285,10 +287,10 @@ def test_both_edges_of_a_range_between_speeds_are_unbounded():
 
     system = solve.PeriodicSystem(matrices, ["q"])
     (band,) = solve.bands(system, np.linspace(98.0, 101.0, 31))
-    made = solve.critical_speeds(system, [30.0, 160.0])
-    speeds = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    critical = solve.critical_speeds(system, [30.0, 160.0])
+    speeds = [row.response.speed for row in critical.rows if row.response and row.unbounded]
     assert speeds == pytest.approx([band.high, band.low], rel=2e-5)
-    (unstable,) = made.unstable_ranges
+    (unstable,) = critical.unstable_ranges
     assert unstable[:2] == pytest.approx((band.low, band.high), rel=2e-5)
 
 
@@ -304,8 +306,8 @@ def test_both_edges_are_found_where_another_mode_leads(shaken, other):
 
     system = solve.PeriodicSystem(matrices, ["p", "q"])
     (band,) = (each for each in solve.bands(system, np.linspace(98.5, 101.0, 31)) if each.kind == "+1")
-    made = solve.critical_speeds(system, [30.0, 160.0], orders=1)
-    found = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    critical = solve.critical_speeds(system, [30.0, 160.0], orders=1)
+    found = [row.response.speed for row in critical.rows if row.response and row.unbounded]
     assert found == pytest.approx([band.high, band.low], rel=2e-5)
 
 
@@ -340,10 +342,12 @@ def test_unstable_ranges_of_two_nearly_equal_modes_are_separated(frequencies, sh
     edges = sorted((edge for band in alone for edge in (band.low, band.high)), reverse=True)
     edges = edges if ranges == 2 else [edges[0], edges[-1]]
     both = shaken(w, share, turn)
-    made = solve.critical_speeds(both, [30.0, 160.0], orders=1)
-    found = [row.response.speed for row in made.rows if row.response and row.unbounded]
+    critical = solve.critical_speeds(both, [30.0, 160.0], orders=1)
+    found = [row.response.speed for row in critical.rows if row.response and row.unbounded]
     assert found == pytest.approx(edges, rel=3e-5)
-    assert np.ravel([each[:2] for each in made.unstable_ranges]) == pytest.approx(edges[::-1], rel=3e-5)
+    assert np.ravel([range_[:2] for range_ in critical.unstable_ranges]) == pytest.approx(
+        edges[::-1], rel=3e-5
+    )
     found = solve.bands(both, [30.0, 160.0])
     assert np.ravel([(band.low, band.high) for band in found]) == pytest.approx(edges[::-1], rel=1e-6)
 
@@ -365,15 +369,15 @@ def test_neighbouring_unstable_resonances_are_separate_ranges():
 
 
 def test_widest_table_fits_into_80_columns():
-    made = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
-    lines = [line.rstrip() for line in str(made).splitlines()]
+    critical = solve.critical_speeds(rotor(frequency=20000.0), "80000:240000:40 rpm", orders=2)
+    lines = [line.rstrip() for line in str(critical).splitlines()]
     assert any("|ρ|" in line and "mode" in line for line in lines)
     assert max(map(len, lines)) <= 80
 
 
 def test_division_on_a_given_speed_is_reported_once():
-    made = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
-    divided = [(row.mode, row.order) for row in made.rows if row.division and row.mode == 1]
+    critical = solve.critical_speeds(oscillators(), [2.5, 5.0, 10.0], orders=4)
+    divided = [(row.mode, row.order) for row in critical.rows if row.division and row.mode == 1]
     assert divided == [(1, 1), (1, 2), (1, 3), (1, 4)]
 
 
@@ -383,9 +387,9 @@ def test_a_speed_with_a_singular_inertia_leaves_the_others():
         load = np.cos(phase)[:, None]
         return one * float(speed != 2.0), 0.02 * one, (4.0 + 0.4 * np.cos(phase))[:, None, None], load
 
-    found = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), [1.0, 1.5, 2.0, 3.0], orders=4)
-    assert found.notes[-1].startswith("1 of ")
-    assert "M is singular" in found.notes[-1]
+    critical = solve.critical_speeds(solve.PeriodicSystem(matrices, ["q"]), [1.0, 1.5, 2.0, 3.0], orders=4)
+    assert critical.notes[-1].startswith("1 of ")
+    assert "M is singular" in critical.notes[-1]
 
 
 def test_a_table_of_all_columns_fits_a_line_of_80(found):

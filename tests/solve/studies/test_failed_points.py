@@ -106,15 +106,15 @@ def test_bands_end_open_where_speeds_fail():
     assert whole.notes == []
     low, high = 1.9, 2.1
     assert band.low < low < high < band.high
-    found = solve.bands(broken(4.0, low, high), np.linspace(1.2, 3.0, 20))
-    left, right = found
+    bands = solve.bands(broken(4.0, low, high), np.linspace(1.2, 3.0, 20))
+    left, right = bands
     assert (left.open_low, left.open_high, right.open_low, right.open_high) == (False, True, True, False)
     assert left.low == pytest.approx(band.low, rel=1e-6)
     assert right.high == pytest.approx(band.high, rel=1e-6)
-    assert low - found.spacing <= left.high <= low
-    assert high <= right.low <= high + found.spacing
-    assert "give no result" in found.notes[0]
-    assert "NaN" in found.notes[0]
+    assert low - bands.spacing <= left.high <= low
+    assert high <= right.low <= high + bands.spacing
+    assert "give no result" in bands.notes[0]
+    assert "NaN" in bands.notes[0]
 
 
 def test_an_edge_swallowed_by_failed_speeds_is_open():
@@ -127,9 +127,9 @@ def test_an_edge_swallowed_by_failed_speeds_is_open():
 
 def test_unstable_ranges_of_a_sweep_end_at_failed_points():
     speeds = np.linspace(1.2, 3.0, 37)
-    found = solve.sweep(broken(4.0, 1.9, 2.1), speeds)
-    (_, first, _), (second, _, _) = found.unstable
-    known = speeds[~np.isnan(found.spectral_radius)]
+    sweep = solve.sweep(broken(4.0, 1.9, 2.1), speeds)
+    (_, first, _), (second, _, _) = sweep.unstable
+    known = speeds[~np.isnan(sweep.spectral_radius)]
     assert first == known[known <= 1.9].max()
     assert second == known[known >= 2.1].min()
 
@@ -138,8 +138,8 @@ def test_critical_speeds_report_failed_speeds():
     model = solve.load("mathieu")
     good = solve.critical_speeds(model, "0.5:3:20 rad/s")
     assert not good.notes
-    found = solve.critical_speeds(broken(4.0, 1.9, 2.1), np.linspace(1.2, 3.0, 20))
-    assert any("speeds give no result" in note for note in found.notes)
+    critical = solve.critical_speeds(broken(4.0, 1.9, 2.1), np.linspace(1.2, 3.0, 20))
+    assert any("speeds give no result" in note for note in critical.notes)
 
 
 def faulty(fault):
@@ -160,8 +160,8 @@ def test_a_sweep_refuses_a_speed_as_a_single_solve_does(fault):
     system = faulty(fault)
     with pytest.raises(MatricesError) as refused:
         solve.periodic(system, 2.0)
-    found = solve.sweep(system, [1.0, 1.5, 2.0, 2.5, 3.0])
-    assert {point.speed: point.error for point in found.points if point.error} == {2.0: str(refused.value)}
+    sweep = solve.sweep(system, [1.0, 1.5, 2.0, 2.5, 3.0])
+    assert {point.speed: point.error for point in sweep.points if point.error} == {2.0: str(refused.value)}
 
 
 def test_chart_and_single_solution_report_the_same_failure():
@@ -174,8 +174,8 @@ def test_chart_and_single_solution_report_the_same_failure():
 
     with pytest.raises(MatricesError) as refused:
         solve.floquet(built(0.0, 9.0), 1.0)
-    found = solve.chart(built, {"mass": [0.0, 0.5, 1.0]}, {"stiffness": [4.0, 9.0]}, 1.0)
-    assert found.failures == {(row, 0): str(refused.value) for row in (0, 1)}
+    chart = solve.chart(built, {"mass": [0.0, 0.5, 1.0]}, {"stiffness": [4.0, 9.0]}, 1.0)
+    assert chart.failures == {(row, 0): str(refused.value) for row in (0, 1)}
 
 
 def known_between(low, high):

@@ -49,12 +49,12 @@ def file(tmp_path):
 
 
 def test_exact_curves_give_the_parameters_back(file):
-    found = solve.fit(model(), file(curve()), list(TRUE))
+    fitted = solve.fit(model(), file(curve()), list(TRUE))
     for name, value in TRUE.items():
-        assert found.parameters[name].value == pytest.approx(value, rel=1e-6)
-        assert found.system.parameters[name] == found.parameters[name].value
-    assert found.residual < 1e-6
-    assert found.unidentifiable == []
+        assert fitted.parameters[name].value == pytest.approx(value, rel=1e-6)
+        assert fitted.system.parameters[name] == fitted.parameters[name].value
+    assert fitted.residual < 1e-6
+    assert fitted.unidentifiable == []
 
 
 @pytest.mark.parametrize("phases", [True, False])
@@ -64,9 +64,9 @@ def test_amplitudes_of_orders_give_them_back(file, phases):
         size = amplitude(**TRUE, speed=speed)
         rows.append((2.0, speed, abs(size), np.degrees(np.angle(size)))[: 4 if phases else 3])
     header = "order (1),speed (rad/s),q (1)" + (",q_phase (deg)" if phases else "")
-    found = solve.fit(model(), file([*rows, *rows], header), list(TRUE))
+    fitted = solve.fit(model(), file([*rows, *rows], header), list(TRUE))
     for name, value in TRUE.items():
-        assert found.parameters[name].value == pytest.approx(value, rel=1e-5)
+        assert fitted.parameters[name].value == pytest.approx(value, rel=1e-5)
 
 
 def test_natural_frequencies_give_stiffness_by_mass(tmp_path):
@@ -76,10 +76,10 @@ def test_natural_frequencies_give_stiffness_by_mass(tmp_path):
     ]
     rows = [(1 + at // 2, value) for at, (_, value) in enumerate(sorted(rows, key=lambda row: row[1]))]
     made = written(tmp_path / "f.csv", "mode (1),frequency (Hz)", rows)
-    found = solve.fit(model(k2=6.0), made, ["k", "k2"])
-    assert found.parameters["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
-    assert found.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
-    assert [each.where(RPM) for each in found.channels] == ["at 0°"]
+    fitted = solve.fit(model(k2=6.0), made, ["k", "k2"])
+    assert fitted.parameters["k"].value == pytest.approx(TRUE["k"], rel=1e-6)
+    assert fitted.parameters["k2"].value == pytest.approx(K2, rel=1e-6)
+    assert [channel.where(RPM) for channel in fitted.channels] == ["at 0°"]
     assert (
         "the data do not determine a joint change of"
         in solve.fit(model(k2=6.0), made, ["m", "k"]).unidentifiable[0]
@@ -125,12 +125,12 @@ def universal(path, complex_=False):
 
 def test_files_of_matlab_and_universal_files_are_read(tmp_path):
     files = [matlab(tmp_path / "q.mat"), universal(tmp_path / "q.uff"), universal(tmp_path / "o.unv", True)]
-    for made in files:
-        found = solve.fit(model(), made, ["k", "c"], speed=SPEED)
+    for file in files:
+        fitted = solve.fit(model(), file, ["k", "c"], speed=SPEED)
         expected = solve.fit(model(), matlab(tmp_path / "again.mat"), ["k", "c"])
         for name in ("k", "c"):
             # Universal files hold the abscissa with six digits.
-            assert found.parameters[name].value == pytest.approx(expected.parameters[name].value, rel=1e-3)
+            assert fitted.parameters[name].value == pytest.approx(expected.parameters[name].value, rel=1e-3)
 
 
 def test_files_that_cannot_be_read_are_refused_in_a_line(tmp_path, monkeypatch):
@@ -180,22 +180,25 @@ def test_measured_data_are_compared_with_an_orbit(tmp_path, monkeypatch, capsys)
 def test_confidence_intervals_have_nominal_coverage(file):
     trials, held = 40, dict.fromkeys(TRUE, 0)
     for seed in range(trials):
-        found = solve.fit(model(), file(curve(0.01, seed)), list(TRUE), rtol=1e-5)
+        fitted = solve.fit(model(), file(curve(0.01, seed)), list(TRUE), rtol=1e-5)
         for name, value in TRUE.items():
-            held[name] += found.parameters[name].low <= value <= found.parameters[name].high
+            held[name] += fitted.parameters[name].low <= value <= fitted.parameters[name].high
     # Of 40 trials at 95 %, fewer than 33 are one case in ten thousand.
     assert min(held.values()) >= 33
     assert sum(held.values()) < 3 * trials
 
 
 def test_unidentifiable_parameters_are_named(file):
-    found = solve.fit(model(), file(curve(1e-3)), ["m", "c", "k", "f"])
-    (text,) = found.unidentifiable
+    fitted = solve.fit(model(), file(curve(1e-3)), ["m", "c", "k", "f"])
+    (text,) = fitted.unidentifiable
     # All four times a number give the same motion.
     for name in ("m", "c", "k", "f"):
         assert f"{name} by +1" in text
-    assert found.warnings == [text]
-    assert all(np.isinf(each.high) or each.high > 2 * each.value for each in found.parameters.values())
+    assert fitted.warnings == [text]
+    assert all(
+        np.isinf(parameter.high) or parameter.high > 2 * parameter.value
+        for parameter in fitted.parameters.values()
+    )
     assert "the data do not determine c2" in solve.fit(model(), file(curve()), ["k", "c2"]).unidentifiable
 
 
@@ -205,9 +208,9 @@ def test_unidentifiable_positive_parameter_has_an_unbounded_interval(file):
         1 + 0.02 * rng.standard_normal(len(ANGLES))
     )
     data = file(zip(ANGLES, twist, strict=True), "phase (rad),q1 (rad)")
-    found = solve.fit(cam, data, ["k1", "c3"], speed="300 rpm")
-    assert found.unidentifiable == ["the data do not determine c3"]
-    value, low, high = found.parameters["c3"]
+    fitted = solve.fit(cam, data, ["k1", "c3"], speed="300 rpm")
+    assert fitted.unidentifiable == ["the data do not determine c3"]
+    value, low, high = fitted.parameters["c3"]
     assert low < 1e-9 * value
     assert high > 1e9 * value
 
@@ -222,16 +225,16 @@ def test_outlier_keeps_a_robust_fit_within_its_intervals(file):
 
 
 def test_bounds_hold(file):
-    found = solve.fit(model(), file(curve()), ["k"], {"k": (10.5, 20.0)})
-    assert found.parameters["k"].value >= 10.5
-    assert found.parameters["k"].value == pytest.approx(10.5, rel=1e-3)
+    fitted = solve.fit(model(), file(curve()), ["k"], {"k": (10.5, 20.0)})
+    assert fitted.parameters["k"].value >= 10.5
+    assert fitted.parameters["k"].value == pytest.approx(10.5, rel=1e-3)
 
 
 def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
     cam = solve.load("cam")
     solve.periodic(cam.varied({"k1": 8.2e4}), "400 rpm").save(tmp_path / "cam.csv")
-    found = solve.fit(cam, tmp_path / "cam.csv", "k1", speed="400 rpm")
-    assert found.parameters["k1"].value == pytest.approx(8.2e4, rel=1e-6)
+    fitted = solve.fit(cam, tmp_path / "cam.csv", "k1", speed="400 rpm")
+    assert fitted.parameters["k1"].value == pytest.approx(8.2e4, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -16,16 +16,18 @@ from tests.solve.studies.free_trains import (
 
 
 def test_a_free_train_names_its_rigid_body_mode():
-    found = solve.frequencies(train(), count=5)
-    np.testing.assert_allclose(found.values[0] / (2 * np.pi), HERTZ, rtol=1e-9, atol=0)
-    (mode,) = found.rigid_body_modes
+    frequencies = solve.frequencies(train(), count=5)
+    np.testing.assert_allclose(frequencies.values[0] / (2 * np.pi), HERTZ, rtol=1e-9, atol=0)
+    (mode,) = frequencies.rigid_body_modes
     assert (mode.vector, mode.damped) == ((1.0,) * 5, False)
-    record = Findings(found).record()
+    record = Findings(frequencies).record()
     assert record["frequencies"][0] == 0.0
     assert record["growth_rates"] == [None] * 5
     assert record["rigid_body_modes"][0]["vector"] == [1.0] * 5
-    assert "mode 1 is a rigid-body mode, a1 : a2 : a3 : a4 : a5 = 1 : 1 : 1 : 1 : 1" in repr(Findings(found))
-    assert "0, 81.21, 141.2, 379, 536.4 Hz" in Findings(found).summary
+    assert "mode 1 is a rigid-body mode, a1 : a2 : a3 : a4 : a5 = 1 : 1 : 1 : 1 : 1" in repr(
+        Findings(frequencies)
+    )
+    assert "0, 81.21, 141.2, 379, 536.4 Hz" in Findings(frequencies).summary
 
 
 @pytest.mark.parametrize(
@@ -33,39 +35,41 @@ def test_a_free_train_names_its_rigid_body_mode():
     [(5, None, ": the lowest 4 of 5"), (8, 7, ": the lowest 6 of 8"), (3, None, "")],
 )
 def test_frequency_table_states_the_number_of_omitted_modes(discs, count, title):
-    found = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
-    assert f"Over the turn, rad/s{title}\n" in repr(found).replace(" \n", "\n")
+    frequencies = solve.frequencies(train([0.1] * discs, [50.0] * (discs - 1)), count=count)
+    assert f"Over the turn, rad/s{title}\n" in repr(frequencies).replace(" \n", "\n")
 
 
 def test_the_first_mode_of_three_discs_is_zero_for_every_stiffness():
     """The others from the closed form for three equal inertias J: J λ = k1 + k2 ± √(k1² + k2² − k1 k2)."""
     k1, k2, J = np.linspace(40, 60, 21), 50.0, 0.1
     discs = train([J] * 3, [50.0, k2])
-    found = solve.frequencies_over(discs, "k1", k1, np.zeros(1))
+    variation = solve.frequencies_over(discs, "k1", k1, np.zeros(1))
     root = np.sqrt(k1**2 + k2**2 - k1 * k2)
-    assert (found.mean[:, 0] == 0).all()
-    np.testing.assert_allclose(found.mean[:, 1], np.sqrt((k1 + k2 - root) / J), rtol=1e-12)
-    np.testing.assert_allclose(found.mean[:, 2], np.sqrt((k1 + k2 + root) / J), rtol=1e-12)
-    assert found.shown_modes == [0, 1]
+    assert (variation.mean[:, 0] == 0).all()
+    np.testing.assert_allclose(variation.mean[:, 1], np.sqrt((k1 + k2 - root) / J), rtol=1e-12)
+    np.testing.assert_allclose(variation.mean[:, 2], np.sqrt((k1 + k2 + root) / J), rtol=1e-12)
+    assert variation.shown_modes == [0, 1]
 
 
 def test_a_spring_that_turns_negative_does_not_renumber_the_modes():
     k1 = np.linspace(-3, 3, 13)
     low, high = squares_of_masses(k1)
-    found = solve.frequencies_over(masses(), "k1", k1, np.zeros(1))
-    np.testing.assert_allclose(found.mean[:, 0], np.where(low > 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12)
-    np.testing.assert_allclose(found.mean[:, 1], np.sqrt(high), rtol=1e-12)
-    rates = found.largest_growth_rates
+    variation = solve.frequencies_over(masses(), "k1", k1, np.zeros(1))
+    np.testing.assert_allclose(
+        variation.mean[:, 0], np.where(low > 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12
+    )
+    np.testing.assert_allclose(variation.mean[:, 1], np.sqrt(high), rtol=1e-12)
+    rates = variation.largest_growth_rates
     np.testing.assert_allclose(rates[:, 0], np.where(low < 0, np.sqrt(np.abs(low)), np.nan), rtol=1e-12)
     assert np.isnan(rates[:, 1]).all()
-    assert found.summary_values["growth_rates"] is not None
-    assert "1.41764i" in repr(found)
-    (warning,) = Findings(solve.frequencies(masses()), variation=found).warnings
+    assert variation.summary_values["growth_rates"] is not None
+    assert "1.41764i" in repr(variation)
+    (warning,) = Findings(solve.frequencies(masses()), variation=variation).warnings
     assert warning == (
         "the static stiffness is not positive at 5 of 13 values of k1: mode 1 grows instead of vibrating, "
         f"at up to {np.sqrt(-low[0]):.4g} 1/s"
     )
-    low_edge, _ = found.plot().axes[0].get_ylim()
+    low_edge, _ = variation.plot().axes[0].get_ylim()
     assert low_edge < -np.sqrt(-low[0])
 
 
@@ -75,15 +79,17 @@ def test_over_a_turn_on_which_the_stiffness_changes_its_sign():
     mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
     positions = np.linspace(0, np.pi, 5, endpoint=False)
     square = 0.5 + np.cos(2 * positions)
-    found = solve.frequencies(mathieu, positions)
-    np.testing.assert_allclose(found.values[:, 0], np.where(square > 0, np.sqrt(np.abs(square)), np.nan))
+    frequencies = solve.frequencies(mathieu, positions)
     np.testing.assert_allclose(
-        found.growth_rates[:, 0], np.where(square < 0, np.sqrt(np.abs(square)), np.nan), rtol=1e-12
+        frequencies.values[:, 0], np.where(square > 0, np.sqrt(np.abs(square)), np.nan)
     )
-    table = repr(found)
+    np.testing.assert_allclose(
+        frequencies.growth_rates[:, 0], np.where(square < 0, np.sqrt(np.abs(square)), np.nan), rtol=1e-12
+    )
+    table = repr(frequencies)
     assert f"{np.sqrt(-square.min()):.5f}i" in table
     assert next(line for line in table.splitlines() if line.split()[:1] == ["mean"]).split()[1] == "–"
-    assert set(found.to_pandas()) == {"position", "frequency1", "growth_rate1"}
+    assert set(frequencies.to_pandas()) == {"position", "frequency1", "growth_rate1"}
 
 
 def test_speed_0_is_named_where_it_makes_a_matrix_infinite():
@@ -112,16 +118,16 @@ def written(path, rows):
 
 def test_a_fit_finds_the_stiffness_of_a_free_train(tmp_path):
     file = written(tmp_path / "f.csv", [*enumerate(HERTZ, 1)][1:])
-    found = solve.fit(train(k1=9000.0), file, ["k1"])
-    assert found.parameters["k1"].value == pytest.approx(12e3, rel=1e-8)
+    fitted = solve.fit(train(k1=9000.0), file, ["k1"])
+    assert fitted.parameters["k1"].value == pytest.approx(12e3, rel=1e-8)
 
 
 def test_a_fit_of_two_free_discs(tmp_path):
     """ω² = k (1/J1 + 1/J2)."""
     hertz = np.sqrt(2500.0 * (1 / 0.1 + 1 / 0.3)) / (2 * np.pi)
     file = written(tmp_path / "f.csv", [(2, hertz), (2, hertz * (1 + 1e-9))])
-    found = solve.fit(train([0.1, 0.3], [900.0]), file, ["k1"])
-    assert found.parameters["k1"].value == pytest.approx(2500.0, rel=1e-7)
+    fitted = solve.fit(train([0.1, 0.3], [900.0]), file, ["k1"])
+    assert fitted.parameters["k1"].value == pytest.approx(2500.0, rel=1e-7)
 
 
 def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
@@ -135,8 +141,8 @@ def test_a_fit_refuses_the_frequency_of_a_rigid_body_mode(tmp_path):
 def test_a_fit_recovers_from_a_start_with_a_growing_mode(tmp_path):
     low, high = squares_of_masses(3.0)
     file = written(tmp_path / "f.csv", [(1, np.sqrt(low) / 2 / np.pi), (2, np.sqrt(high) / 2 / np.pi)])
-    found = solve.fit(masses(k1=-3.0), file, ["k1"])
-    assert found.parameters["k1"].value == pytest.approx(3.0, rel=1e-6)
+    fitted = solve.fit(masses(k1=-3.0), file, ["k1"])
+    assert fitted.parameters["k1"].value == pytest.approx(3.0, rel=1e-6)
 
 
 def test_the_summary_gives_growth_rates_per_second():

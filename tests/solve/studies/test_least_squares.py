@@ -34,10 +34,10 @@ class Root:
 def test_a_trial_without_a_result_shortens_the_step():
     """The first Gauss-Newton step from 9 to √0.01 t ends at 9 + 2 · 3 (0.1 − 3) = −8.4."""
     problem = Root(9.0, 0.1 * T)
-    found = minimise(problem, FREE, False)
+    solution = minimise(problem, FREE, False)
     assert problem.refused >= 1
-    assert found.x == pytest.approx([0.01], rel=1e-8)
-    assert found.warnings == []
+    assert solution.x == pytest.approx([0.01], rel=1e-8)
+    assert solution.warnings == []
 
 
 def test_a_trial_that_is_not_finite_shortens_the_step():
@@ -50,9 +50,9 @@ def test_a_trial_that_is_not_finite_shortens_the_step():
 
 def test_a_minimum_outside_the_domain_is_reported():
     """√x t against −t: the residual falls towards the boundary 0, and no point is a minimum."""
-    found = minimise(Root(2.0, -T), FREE, False)
-    assert not found.stationary
-    (text,) = found.warnings
+    solution = minimise(Root(2.0, -T), FREE, False)
+    assert not solution.stationary
+    (text,) = solution.warnings
     assert text.startswith("the fit ended away from a minimum (")
     assert "x = -" in text
     assert "M has NaN" in text
@@ -109,9 +109,9 @@ def data(tmp_path):
 
 @pytest.mark.parametrize("start", [0.7, -0.9])
 def test_a_fit_continues_past_values_without_matrices(data, start):
-    found = solve.fit(solve.load(softening(), **NUMBERS, a=start), data, ["a"])
-    assert found.parameters["a"].value == pytest.approx(np.copysign(0.95, start), rel=1e-6)
-    assert not any("fit" in text for text in found.warnings)
+    fitted = solve.fit(solve.load(softening(), **NUMBERS, a=start), data, ["a"])
+    assert fitted.parameters["a"].value == pytest.approx(np.copysign(0.95, start), rel=1e-6)
+    assert not any("fit" in text for text in fitted.warnings)
 
 
 def test_a_start_without_matrices_is_refused_with_its_values(data):
@@ -129,5 +129,5 @@ def test_a_poor_fit_of_few_values_is_reported(tmp_path):
     file = tmp_path / "orders.csv"
     for more, said in (((), 0), ([f"2,1,{0.2 * size!r}", f"3,1,{0.1 * size!r}"], 1)):
         file.write_text("\n".join(["order (1),speed (rad/s),q (m)", *rows, *more]))
-        found = solve.fit(solve.load(softening(), **NUMBERS, a=0.9), file, ["a"])
-        assert sum("values are too few to distinguish noise" in text for text in found.warnings) == said
+        fitted = solve.fit(solve.load(softening(), **NUMBERS, a=0.9), file, ["a"])
+        assert sum("values are too few to distinguish noise" in text for text in fitted.warnings) == said

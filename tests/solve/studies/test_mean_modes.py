@@ -45,9 +45,9 @@ def angle_off(system, speed):
 
 @pytest.mark.parametrize("speed", [0.0, 0.07, 0.2, 1.9])
 def test_modes_that_cross_stay_themselves(speed):
-    found = mean_modes(oscillators(0.5, 0.0, (0.1, 0.3)), speed)
-    np.testing.assert_allclose(found.frequencies, [mean_root(1.0, 0.5), mean_root(1.44, -0.5)], rtol=1e-9)
-    np.testing.assert_allclose(found.rates, [0.05, 0.15], rtol=1e-9)
+    modes = mean_modes(oscillators(0.5, 0.0, (0.1, 0.3)), speed)
+    np.testing.assert_allclose(modes.frequencies, [mean_root(1.0, 0.5), mean_root(1.44, -0.5)], rtol=1e-9)
+    np.testing.assert_allclose(modes.rates, [0.05, 0.15], rtol=1e-9)
 
 
 def test_coupled_identical_modes_have_symmetric_candidates():
@@ -60,8 +60,8 @@ def test_coupled_identical_modes_have_symmetric_candidates():
 
     system = systems.system(matrices, 2)
     np.testing.assert_allclose(mean_modes(system, 0.3).frequencies, mean_root(1.0, 0.3), rtol=1e-9)
-    made = solve.critical_speeds(system, np.linspace(1.6, 2.4, 41), orders=4)
-    (row,) = [row for row in made.rows if row.radius]
+    critical = solve.critical_speeds(system, np.linspace(1.6, 2.4, 41), orders=4)
+    (row,) = [row for row in critical.rows if row.radius]
     assert row.combination is None
     assert {one.modes for one in row.candidates} >= {(1, 1), (2, 2)}
     assert {one.order for one in row.candidates} == {1}
@@ -89,16 +89,18 @@ def test_decay_rates_of_approaching_modes_match_the_multipliers(speed):
     omega = speed * np.pi / 30
     rho = np.array(solve.floquet(manipulator, omega).multipliers)
     decays = np.sort(-np.log(np.abs(rho[np.imag(rho) > 0])) * omega / (2 * np.pi))
-    found = mean_modes(manipulator, omega)
-    np.testing.assert_allclose(found.rates, decays, rtol=0.25)
+    modes = mean_modes(manipulator, omega)
+    np.testing.assert_allclose(modes.rates, decays, rtol=0.25)
 
 
 @pytest.mark.parametrize("coupling", [0.0, 0.05])
 def test_the_tongues_of_modes_that_cross_belong_to_them(coupling):
-    made = solve.critical_speeds(
+    critical = solve.critical_speeds(
         oscillators(0.5, coupling, (0.02, 0.02)), np.linspace(1.6, 2.6, 41), orders=4
     )
-    found = {row.combination.modes: row.radius.speed for row in made.rows if row.radius and row.combination}
+    found = {
+        row.combination.modes: row.radius.speed for row in critical.rows if row.radius and row.combination
+    }
     assert set(found) == {(1, 1), (2, 2)} | ({(2, 1)} if coupling else set())
     for mode, middle in ((1, 1.0), (2, 1.44)):
         assert found[mode, mode] == pytest.approx(2 * mean_root(middle, 0.5), rel=0.01)

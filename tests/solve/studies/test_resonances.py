@@ -27,12 +27,12 @@ def test_maximum_at_a_multiplier_crossing_stays_unexplained():
     """At Ω = 10 mode 1 decays as fast as mode 2, which leads from there on. Mode 1 is a tenth of an order
     from its third division, which is near, but its multiplier is 36° from +1."""
     system = two_modes((31.0, 55.0), (lambda speed: 0.5 + 0.1 * (speed - 10.0), lambda _: 0.5))
-    made = solve.critical_speeds(system, np.linspace(9.6, 10.25, 27), orders=6)
-    (row,) = [row for row in made.rows if row.multiplier]
+    critical = solve.critical_speeds(system, np.linspace(9.6, 10.25, 27), orders=6)
+    (row,) = [row for row in critical.rows if row.multiplier]
     assert row.multiplier.speed == pytest.approx(10.0, rel=1e-4)
     assert (row.mode, row.order, row.combination) == (None, None, None)
-    assert made.record()["rows"][made.rows.index(row)]["combination"] is None
-    assert "no division of a frequency and no combination up to order 6 explains it" in made._repr_html_()
+    assert critical.record()["rows"][critical.rows.index(row)]["combination"] is None
+    assert "no division of a frequency and no combination up to order 6 explains it" in critical._repr_html_()
 
 
 def test_combination_resonance_explains_the_multiplier_maximum():
@@ -40,18 +40,18 @@ def test_combination_resonance_explains_the_multiplier_maximum():
     (δ1 + δ2)/2 - sqrt((δ1 - δ2)²/4 + ε²/(16 ω1 ω2)) (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 1979,
     Section 5.4)."""
     system = two_modes((1.0, 9.0), (lambda _: 0.2, lambda _: 0.3), 1.8)
-    made = solve.critical_speeds(system, np.linspace(9.0, 11.0, 41), orders=5)
-    (row,) = [row for row in made.rows if row.multiplier and row.mode is None]
+    critical = solve.critical_speeds(system, np.linspace(9.0, 11.0, 41), orders=5)
+    (row,) = [row for row in critical.rows if row.multiplier and row.mode is None]
     assert row.multiplier.speed == pytest.approx(10.0, rel=0.03)
     assert (row.combination.modes, row.combination.sign, row.combination.order) == ((2, 1), 1, 1)
-    at = np.abs(made.speeds - 10.0).argmin()
-    rate = np.log(made.radius[at]) * made.speeds[at] / (2 * np.pi)
-    assert made.speeds[at] == pytest.approx(10.0)
+    at = np.abs(critical.speeds - 10.0).argmin()
+    rate = np.log(critical.radius[at]) * critical.speeds[at] / (2 * np.pi)
+    assert critical.speeds[at] == pytest.approx(10.0)
     assert rate == pytest.approx(-0.25 + np.sqrt(0.05**2 + 1.8**2 / 144), rel=0.05)
-    assert "2+1" in made._repr_html_()
-    (found,) = [each for each in made.record()["rows"] if each["combination"]]
+    assert "2+1" in critical._repr_html_()
+    (found,) = [each for each in critical.record()["rows"] if each["combination"]]
     assert found["combination"]["modes"] == [2, 1]
-    table = made.to_pandas()
+    table = critical.to_pandas()
     assert list(table["explained_by"][table["mode"].isna() & (table["explained_by"] != "")]) == ["2+1, k = 1"]
 
 
@@ -76,10 +76,10 @@ def test_a_combination_resonance_of_modes_that_decay_alike_is_found(damping, sig
     """Whether it makes the motion unstable or not: all moduli are alike beside it, and only |ρ| rises."""
     low, high, amplitude = 1.0, np.sqrt(3.0), 0.1
     speed = high + sign * low
-    made = solve.critical_speeds(
+    critical = solve.critical_speeds(
         coupled((low, high), damping, amplitude, sign), speed * np.linspace(0.85, 1.17, 65), orders=4
     )
-    (row,) = [row for row in made.rows if row.radius]
+    (row,) = [row for row in critical.rows if row.radius]
     assert (row.combination.modes, row.combination.sign, row.combination.order) == ((2, 1), sign, 1)
     assert row.combination.speed == pytest.approx(speed, rel=0.01)
     largest = amplitude / np.sqrt(16 * low * high)
@@ -91,17 +91,17 @@ def test_a_combination_resonance_of_modes_that_decay_alike_is_found(damping, sig
     truth = minimize_scalar(lambda at: -radius(at), bounds=edges, method="bounded")
     assert row.radius.speed == pytest.approx(truth.x, rel=0.01)
     assert row.radius.height == pytest.approx(radius(truth.x), rel=0.01)
-    assert f"2{'+' if sign > 0 else '−'}1" in repr(made)
+    assert f"2{'+' if sign > 0 else '−'}1" in repr(critical)
 
 
 def test_principal_parametric_resonance_is_found_at_twice_the_frequency():
     mathieu = solve.load("mathieu", delta=1.0, epsilon=0.2, zeta=0.0)
-    made = solve.critical_speeds(mathieu, np.linspace(0.6, 1.5, 46), orders=4)
-    (row,) = [row for row in made.rows if row.radius]
+    critical = solve.critical_speeds(mathieu, np.linspace(0.6, 1.5, 46), orders=4)
+    (row,) = [row for row in critical.rows if row.radius]
     assert (row.mode, row.order) == (1, 1)
     assert row.radius.speed == pytest.approx(1.0, rel=1e-2)
-    made = solve.critical_speeds(coupled((1.0, 2.3), 0.02, 0.0, own=0.2), np.linspace(1.7, 2.25, 45))
-    (row,) = [row for row in made.rows if row.radius]
+    critical = solve.critical_speeds(coupled((1.0, 2.3), 0.02, 0.0, own=0.2), np.linspace(1.7, 2.25, 45))
+    (row,) = [row for row in critical.rows if row.radius]
     assert (row.combination.modes, row.combination.sign, row.combination.order) == ((1, 1), 1, 1)
     assert row.radius.speed == pytest.approx(2.0, rel=1e-2)
 
@@ -110,29 +110,31 @@ def test_without_damping_each_maximum_of_the_multiplier_is_a_division():
     """cos ωT = 1 at Ω = ω/k, and nowhere else is the largest of cos ω1 T and cos ω2 T a smooth maximum: with
     all moduli 1 the dominant multiplier is no single one."""
     frequencies = np.array([1.0, 1.7])
-    made = solve.critical_speeds(coupled(frequencies, 0.0, 0.0), np.linspace(0.4, 2.0, 90), orders=4)
-    found = {(row.mode, row.order): row.multiplier.speed for row in made.rows if row.multiplier}
+    critical = solve.critical_speeds(coupled(frequencies, 0.0, 0.0), np.linspace(0.4, 2.0, 90), orders=4)
+    found = {(row.mode, row.order): row.multiplier.speed for row in critical.rows if row.multiplier}
     assert set(found) == {(2, 1), (1, 1), (2, 2), (2, 3), (1, 2), (2, 4)}
     for (mode, order), speed in found.items():
         assert speed == pytest.approx(frequencies[mode - 1] / order, rel=1e-4)
-    assert not [row for row in made.rows if row.radius]
+    assert not [row for row in critical.rows if row.radius]
 
 
 def test_equally_good_combinations_are_all_reported():
     """For two nearly equal modes, mean frequencies cannot distinguish 1+1, 2+1 and 2+2."""
-    made = solve.critical_speeds(
+    critical = solve.critical_speeds(
         coupled((1.0, 1.002), 0.01, 0.0, own=0.1), np.linspace(1.9, 2.1, 60), orders=4
     )
-    (row,) = [row for row in made.rows if row.radius]
+    (row,) = [row for row in critical.rows if row.radius]
     assert row.combination is None
     assert {(one.modes, one.order) for one in row.candidates} == {((1, 1), 1), ((2, 1), 1), ((2, 2), 1)}
-    assert "several combinations explain it equally well" in repr(made)
+    assert "several combinations explain it equally well" in repr(critical)
 
 
 def test_combination_resonance_narrower_than_the_speed_spacing_is_found():
     """ε = 0.03 makes the motion unstable over a relative width of less than 0.01."""
-    made = solve.critical_speeds(coupled((1.0, np.sqrt(3.0)), 0.0, 0.03), np.linspace(2.05, 3.3, 9), orders=3)
-    (row,) = [row for row in made.rows if row.radius]
+    critical = solve.critical_speeds(
+        coupled((1.0, np.sqrt(3.0)), 0.0, 0.03), np.linspace(2.05, 3.3, 9), orders=3
+    )
+    (row,) = [row for row in critical.rows if row.radius]
     assert row.radius.speed == pytest.approx(1.0 + np.sqrt(3.0), rel=1e-4)
     largest = 0.03 / np.sqrt(16 * np.sqrt(3.0))
     assert np.log(row.radius.height) == pytest.approx(2 * np.pi * largest / row.radius.speed, rel=1e-2)

@@ -47,8 +47,8 @@ def peak(m=M, c=C, k=K):
 
 def test_the_speed_of_the_largest_response_in_closed_form():
     # The second coordinate rests but for its own load; the first has one maximum.
-    found = solve.critical_speeds(model(), np.linspace(0.9, 1.5, 13), quantity="q", figure="rms")
-    moved = solve.speed_sensitivities(found, ["m", "c", "k", "f"])
+    critical = solve.critical_speeds(model(), np.linspace(0.9, 1.5, 13), quantity="q", figure="rms")
+    moved = solve.speed_sensitivities(critical, ["m", "c", "k", "f"])
     at, speed = moved.found["response1"], peak()
     assert at.value == pytest.approx(speed, rel=1e-9)
     expected = {
@@ -74,8 +74,8 @@ def test_derivative_of_the_maximum_speed_matches_finite_differences():
             options={"xatol": 1e-10},
         ).x
 
-    found = solve.critical_speeds(solve.load("mathieu", **numbers), [0.9, 1.1], orders=2)
-    moved = solve.speed_sensitivities(found, list(numbers))
+    critical = solve.critical_speeds(solve.load("mathieu", **numbers), [0.9, 1.1], orders=2)
+    moved = solve.speed_sensitivities(critical, list(numbers))
     assert moved.found["radius1"].value == pytest.approx(largest(), rel=1e-7)
     for name, value in numbers.items():
         expected = (largest(**{name: value + 2e-3}) - largest(**{name: value - 2e-3})) / 4e-3
@@ -89,16 +89,16 @@ def test_maximum_at_a_multiplier_crossing_has_no_derivative():
     below, above = (solve.floquet(cam, at + way).multipliers[0].real for way in (-1e-3, 1e-3))
     assert below < -0.03
     assert above > 0.01
-    found = solve.critical_speeds(cam, "650:665:4 rpm", orders=12)
-    corner = replace(found, rows=[Critical(multiplier=Maximum(at, 0.0113))])
+    critical = solve.critical_speeds(cam, "650:665:4 rpm", orders=12)
+    corner = replace(critical, rows=[Critical(multiplier=Maximum(at, 0.0113))])
     moved = solve.speed_sensitivities(corner, "k1")
     assert math.isnan(moved["multiplier1"]["k1"])
     assert moved.warnings == [f"multiplier1: {_CORNER}"]
 
 
 def test_unbounded_response_has_no_derivative():
-    found = solve.critical_speeds(model(c=0.0), np.linspace(0.9, 1.5, 13), quantity="q", orders=2)
-    moved = solve.speed_sensitivities(found, ["k"])
+    critical = solve.critical_speeds(model(c=0.0), np.linspace(0.9, 1.5, 13), quantity="q", orders=2)
+    moved = solve.speed_sensitivities(critical, ["k"])
     assert moved.found["response1"].value == pytest.approx(math.sqrt(K / M) / 2, rel=1e-4)
     assert math.isnan(moved["response1"]["k"])
     assert moved.warnings[0].startswith("response1: the response grows beyond all bounds")
@@ -114,9 +114,9 @@ def edge(low, high, **numbers):
 
 def test_edges_of_a_band_move_as_a_search_finds_them():
     numbers = {"delta": 1.0, "epsilon": 0.3, "zeta": 0.02}
-    found = solve.bands(solve.load("mathieu", **numbers), [0.8, 1.2])
-    moved = solve.speed_sensitivities(found, ["delta", "epsilon", "zeta"])
-    band, step = found[0], 1e-4
+    bands = solve.bands(solve.load("mathieu", **numbers), [0.8, 1.2])
+    moved = solve.speed_sensitivities(bands, ["delta", "epsilon", "zeta"])
+    band, step = bands[0], 1e-4
     for word, speed in (("from", band.low), ("to", band.high)):
         near = speed - 0.01, speed + 0.01
         assert moved.found[f"band1.{word}"].value == pytest.approx(edge(*near, **numbers), rel=1e-9)
@@ -126,8 +126,8 @@ def test_edges_of_a_band_move_as_a_search_finds_them():
 
 
 def test_edges_of_an_undamped_band_have_no_derivative():
-    found = solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3, zeta=0.0), [0.8, 1.2])
-    moved = solve.speed_sensitivities(found, "delta")
+    bands = solve.bands(solve.load("mathieu", delta=1.0, epsilon=0.3, zeta=0.0), [0.8, 1.2])
+    moved = solve.speed_sensitivities(bands, "delta")
     assert math.isnan(moved["band1.from"]["delta"])
     assert re.search("multipliers? meets?,? .* as without damping: give a little", moved.warnings[0])
     with pytest.raises(NoResultError, match="no edge or maximum"):

@@ -17,10 +17,10 @@ def four_bar():
 
 def test_a_sweep_is_its_single_solves(four_bar):
     speeds = np.linspace(20.0, 40.0, 5)
-    found = solve.sweep(four_bar, speeds, rtol=1e-6)
+    sweep = solve.sweep(four_bar, speeds, rtol=1e-6)
     for at in (1, 4):
         orbit = solve.periodic(four_bar, speeds[at], rtol=1e-6)
-        point = found.points[at]
+        point = sweep.points[at]
         assert (point.method, point.steps, point.verdict) == (orbit.method, orbit.steps, orbit.verdict)
         assert point.spectral_radius == pytest.approx(orbit.spectral_radius, rel=SAME)
         assert list(point.warnings) == orbit.warnings
@@ -50,19 +50,19 @@ def test_matrices_between_speeds_follow_from_three(options):
 
 
 def test_a_chart_over_speed_and_a_length(four_bar):
-    found = solve.chart(
+    chart = solve.chart(
         four_bar,
         {"speed": [25.0, 27.0, 29.0, 31.0, 33.0]},
         {"L4": [0.53, 0.547, 0.75]},
         rtol=1e-6,
         boundaries=False,
     )
-    assert np.isnan(found.stable[2]).all()
-    assert "cannot turn" in found.failures[2, 0]
-    for row, L4 in enumerate(found.y[:2]):
+    assert np.isnan(chart.stable[2]).all()
+    assert "cannot turn" in chart.failures[2, 0]
+    for row, L4 in enumerate(chart.y[:2]):
         alone = solve.floquet(solve.load("four_bar", L4=L4), 29.0, rtol=1e-6)
-        assert found.spectral_radius[row, 2] == pytest.approx(alone.spectral_radius, rel=SAME)
-        assert found.verdicts[row, 2] == alone.verdict
+        assert chart.spectral_radius[row, 2] == pytest.approx(alone.spectral_radius, rel=SAME)
+        assert chart.verdicts[row, 2] == alone.verdict
 
 
 def test_only_the_outputs_that_are_kept_are_calculated(four_bar, monkeypatch):
@@ -77,9 +77,9 @@ def test_only_the_outputs_that_are_kept_are_calculated(four_bar, monkeypatch):
     quantity = structure.quantity
     monkeypatch.setattr(structure, "quantity", recorded)
     kept = ["follower_midpoint_deflection", "strain_energy"]
-    found = solve.sweep(four_bar, [20.0], rtol=1e-3, quantities=kept)
+    sweep = solve.sweep(four_bar, [20.0], rtol=1e-3, quantities=kept)
     assert asked == {"deflection", "strain_energy"}
-    assert list(found.points[0].statistics) == kept
+    assert list(sweep.points[0].statistics) == kept
     orbit = solve.periodic(four_bar, 20.0, rtol=1e-3)
     asked.clear()
     assert orbit.statistics("strain_energy").max > 0

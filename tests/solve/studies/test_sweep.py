@@ -10,16 +10,16 @@ from tests.solve import systems
 
 
 def test_speeds_keep_their_order_and_points_their_figures():
-    found = solve.sweep(solve.load("manipulator"), ["50 rpm", 3.0, "2 Hz"])
-    np.testing.assert_allclose(found.speeds, [50 * np.pi / 30, 3.0, 4 * np.pi])
-    assert len(found.points) == 3
-    assert [point.speed for point in found.points] == found.speeds.tolist()
-    assert found.points[-1].speed == found.points[2].speed
-    assert [point.speed for point in found.points[1:]] == found.speeds[1:].tolist()
+    sweep = solve.sweep(solve.load("manipulator"), ["50 rpm", 3.0, "2 Hz"])
+    np.testing.assert_allclose(sweep.speeds, [50 * np.pi / 30, 3.0, 4 * np.pi])
+    assert len(sweep.points) == 3
+    assert [point.speed for point in sweep.points] == sweep.speeds.tolist()
+    assert sweep.points[-1].speed == sweep.points[2].speed
+    assert [point.speed for point in sweep.points[1:]] == sweep.speeds[1:].tolist()
     for name in ("q1", "drive_torque"):
-        kept = [point.statistics[name].rms for point in found.points]
-        assert found.figures(name, "rms").tolist() == kept
-    np.testing.assert_array_equal(found.spectral_radius, [point.spectral_radius for point in found.points])
+        kept = [point.statistics[name].rms for point in sweep.points]
+        assert sweep.figures(name, "rms").tolist() == kept
+    np.testing.assert_array_equal(sweep.spectral_radius, [point.spectral_radius for point in sweep.points])
 
 
 def resonant():
@@ -33,27 +33,27 @@ def resonant():
 
 
 def test_a_sweep_shows_one_quantity_that_is_given_as_a_text():
-    found = solve.sweep(solve.load("manipulator"), [3.0, 4.0])
-    assert len(found.plot("q1").axes) == len(found.plot(["q1"]).axes) == 2
+    sweep = solve.sweep(solve.load("manipulator"), [3.0, 4.0])
+    assert len(sweep.plot("q1").axes) == len(sweep.plot(["q1"]).axes) == 2
     with pytest.raises(UnknownNameError, match="'drive_torqe'; did you mean 'drive_torque'"):
-        found.plot("drive_torqe")
+        sweep.plot("drive_torqe")
 
 
 def test_sweep_shows_the_requested_quantity():
-    found = solve.sweep(solve.load("manipulator"), [3.0, 4.0], quantities="load_torque")
-    assert found.results.kept.names == ("load_torque",)
-    assert "max|load_torque|" in str(found)
-    assert found.plot().axes[0].get_ylabel().startswith("max|load")
+    sweep = solve.sweep(solve.load("manipulator"), [3.0, 4.0], quantities="load_torque")
+    assert sweep.results.kept.names == ("load_torque",)
+    assert "max|load_torque|" in str(sweep)
+    assert sweep.plot().axes[0].get_ylabel().startswith("max|load")
 
 
 def test_a_resonance_fails_alone():
-    found = solve.sweep(resonant(), [1.5, 2.0, 2.5])
-    assert [point.error is None for point in found.points] == [True, False, True]
-    assert "multiplier is at +1" in found.points[1].error
-    assert found.points[1].stable is None
-    assert np.isnan(found.spectral_radius[1])
-    assert np.isnan(found.figures("q1")[1])
-    np.testing.assert_allclose(found.figures("q1")[[0, 2]], [1 / (4 - 1.5**2), 1 / (2.5**2 - 4)], rtol=1e-9)
+    sweep = solve.sweep(resonant(), [1.5, 2.0, 2.5])
+    assert [point.error is None for point in sweep.points] == [True, False, True]
+    assert "multiplier is at +1" in sweep.points[1].error
+    assert sweep.points[1].stable is None
+    assert np.isnan(sweep.spectral_radius[1])
+    assert np.isnan(sweep.figures("q1")[1])
+    np.testing.assert_allclose(sweep.figures("q1")[[0, 2]], [1 / (4 - 1.5**2), 1 / (2.5**2 - 4)], rtol=1e-9)
 
 
 def test_matrices_that_break_down_fail_with_their_reason():
@@ -62,48 +62,48 @@ def test_matrices_that_break_down_fail_with_their_reason():
         stiffness = one * (np.nan if speed > 1.9 else 3.0)
         return one, 0.1 * one, stiffness, one[:, 0]
 
-    found = solve.sweep(systems.system(matrices, 1), np.linspace(1.0, 2.0, 11))
-    failed = [point.error is not None for point in found.points]
+    sweep = solve.sweep(systems.system(matrices, 1), np.linspace(1.0, 2.0, 11))
+    failed = [point.error is not None for point in sweep.points]
     assert failed == [False] * 10 + [True]
-    assert "NaN or infinite" in found.points[-1].error
+    assert "NaN or infinite" in sweep.points[-1].error
 
 
 def test_warning_of_neglected_terms_is_given_once():
     left_out = "c is left out"
     system = systems.random_system(3, 2)
     system.equation_warnings = (left_out,)
-    found = solve.sweep(system, [1.0, 1.2])
-    assert all(left_out in point.warnings for point in found.points)
-    assert [text for text in found.warnings if left_out in text] == [left_out]
+    sweep = solve.sweep(system, [1.0, 1.2])
+    assert all(left_out in point.warnings for point in sweep.points)
+    assert [text for text in sweep.warnings if left_out in text] == [left_out]
 
 
 def test_sweep_stores_only_the_requested_quantities():
     model = solve.load("cam")
-    found = solve.sweep(model, ["300 rpm"], quantities=["q3", "q1"])
-    assert list(found.points[0].statistics) == ["q3", "q1"]
+    sweep = solve.sweep(model, ["300 rpm"], quantities=["q3", "q1"])
+    assert list(sweep.points[0].statistics) == ["q3", "q1"]
     orbit = solve.periodic(model, "300 rpm")
-    assert found.figures("q3")[0] == pytest.approx(orbit.statistics("q3").max_abs, rel=1e-10)
-    assert any("linearisation" in text for text in found.points[0].warnings)
+    assert sweep.figures("q3")[0] == pytest.approx(orbit.statistics("q3").max_abs, rel=1e-10)
+    assert any("linearisation" in text for text in sweep.points[0].warnings)
     with pytest.raises(UnknownNameError, match="q2"):
-        found.figures("q2")
+        sweep.figures("q2")
 
 
 def test_spectra_over_speed():
     model = solve.load("manipulator")
-    found = solve.sweep(model, [4.0, 5.0], spectra=["q2", "drive_torque"], harmonics=12)
+    sweep = solve.sweep(model, [4.0, 5.0], spectra=["q2", "drive_torque"], harmonics=12)
     for row, speed in enumerate((4.0, 5.0)):
         orbit = solve.periodic(model, speed)
         for name in ("q2", "drive_torque"):
             amplitudes = orbit.harmonics(name, 12)[0]
-            np.testing.assert_allclose(found.spectrum(name)[row], amplitudes, atol=1e-10 * amplitudes.max())
+            np.testing.assert_allclose(sweep.spectrum(name)[row], amplitudes, atol=1e-10 * amplitudes.max())
     with pytest.raises(UnknownNameError, match="q1"):
-        found.spectrum("q1")
+        sweep.spectrum("q1")
 
 
 def test_unstable_runs():
     model = solve.load("mathieu", zeta=0.0)
-    found = solve.sweep(model, np.linspace(0.6, 1.7, 56))
-    runs = found.unstable
+    sweep = solve.sweep(model, np.linspace(0.6, 1.7, 56))
+    runs = sweep.unstable
     assert [kind for *_, kind in runs] == ["+1", "-1"]
     for (low, high, _), band in zip(runs, solve.bands(model, np.linspace(0.6, 1.7, 56)), strict=True):
         assert abs(low - band.low) <= 0.02
@@ -140,8 +140,8 @@ def test_the_picture_shows_responses_radius_and_unstable_speeds():
 
 
 def test_waterfall_has_columns_per_speed_and_rows_per_order():
-    found = solve.sweep(solve.load("manipulator"), np.linspace(2, 6, 7), spectra=["q1"], harmonics=9)
-    axes, bar = found.waterfall("q1").axes
+    sweep = solve.sweep(solve.load("manipulator"), np.linspace(2, 6, 7), spectra=["q1"], harmonics=9)
+    axes, bar = sweep.waterfall("q1").axes
     assert axes.collections[0].get_array().shape == (9, 7)
     assert axes.get_ylabel() == "order of rotation"
     assert "dB re" in bar.get_ylabel()
@@ -152,36 +152,36 @@ OVER = {"k1": [6e4, 9e4], "m3": "40:60:3"}
 
 def test_parameter_sweep_matches_single_models():
     model = solve.load("cam")
-    found = solve.sweep(model, ["300 rpm", "200 rpm"], rtol=1e-9, over=OVER)
-    at = [(point.parameters["k1"], point.parameters["m3"], point.speed) for point in found.points]
+    sweep = solve.sweep(model, ["300 rpm", "200 rpm"], rtol=1e-9, over=OVER)
+    at = [(point.parameters["k1"], point.parameters["m3"], point.speed) for point in sweep.points]
     speeds = [10 * np.pi, 20 * np.pi / 3]
     assert at == [
         (k1, m3, pytest.approx(speed)) for k1 in (6e4, 9e4) for m3 in (40, 50, 60) for speed in speeds
     ]
-    for point in found.points:
+    for point in sweep.points:
         alone = solve.periodic(solve.load("cam", **point.parameters), point.speed, rtol=1e-9)
         assert point.spectral_radius == pytest.approx(alone.spectral_radius, rel=1e-7)
         assert point.statistics["q1"].max_abs == pytest.approx(alone.statistics("q1").max_abs, rel=1e-7)
 
 
 def test_over_a_parameter_at_the_speed_of_the_case():
-    found = solve.sweep(solve.load("mathieu", zeta=0), over="epsilon=0:4:5")
-    assert found.speeds.tolist() == [1.0] * 5
-    for point in found.record()["points"]:
+    sweep = solve.sweep(solve.load("mathieu", zeta=0), over="epsilon=0:4:5")
+    assert sweep.speeds.tolist() == [1.0] * 5
+    for point in sweep.record()["points"]:
         own = solve.floquet(solve.load("mathieu", zeta=0, **point["parameters"]), 1.0)
         assert point["spectral_radius"] == pytest.approx(own.spectral_radius, rel=1e-7)
-    np.testing.assert_array_equal(found.file_contents().columns["epsilon"].values, [0, 1, 2, 3, 4])
-    assert found.unstable == []
-    assert found.plot().axes[-1].get_xlabel() == "ε (1/s²): amplitude of the stiffness, twice a turn"
+    np.testing.assert_array_equal(sweep.file_contents().columns["epsilon"].values, [0, 1, 2, 3, 4])
+    assert sweep.unstable == []
+    assert sweep.plot().axes[-1].get_xlabel() == "ε (1/s²): amplitude of the stiffness, twice a turn"
 
 
 def test_a_point_over_parameters_fails_alone():
-    found = solve.sweep(solve.load("coupler"), "600 rpm", over={"l2": [0.04, 0.9]})
-    failed, point = found.points[1], found.record()["points"][1]
+    sweep = solve.sweep(solve.load("coupler"), "600 rpm", over={"l2": [0.04, 0.9]})
+    failed, point = sweep.points[1], sweep.record()["points"][1]
     assert "cannot turn fully" in failed.error
     assert point["parameters"] == {"l2": 0.9}
-    assert found.points[0].error is None
-    assert "(at 1 of 2 points)" in found.warnings[-1]
+    assert sweep.points[0].error is None
+    assert "(at 1 of 2 points)" in sweep.warnings[-1]
 
 
 @pytest.mark.parametrize(
@@ -213,17 +213,17 @@ def test_invalid_parameter_ranges_are_refused(speeds, over, error, message):
 
 def test_values_that_are_nearly_equal_have_a_line_each():
     values = [2.0, 2.0000002, 2.0000004]
-    found = solve.sweep(solve.load("mathieu"), "1:2:3 rad/s", over={"delta": values})
-    (legend,) = found.plot().legends
-    assert [text.get_text() for text in legend.get_texts()] == [f"δ = {each:.8g} 1/s²" for each in values]
+    sweep = solve.sweep(solve.load("mathieu"), "1:2:3 rad/s", over={"delta": values})
+    (legend,) = sweep.plot().legends
+    assert [text.get_text() for text in legend.get_texts()] == [f"δ = {value:.8g} 1/s²" for value in values]
 
 
 def test_too_many_lines_for_one_picture():
-    found = solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over={"epsilon": np.linspace(0, 1, 13)})
+    sweep = solve.sweep(solve.load("mathieu"), "1:2:2 rad/s", over={"epsilon": np.linspace(0, 1, 13)})
     with pytest.raises(
         ValueOutOfBoundsError, match="13 lines to draw, one for each epsilon; allowed: up to 12"
     ):
-        found.plot()
+        sweep.plot()
     with pytest.raises(
         ValueOutOfBoundsError, match="epsilon, speed vary; a spectrum is drawn over one of them"
     ):
@@ -246,8 +246,8 @@ def test_over_takes_numbers_in_the_unit_that_the_model_declares():
         return scale
 
     model = solve.load(hanging, m=1, kh=2, q0="40 um", g=9.81)
-    found = solve.sweep(model, 3.0, over="m=2:6:3")
-    for point, grams in zip(found.points, (2.0, 4.0, 6.0), strict=True):
+    sweep = solve.sweep(model, 3.0, over="m=2:6:3")
+    for point, grams in zip(sweep.points, (2.0, 4.0, 6.0), strict=True):
         assert point.parameters == {"m": grams}
         stiffness = 1.5 * 2 * 1000**1.5 * np.sqrt(40e-6)
         assert point.statistics["q"].mean == pytest.approx(1e-3 * grams * 9.81 / stiffness, rel=1e-8)

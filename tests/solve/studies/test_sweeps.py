@@ -47,7 +47,7 @@ def test_a_speed_without_a_result_is_neither_peak_nor_quiet():
     """Without damping there is no solution at resonance, 2 rad/s."""
     found = sweeps({"0": oscillator(0.0)}, [1.2, 1.5, 2.0, 2.5, 3.0], ["q"])
     assert np.isnan(found.figures("q")[0]).tolist() == [False, False, True, False, False]
-    assert [(each.speed, each.kind) for each in found.extremes("q")] == [(1.5, "peak")]
+    assert [(extreme.speed, extreme.kind) for extreme in found.extremes("q")] == [(1.5, "peak")]
 
 
 def test_the_picture_has_a_curve_a_system(found):
@@ -75,7 +75,7 @@ def test_variants_of_a_parameter_and_of_an_option():
     coupler = solve.load("coupler")
     lengths = variants(coupler, "l3", [0.7, "0.8"])
     assert {label: each.parameters["l3"] for label, each in lengths.items()} == {"0.7": 0.7, "0.8": 0.8}
-    assert [each.n for each in variants(coupler, "modes", ["1", "4"]).values()] == [1, 4]
+    assert [variant.n for variant in variants(coupler, "modes", ["1", "4"]).values()] == [1, 4]
 
 
 def test_variants_that_differ_in_the_seventh_digit_are_all_there():

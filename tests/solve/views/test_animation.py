@@ -108,9 +108,9 @@ def test_drawn_coupler_is_the_magnified_sum_of_its_modes(coupler):
 
 def test_links_of_a_structure_end_where_its_joints_are():
     model = solve.load("four_bar")
-    made = solve.animate(model, "20 rad/s", **ROUGH)
-    q = dict(zip(model.coordinates, made.vibration(TURN), strict=True))
-    still, moved = made.lines(TURN, 0.0), made.lines(TURN, 3.0)
+    animation = solve.animate(model, "20 rad/s", **ROUGH)
+    q = dict(zip(model.coordinates, animation.vibration(TURN), strict=True))
+    still, moved = animation.lines(TURN, 0.0), animation.lines(TURN, 3.0)
     for link, end, joint in (("crank", -1, "A"), ("coupler", 0, "A"), ("coupler", -1, "B")):
         there = 3.0 * (q[f"{joint}_x"] + 1j * q[f"{joint}_y"])
         np.testing.assert_allclose(moved[link][end] - still[link][end], there, atol=1e-12)
@@ -119,16 +119,16 @@ def test_links_of_a_structure_end_where_its_joints_are():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_every_moving_model_shows_a_visible_vibration(name):
-    made = solve.animate(solve.load(name), SPEEDS.get(name), frames=3, **ROUGH)
-    turn = np.linspace(0, made.span, 500)
-    rigid, moved = made.lines(turn, 0.0), made.lines(turn, made.scale)
+    animation = solve.animate(solve.load(name), SPEEDS.get(name), frames=3, **ROUGH)
+    turn = np.linspace(0, animation.span, 500)
+    rigid, moved = animation.lines(turn, 0.0), animation.lines(turn, animation.scale)
     everywhere = np.concatenate([line.ravel() for line in rigid.values()])
     size = max(np.ptp(everywhere.real), np.ptp(everywhere.imag))
     largest = max(np.abs(moved[line] - rigid[line]).max() for line in rigid)
     # Of 1, 2, 5, 10, … the next would be up to 2.5 times as large.
     assert largest > 0.12 * size / 2.6
-    assert largest < 0.125 * size or made.scale == 1
-    assert Image.open(BytesIO(gif(made))).n_frames == 3
+    assert largest < 0.125 * size or animation.scale == 1
+    assert Image.open(BytesIO(gif(animation))).n_frames == 3
 
 
 def gif(made: Animation) -> bytes:
@@ -140,10 +140,10 @@ def gif(made: Animation) -> bytes:
 def test_an_orbit_is_shown_as_it_is(coupler):
     model = solve.load("coupler")
     orbit = solve.periodic(model, "600 rpm", **ROUGH)
-    made = solve.animate(orbit, scale=10, show=["stress"])
-    assert made.vibration(TURN).tolist() == orbit.at(TURN).tolist() == coupler.vibration(TURN).tolist()
-    assert made.title == "coupler, case table2, 600 rpm: vibration magnified 10 times"
-    assert made.signals["stress"](TURN).tolist() == orbit.signal("stress")(TURN).tolist()
+    animation = solve.animate(orbit, scale=10, show=["stress"])
+    assert animation.vibration(TURN).tolist() == orbit.at(TURN).tolist() == coupler.vibration(TURN).tolist()
+    assert animation.title == "coupler, case table2, 600 rpm: vibration magnified 10 times"
+    assert animation.signals["stress"](TURN).tolist() == orbit.signal("stress")(TURN).tolist()
     assert solve.animate(orbit, scale=1).title.endswith("vibration at its true size")
     assert list(coupler.signals) == ["q1", "q2", "q3"]
 
@@ -151,25 +151,25 @@ def test_an_orbit_is_shown_as_it_is(coupler):
 def test_animation_uses_the_nonlinear_orbit():
     model = solve.load("cam")
     orbit = solve.nonlinear(model, "300 rpm", rtol=1e-4)
-    made = solve.animate(model, "300 rpm", nonlinear=True, rtol=1e-4)
-    assert made.vibration(TURN).tolist() == orbit.at(TURN).tolist()
-    assert list(made.warnings) == orbit.warnings
+    animation = solve.animate(model, "300 rpm", nonlinear=True, rtol=1e-4)
+    assert animation.vibration(TURN).tolist() == orbit.at(TURN).tolist()
+    assert list(animation.warnings) == orbit.warnings
 
 
 def test_free_vibration_matches_the_closed_form():
     """With a constant stiffness cos(√delta t), its largest value 1."""
-    made = solve.animate(solve.load("mathieu", epsilon=0, zeta=0, delta=2.0), "1 rad/s", rtol=1e-8)
-    phase = np.linspace(0, made.span, 200)
-    assert made.span == pytest.approx(8 * np.pi)
-    np.testing.assert_allclose(made.vibration(phase)[0], np.cos(np.sqrt(2.0) * phase), atol=2e-4)
-    assert made.scale == 1
+    animation = solve.animate(solve.load("mathieu", epsilon=0, zeta=0, delta=2.0), "1 rad/s", rtol=1e-8)
+    phase = np.linspace(0, animation.span, 200)
+    assert animation.span == pytest.approx(8 * np.pi)
+    np.testing.assert_allclose(animation.vibration(phase)[0], np.cos(np.sqrt(2.0) * phase), atol=2e-4)
+    assert animation.scale == 1
 
 
 def test_picture_states_an_unstable_motion():
-    made = solve.animate(solve.load("mathieu", case="unstable"), frames=2, **ROUGH)
-    assert made.plot()._supxlabel.get_text().endswith("unstable: it grows")
-    assert made.warnings[0] == "unstable: it grows"
-    assert made.html.count("<li>unstable") == 0
+    animation = solve.animate(solve.load("mathieu", case="unstable"), frames=2, **ROUGH)
+    assert animation.plot()._supxlabel.get_text().endswith("unstable: it grows")
+    assert animation.warnings[0] == "unstable: it grows"
+    assert animation.html.count("<li>unstable") == 0
     steady = solve.animate(solve.load("mathieu"), frames=2, **ROUGH)
     assert "unstable" not in steady.plot()._supxlabel.get_text()
 
@@ -188,7 +188,7 @@ def test_page_is_valid_html_without_external_resources(mathieu):
     tree = html5lib.HTMLParser(strict=True).parse(page)
     assert tree is not None
     references = re.findall(r'(?<![-\w])(?:href="|src="|url\()([^"\s)]*)', page)
-    assert all(each.startswith("#") for each in references)
+    assert all(reference.startswith("#") for reference in references)
     assert not re.findall(r"https?://(?!www\.w3\.org)", page)
     assert page.count('class="mover"') == len(page_data(page)["parts"])
 
@@ -199,9 +199,9 @@ def test_a_notebook_shows_the_page_in_a_frame(mathieu):
 
 
 def page_data(page):
-    found = re.search(r"^const data = (.*);$", page, re.MULTILINE)
-    assert found
-    return json.loads(found[1])
+    match = re.search(r"^const data = (.*);$", page, re.MULTILINE)
+    assert match
+    return json.loads(match[1])
 
 
 def test_the_page_moves_its_lines_as_the_figure_does(coupler):
@@ -272,16 +272,16 @@ NUMBERS = {"m": 1.0, "k": 100.0, "a": 0.1, "L": 1.0}
 
 
 def test_a_mechanism_in_memory_moves():
-    made = solve.animate(solve.load(spring(True), **NUMBERS), "50 rad/s", **ROUGH)
-    x = made.lines(TURN, 1.0)["rod"][-1].real
+    animation = solve.animate(solve.load(spring(True), **NUMBERS), "50 rad/s", **ROUGH)
+    x = animation.lines(TURN, 1.0)["rod"][-1].real
     np.testing.assert_allclose(x, 0.1 * np.sin(TURN), atol=1e-15)
 
 
 def test_lines_that_shrink_to_a_point_are_drawn():
-    made = solve.animate(
+    animation = solve.animate(
         solve.load(spring(True), **NUMBERS | {"a": 1e-200, "L": 1e-190}), 50.0, frames=2, **ROUGH
     )
-    assert Image.open(BytesIO(gif(made))).n_frames == 2
+    assert Image.open(BytesIO(gif(animation))).n_frames == 2
 
 
 def test_a_line_without_place_is_named():
@@ -353,6 +353,6 @@ def test_a_structure_draws_further_lines_besides_its_links():
 
 
 def test_positions_of_a_tall_mechanism_are_drawn_in_a_row():
-    made = solve.animate(solve.load("mathieu", delta=-1), **ROUGH)
-    width, height = made.plot().get_size_inches()
+    animation = solve.animate(solve.load("mathieu", delta=-1), **ROUGH)
+    width, height = animation.plot().get_size_inches()
     assert height < width

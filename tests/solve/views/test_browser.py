@@ -44,8 +44,8 @@ def test_browser_shows_equations_and_pictures_within_the_page_width(page, width)
     asked = page.with_name(f"asked{width}.html")
     asked.write_text(text.replace("</body>", _ASKED), encoding="utf-8")
     shown, _ = browser.run(asked, "--dump-dom", f"--window-size={width},800")
-    found = re.search(r'data-found="([^"]*)"', shown)
-    assert found
-    equations, space, tall, wide, over, bars = found[1].replace("&quot;", '"').strip("[]").split(",")
+    match = re.search(r'data-found="([^"]*)"', shown)
+    assert match
+    equations, space, tall, wide, over, bars = match[1].replace("&quot;", '"').strip("[]").split(",")
     assert (int(equations), space.strip('"')) == (4, "http://www.w3.org/1998/Math/MathML")
     assert (tall, wide, int(over), int(bars)) == ("true", "true", 0, 0)

@@ -61,8 +61,8 @@ def test_response_curve_omits_unstable_speeds_and_their_edges():
 
 
 def test_order_labels_do_not_overlap_frame_or_frequencies():
-    found = solve.critical_speeds(solve.load("cam"), "400:700:30 rpm", figure="rms", rtol=1e-6)
-    figure = found.plot(campbell=True)
+    critical = solve.critical_speeds(solve.load("cam"), "400:700:30 rpm", figure="rms", rtol=1e-6)
+    figure = critical.plot(campbell=True)
     figure.draw_without_rendering()
     axes = figure.axes[-1]
     frame = axes.get_window_extent()

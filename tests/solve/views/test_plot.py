@@ -163,8 +163,8 @@ def test_full_model_plot_has_no_overlaps(model):
     import solve
 
     system = solve.load(model)
-    found = solve.periodic(system, "300 rpm", rtol=1e-4)
-    assert overlaps(found.plot([*system.coordinates, *system.outputs][:6], quasi_static=True)) == []
+    orbit = solve.periodic(system, "300 rpm", rtol=1e-4)
+    assert overlaps(orbit.plot([*system.coordinates, *system.outputs][:6], quasi_static=True)) == []
 
 
 @pytest.mark.parametrize(("ending", "start"), [(".png", b"\x89PNG"), (".pdf", b"%PDF"), (".svg", b"<?xml")])

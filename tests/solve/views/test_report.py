@@ -134,10 +134,10 @@ def test_members_of_a_series_that_are_alike_are_one_row():
 
 
 def test_each_result_is_on_the_page_as_it_shows_itself(driven):
-    found = solve.periodic(driven.system, 1.0, rtol=1e-6)
+    orbit = solve.periodic(driven.system, 1.0, rtol=1e-6)
     bare = re.compile(r"<[^>]*>|\s")
-    assert bare.sub("", found._repr_html_()) in bare.sub("", driven.html)
-    assert found.summary in driven.summary
+    assert bare.sub("", orbit._repr_html_()) in bare.sub("", driven.html)
+    assert orbit.summary in driven.summary
     # 1/√((4 − 1)² + 0.2²)
     assert "max|q| = 0.333" in driven.summary[0]
 
@@ -192,16 +192,16 @@ def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
 
 
 def test_report_without_a_load_contains_stability(mathieu):
-    found = solve.floquet(mathieu.system, 1.0, rtol=1e-3)
-    assert mathieu.summary[0] == found.summary
+    stability = solve.floquet(mathieu.system, 1.0, rtol=1e-3)
+    assert mathieu.summary[0] == stability.summary
     assert "Only stability is known: mathieu has no load" in "".join(parsed(mathieu.html).itertext())
 
 
 def test_failed_section_states_its_reason_and_others_remain():
     """One speed has no bands beside it."""
-    found = solve.report(solve.load("mathieu", epsilon=0.2), "1.1 rad/s", rtol=1e-3)
-    assert "two speeds" in found.missing["Unstable bands"]
-    assert found.summary
+    report = solve.report(solve.load("mathieu", epsilon=0.2), "1.1 rad/s", rtol=1e-3)
+    assert "two speeds" in report.missing["Unstable bands"]
+    assert report.summary
 
 
 def test_warnings_are_listed_once_with_their_sections(undrawn):
@@ -209,10 +209,10 @@ def test_warnings_are_listed_once_with_their_sections(undrawn):
     orbit = solve.periodic(cam, "600 rpm", rtol=1e-2)
     assert len(orbit.warnings) == 2
     parts = [Part(heading, "The same.", orbit) for heading in ("One", "Other")]
-    found = Report(cam, parts, [], 1e-2)
-    assert found.warnings == {text: ["One", "Other"] for text in orbit.warnings}
-    items = ["".join(each.itertext()) for each in parsed(found.html).iter(HTML + "li")]
-    for text in found.warnings:
+    report = Report(cam, parts, [], 1e-2)
+    assert report.warnings == {text: ["One", "Other"] for text in orbit.warnings}
+    items = ["".join(each.itertext()) for each in parsed(report.html).iter(HTML + "li")]
+    for text in report.warnings:
         assert items.count(f"{text} (One, Other)") == 1
 
 
@@ -223,9 +223,9 @@ def test_warning_names_its_orbit(undrawn, capsys, tmp_path):
         Part(f"By {each}", "The same.", solve.periodic(cam, f"{rpm} rpm", rtol=1e-2), orbit=each)
         for each, rpm in (("linear orbit", 600), ("nonlinear orbit", 610))
     ]
-    found = Report(cam, parts, [], 1e-2)
-    items = ["".join(each.itertext()) for each in parsed(found.html).iter(HTML + "li")]
-    deliver_page(found, tmp_path / "cam.html")
+    report = Report(cam, parts, [], 1e-2)
+    items = ["".join(each.itertext()) for each in parsed(report.html).iter(HTML + "li")]
+    deliver_page(report, tmp_path / "cam.html")
     said = capsys.readouterr().err
     for orbit in ("linear orbit", "nonlinear orbit"):
         (item,) = [each for each in items if "lifts off" in each and each.endswith(f"({orbit})")]
@@ -250,7 +250,7 @@ def test_a_file_is_written_whole_or_not_at_all(frame, tmp_path):
     assert (tmp_path / "frame.html").read_text("utf-8") == frame.html
     with pytest.raises(FileError, match=r"allowed: \.html"):
         frame.save(tmp_path / "frame.pdf")
-    assert [each.name for each in tmp_path.iterdir()] == ["frame.html"]
+    assert [path.name for path in tmp_path.iterdir()] == ["frame.html"]
 
 
 def test_a_model_that_moves_needs_a_speed_and_speeds():

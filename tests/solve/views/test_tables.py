@@ -96,23 +96,23 @@ def test_orders_count_turns_where_the_period_is_half_a_turn():
 
 
 def test_greek_letters_are_shown_and_spelled_out_in_files(tmp_path):
-    found = solve.sweep(solve.load("mathieu", zeta=0.1), over="epsilon=0:1:3")
-    for text in (text_of(printout(found)), found._repr_html_()):
+    sweep = solve.sweep(solve.load("mathieu", zeta=0.1), over="epsilon=0:1:3")
+    for text in (text_of(printout(sweep)), sweep._repr_html_()):
         assert "ε (1/s²)" in text
         assert not re.search("epsilon|1/s\\^2", text)
-    assert "zeta=0.1" in text_of(printout(found, ["zeta=0.1"])), "what the user typed stays as it was typed"
-    found.save(tmp_path / "found.csv")
+    assert "zeta=0.1" in text_of(printout(sweep, ["zeta=0.1"])), "what the user typed stays as it was typed"
+    sweep.save(tmp_path / "found.csv")
     assert "epsilon" in (tmp_path / "found.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert found.record()["points"][0]["parameters"] == {"epsilon": 0.0}
+    assert sweep.record()["points"][0]["parameters"] == {"epsilon": 0.0}
 
 
 def test_notebook_shows_a_result_once_with_left_aligned_text(monkeypatch, capsys):
     """Consoles of rich display their output if rich detects a notebook."""
-    found = solve.floquet(solve.load("mathieu"), "1 rad/s")
-    alone = repr(found)
+    stability = solve.floquet(solve.load("mathieu"), "1 rad/s")
+    alone = repr(stability)
     monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
-    assert repr(found) == alone
+    assert repr(stability) == alone
     assert capsys.readouterr().out == ""
-    method = re.search("<td([^>]*)>gauss", found._repr_html_())
+    method = re.search("<td([^>]*)>gauss", stability._repr_html_())
     assert method is not None
     assert "text-align: left" in method[1]
