@@ -56,19 +56,19 @@ def test_every_public_name_has_its_entry(package):
 def test_every_public_name_has_a_docstring():
     """A dataclass without words has its signature in their place."""
     for name in solve.__all__:
-        said = inspect.getdoc(getattr(solve, name)) or ""
-        assert said, name
-        assert not said.startswith(f"{name}("), name
+        docstring = inspect.getdoc(getattr(solve, name)) or ""
+        assert docstring, name
+        assert not docstring.startswith(f"{name}("), name
 
 
 def test_every_result_and_method_has_its_entry():
     modules = pkgutil.iter_modules(solve.results.__path__, "solve.results.")
     imported = [import_module(module.name) for module in modules]
     results = [var for module in imported for var in vars(module).values() if inspect.isclass(var)]
-    asked = {result for result in results if issubclass(result, Result)}
-    asked |= {method for method in METHODS.values() if inspect.isclass(method)}
-    assert len(asked) > 25
-    for each in asked:
+    requested = {result for result in results if issubclass(result, Result)}
+    requested |= {method for method in METHODS.values() if inspect.isclass(method)}
+    assert len(requested) > 25
+    for each in requested:
         assert {f"{each.__module__}.{each.__name__}", f"solve.{each.__name__}"} & NAMED, each
 
 
@@ -94,8 +94,8 @@ def digits(text: str) -> tuple[str, list[float]]:
 
 def test_machine_dependent_output_is_removed_from_pages(tmp_path):
     page = tmp_path / "page.md"
-    said = "derive: 10 s so far: 0 of 1 mechanisms", "compiling figures", "wrote a.png"
-    page.write_text("```console\n$ printf '%s\\n' " + " ".join(f"'{each}'" for each in said) + "\n```\n")
+    docstring = "derive: 10 s so far: 0 of 1 mechanisms", "compiling figures", "wrote a.png"
+    page.write_text("```console\n$ printf '%s\\n' " + " ".join(f"'{each}'" for each in docstring) + "\n```\n")
     subprocess.run([sys.executable, str(pages.DOCS / "extensions" / "executed.py"), page], check=True)
     assert page.read_text().splitlines()[2:] == ["wrote a.png", "```"]
 

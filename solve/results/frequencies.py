@@ -288,8 +288,8 @@ class Findings(Result):
             "modes": [self._shape_record(shape) for shape in self.shapes],
         }
         head = {**model_info(self.here.system), "freedoms": self.here.freedoms, **here}
-        asked = {name: part for name, part in further.items() if part}
-        return to_json({**head, **asked, "warnings": self.warnings})
+        requested = {name: part for name, part in further.items() if part}
+        return to_json({**head, **requested, "warnings": self.warnings})
 
     def _shape_record(self, shape: ModeShape) -> dict[str, Any]:
         links = {}

@@ -11,13 +11,13 @@ from tests.benchmarks.timing import median
 
 def main() -> None:
     chosen = [c for c in CONTENDERS if c.repeats > 1 or "--slow" in sys.argv[1:]]
-    found = {contender.name: median(contender.run, contender.repeats) for contender in chosen}
+    computed = {contender.name: median(contender.run, contender.repeats) for contender in chosen}
     print(f"cam, case 1, 600 rpm, orbit and multipliers, q3 to {ACCURACY:g}: medians, one thread")
     print(f"ratio: to the time of each of the {OURS} calls of this package\n")
-    ours = [found[contender.name][0] for contender in chosen[:OURS]]
+    ours = [computed[contender.name][0] for contender in chosen[:OURS]]
     print(f"{'':38}{'ms':>9}{'error':>9}" + "".join(f"{f'ratio {k + 1}':>9}" for k in range(OURS)))
     for contender in chosen:
-        seconds, result = found[contender.name]
+        seconds, result = computed[contender.name]
         ratios = "".join(f"{seconds / unit:9.3g}" for unit in ours)
         print(f"{contender.name:38}{1e3 * seconds:9.3f}{error(result):9.1e}{ratios}")
 

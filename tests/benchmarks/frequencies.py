@@ -71,11 +71,11 @@ def error(values: np.ndarray) -> float:
 
 
 def main() -> None:
-    found = {contender.name: median(contender.run) for contender in CONTENDERS}
-    unit = found[OURS][0]
+    computed = {contender.name: median(contender.run) for contender in CONTENDERS}
+    unit = computed[OURS][0]
     print(f"four-bar, 36 positions, {COUNT} frequencies: medians of {REPEATS}, one thread\n")
     print(f"{'':34}{'ms':>10}{'error':>11}{'ratio':>9}")
-    for name, (seconds, values) in found.items():
+    for name, (seconds, values) in computed.items():
         print(f"{name:34}{1e3 * seconds:10.1f}{error(values):11.1e}{seconds / unit:9.1f}")
 
 

@@ -112,7 +112,7 @@ def _in_batches(integrator, points: Array, start: Array, period: float, spent: l
     """States (P, k) after a period, points (P, v) being the parameters."""
     width = integrator.batch_size
     filled = np.concatenate((points, np.repeat(points[-1:], -len(points) % width, axis=0)))
-    found = np.empty((len(filled), len(start)))
+    computed = np.empty((len(filled), len(start)))
     for first in range(0, len(filled), width):
         integrator.set_time(np.zeros(width))
         integrator.state[:] = start[:, None]
@@ -121,8 +121,8 @@ def _in_batches(integrator, points: Array, start: Array, period: float, spent: l
         integrator.propagate_until(np.full(width, period))
         if spent is not None:
             spent.append(time.process_time() - before)
-        found[first : first + width] = integrator.state.T
-    return found[: len(points)]
+        computed[first : first + width] = integrator.state.T
+    return computed[: len(points)]
 
 
 def processor() -> str:

@@ -40,11 +40,11 @@ def main() -> None:
     print(f"{'n':>4}{'method':>9}{'steps':>7}{'s':>9}{'of LAPACK':>11}{'orbit':>9}{'multipliers':>13}")
     times = {}
     for elements in chosen:
-        seconds, found = orbit(elements)
-        n, error = found.system.n, found.error_estimate
-        peer = by_lapack(n, (found.certified.method.order + 1) // 2, found.steps)
+        seconds, computed = orbit(elements)
+        n, error = computed.system.n, computed.error_estimate
+        peer = by_lapack(n, (computed.certified.method.order + 1) // 2, computed.steps)
         print(
-            f"{n:4}{found.method:>9}{found.steps:7}{seconds:9.2f}{seconds / peer:11.1f}"
+            f"{n:4}{computed.method:>9}{computed.steps:7}{seconds:9.2f}{seconds / peer:11.1f}"
             f"{error.orbit:9.1e}{error.multipliers:13.1e}",
             flush=True,
         )

@@ -20,14 +20,14 @@ ROUNDS = 16
 
 def differences(cam, names, quantity):
     """Central differences of a figure by the parameters."""
-    found = {}
+    computed = {}
     for name in names:
         at = cam.parameters[name]
         step = 1e-4 * (abs(at) or 1.0)
         ends = [solve.periodic(cam.varied({name: at + way * step}), SPEED) for way in (-1, 1)]
         low, high = (orbit.statistics(quantity).max_abs for orbit in ends)
-        found[name] = (high - low) / (2 * step)
-    return found
+        computed[name] = (high - low) / (2 * step)
+    return computed
 
 
 def on_its_grid(cam, names):

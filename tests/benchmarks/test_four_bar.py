@@ -17,7 +17,7 @@ def test_a_turn_of_radau_leads_the_periodic_state_back_to_itself():
 
 @pytest.mark.slow
 def test_the_map_of_stresses_reaches_its_accuracy():
-    found = map_of_stress(2)
-    for speed, stress in zip(SPEEDS, found.figures(STRESS), strict=False):
+    computed = map_of_stress(2)
+    for speed, stress in zip(SPEEDS, computed.figures(STRESS), strict=False):
         reference = solve.periodic(model(3), float(speed), rtol=1e-8).statistics(STRESS).max_abs
         assert stress == pytest.approx(reference, rel=10 * RTOL)

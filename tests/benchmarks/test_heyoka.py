@@ -27,11 +27,11 @@ def test_the_cam_at_many_speeds():
 
 @pytest.mark.slow
 def test_mathieu():
-    found = heyoka_peers.mathieu_batch()
+    computed = heyoka_peers.mathieu_batch()
     for column, row in ((0, 299), (150, 20), (299, 299)):
         given = {"delta": heyoka_peers.DELTA[column], "epsilon": heyoka_peers.EPSILON[row], "zeta": 0.0}
         truth = solve.floquet(solve.load("mathieu", **given), 1.0, rtol=1e-10)
-        trace = found[300 * row + column].sum()
+        trace = computed[300 * row + column].sum()
         assert abs(trace - truth.multipliers.sum()) <= ACCURACY * truth.spectral_radius
 
 

@@ -15,17 +15,17 @@ def test_compiled_products_match_numpy():
 
 @needs_compiler
 def test_casadi_in_lanes_gives_the_same_maps():
-    found, truth = (way(2, *problem(2))() for way in (by_casadi, by_lanes))
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
+    computed, truth = (way(2, *problem(2))() for way in (by_casadi, by_lanes))
+    np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
 
 
 @needs_compiler
 @pytest.mark.slow
 def test_numba_gives_the_same_maps():
     pytest.importorskip("numba")
-    found = by_numba(2, *problem(2), lanes=8)()
+    computed = by_numba(2, *problem(2), lanes=8)()
     truth = by_lanes(2, *problem(2))()
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
+    np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
 
 
 def test_the_fixed_cost_does_not_hide_the_power(monkeypatch):

@@ -27,8 +27,8 @@ def test_residual_and_drive_torque_follow_from_the_energies(name, data, speed, a
     for suffix, drive in (("", (phase, speed)), ("_varying", (phase, speed, acceleration))):
         given = *drive, *([0.0] if not suffix else []), *state
         residual, torque = energies.driven(getattr(energies, name), names, n)(*given)
-        found, outputs = (built(name, each + suffix)(*drive, *state) for each in ("residual", "outputs"))
-        assert scaled_difference(found.full().T, residual.full().T) < TOLERANCE
+        computed, outputs = (built(name, each + suffix)(*drive, *state) for each in ("residual", "outputs"))
+        assert scaled_difference(computed.full().T, residual.full().T) < TOLERANCE
         in_motion = (torque - residual[0, :]).full()  # the row of q1 vanishes on every motion
         assert np.abs(outputs[0].full() - in_motion).max() < TOLERANCE * np.abs(torque.full()).max()
 

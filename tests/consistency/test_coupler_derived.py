@@ -142,12 +142,12 @@ def test_drive_torque_and_axial_force_to_first_order(linkage, branch, speed):
     """The torque takes the amplitudes along to first order; the axial force is the straight coupler's."""
     p, side = vector(linkage), BRANCHES[branch]
     exact = exact_by_state()(PHASES[None], speed, p, side).full()
-    found = reactions_by_state(branch)(PHASES[None], speed, p).full()
+    computed = reactions_by_state(branch)(PHASES[None], speed, p).full()
     ends = [1, 1 + MODES, 1 + 2 * MODES]
-    for torque, reference in zip(np.split(found[::2], ends), np.split(exact[::2], ends), strict=True):
+    for torque, reference in zip(np.split(computed[::2], ends), np.split(exact[::2], ends), strict=True):
         assert abs(torque - reference).max() < 1e-10 * abs(reference).max()
-    assert abs(found[1] - exact[1]).max() < 1e-10 * abs(exact[1]).max()
-    assert not found[3::2].any()
+    assert abs(computed[1] - exact[1]).max() < 1e-10 * abs(exact[1]).max()
+    assert not computed[3::2].any()
 
 
 @cache
@@ -197,7 +197,7 @@ def test_outputs_at_midspan():
     q, qd, qdd = np.random.default_rng(5).normal(size=(3, MODES)) * 1e-3
     p, speed = TABLE_2, SPEEDS[1]
     values = built("outputs")(PHASES[None], speed, q, qd, qdd, vector(p))
-    found = {name: value.full()[0] for (name, *_), value in zip(GENERATED.OUTPUTS, values, strict=True)}
+    computed = {name: value.full()[0] for (name, *_), value in zip(GENERATED.OUTPUTS, values, strict=True)}
     k, EI, half = np.arange(1, MODES + 1) * np.pi, p["E"] * p["I"], p["l3"] / 2
     deflection = np.sin(k / 2) @ q
     moment = -EI * np.sin(k / 2) @ (q * (k / p["l3"]) ** 2)
@@ -213,7 +213,7 @@ def test_outputs_at_midspan():
     }
     for name, value in expected.items():
         np.testing.assert_allclose(
-            found[name], np.broadcast_to(value, PHASES.shape), rtol=1e-11, err_msg=name
+            computed[name], np.broadcast_to(value, PHASES.shape), rtol=1e-11, err_msg=name
         )
 
 

@@ -81,8 +81,8 @@ def test_a_four_bar_a_requirement_and_the_speed(run):
     for order in range(1, 8):
         pulse = 1j * order * speed
         expected = -J * pulse**2 * amplitudes[order] / (J * pulse**2 + c * pulse + k * (1 + gain * speed))
-        found = harmonic(record["coordinates"]["q"], order)
-        assert found == pytest.approx(expected, rel=1e-6)
+        computed = harmonic(record["coordinates"]["q"], order)
+        assert computed == pytest.approx(expected, rel=1e-6)
         assert harmonic(record["outputs"]["swing"], order) == pytest.approx(
             pulse**2 * amplitudes[order], rel=1e-8
         )

@@ -79,8 +79,8 @@ def test_full_check_detects_changes_not_covered_by_hashes(derive, rotor):
     target = rotor.parent / "generated" / "rotor.py"
     text = target.read_text(encoding="utf-8").replace('SYMPY_VERSION = "', 'SYMPY_VERSION = "0.')
     unsealed = re.sub(r'FILE_SHA256 = "\w*"\n', "", text)
-    seal = f'FILE_SHA256 = "{freshness.sha256(unsealed)}"\n'
-    target.write_text(re.sub(r'FILE_SHA256 = "\w*"\n', seal, text), "utf-8")
+    checksum = f'FILE_SHA256 = "{freshness.sha256(unsealed)}"\n'
+    target.write_text(re.sub(r'FILE_SHA256 = "\w*"\n', checksum, text), "utf-8")
     assert derive("--check", rotor)[0] == 0
     status, out, _ = derive("--check", "--full", rotor)
     assert status == 1

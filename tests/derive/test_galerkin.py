@@ -159,12 +159,12 @@ def test_a_pinned_beam_has_its_exact_frequencies(modes):
 def test_a_cantilever_is_another_declaration_of_its_shape():
     """(β l)² of the clamped–free beam, from above: an upper bound with any number of modes."""
     module = module_of(column(cantilever))
-    found = []
+    computed = []
     for modes in (4, 10, MOST):
         M, _, K, _ = matrices(module, modes=modes)
-        found.append(np.sqrt(scipy.linalg.eigh(K, M)[0][:2] * MU / EI) * L**2)
+        computed.append(np.sqrt(scipy.linalg.eigh(K, M)[0][:2] * MU / EI) * L**2)
     exact = np.array([1.8751040687119611, 4.694091132974174]) ** 2
-    errors = np.array(found) / exact - 1
+    errors = np.array(computed) / exact - 1
     assert (errors > 0).all()
     assert (np.diff(errors, axis=0) < 0).all()
     assert (errors[-1] < [2e-5, 5e-4]).all()

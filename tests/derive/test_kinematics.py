@@ -138,8 +138,8 @@ def test_the_root_finder_of_casadi_agrees():
         b * casadi.sin(x) + c * casadi.sin(z[0]) - a * np.sin(tilt) - d * casadi.sin(z[1]),
     )
     finder = casadi.rootfinder("finder", "newton", casadi.Function("gap", [z, x], [gap]))
-    found = np.hstack([np.array(finder([tilt + 1.1, tilt + 2.0], phase)) for phase in PHASES])
-    np.testing.assert_allclose(angles(by_newton(), CRANK_ROCKER)[[0, 4]], found, rtol=0, atol=1e-9)
+    computed = np.hstack([np.array(finder([tilt + 1.1, tilt + 2.0], phase)) for phase in PHASES])
+    np.testing.assert_allclose(angles(by_newton(), CRANK_ROCKER)[[0, 4]], computed, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("branch", SIDES)
@@ -176,11 +176,11 @@ def test_a_slider_crank_of_ones_own():
     press.kinetic = m * rate(s + q) ** 2 / 2
     press.potential = k * q**2 / 2
     written_out = r * cos(press.phase) + sqrt(L**2 - (e - r * sin(press.phase)) ** 2)
-    press.output("found", rate(rate(s)), "m/s^2", "by Newton's method")
+    press.output("computed", rate(rate(s)), "m/s^2", "by Newton's method")
     press.output("known", rate(rate(written_out)), "m/s^2", "in closed form")
     module, zero = module_of(press), np.zeros(1)
-    _, found, known = module.outputs()(PHASES[None], 20.0, zero, zero, zero, [0.1, 0.3, 0.03, 1.0, 1.0])
-    np.testing.assert_allclose(np.array(found), np.array(known), rtol=0, atol=1e-11)
+    _, computed, known = module.outputs()(PHASES[None], 20.0, zero, zero, zero, [0.1, 0.3, 0.03, 1.0, 1.0])
+    np.testing.assert_allclose(np.array(computed), np.array(known), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("drive", ["linkage", "loop", "series", "series of a loop"])
@@ -216,13 +216,13 @@ def test_a_loop_is_driven_by_others(drive):
     press.kinetic = J * rate(angle) ** 2 / 2
     press.potential = k * q**2 / 2
     written_out = r * cos(psi) + sqrt(L**2 - (e - r * sin(psi)) ** 2)
-    press.output("found", rate(rate(s)), "m/s^2", "by Newton's method")
+    press.output("computed", rate(rate(s)), "m/s^2", "by Newton's method")
     press.output("known", rate(rate(written_out)), "m/s^2", "in closed form")
     module = module_of(press)
     assert len(module.PARAMETERS) == len(numbers)
-    _, found, known = module.outputs()(PHASES[None], 20.0, 0.3, -5.0, 70.0, numbers)
+    _, computed, known = module.outputs()(PHASES[None], 20.0, 0.3, -5.0, 70.0, numbers)
     assert np.abs(np.array(known)).max() > 1.0
-    np.testing.assert_allclose(np.array(found), np.array(known), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(np.array(computed), np.array(known), rtol=0, atol=1e-10)
 
 
 def margins(module, lengths, **options):

@@ -108,10 +108,10 @@ def test_fundamental_motion_is_substituted_before_everything_else():
     module = module_of(moved)
     state = (phase, speed, deviation, rate_, acceleration)
     assert values(module.residual(), *state, [*p, A])[0] == pytest.approx(expected, rel=1e-13)
-    found = [value.item() for value in values(module.outputs(), *state, [*p, A])[1:]]
-    assert found == pytest.approx(total, rel=1e-14)
+    computed = [value.item() for value in values(module.outputs(), *state, [*p, A])[1:]]
+    assert computed == pytest.approx(total, rel=1e-14)
     varying = values(module.outputs_varying(), *state[:2], 0.0, *state[2:], [*p, A])[1:]
-    assert [value.item() for value in varying] == found
+    assert [value.item() for value in varying] == computed
     assert values(module_of(plain).residual(), phase, speed, *total, p)[0] == pytest.approx(
         expected, rel=1e-13
     )

@@ -35,9 +35,9 @@ def test_pendulum_on_a_turning_arm():
     """Taken about the arm: m l² θ̈ + c θ̇ + (m R L Ω² − m g L sin φ) θ = −m g L cos φ."""
     m, L, R, g, c = p = [1.3, 0.4, 0.9, 9.81, 0.02]
     for phase, speed in [(0.3, 4.0), (2.5, 11.0), (5.9, 0.5)]:
-        found = [float(part) for part in module_of(pendulum_on_an_arm()).linearised()(phase, speed, p)]
+        computed = [float(part) for part in module_of(pendulum_on_an_arm()).linearised()(phase, speed, p)]
         stiffness = m * R * L * speed**2 - m * g * L * np.sin(phase)
-        assert found == pytest.approx([m * L**2, c, stiffness, -m * g * L * np.cos(phase)], rel=1e-12)
+        assert computed == pytest.approx([m * L**2, c, stiffness, -m * g * L * np.cos(phase)], rel=1e-12)
 
 
 def crane() -> Mechanism:
@@ -61,10 +61,10 @@ def test_pendulum_on_a_moving_pivot():
     for phase, speed in [(0.4, 2.0), (1.9, 7.0), (4.4, 0.3)]:
         desired, pivot = B * np.sin(phase), -A * speed**2 * np.sin(phase)
         inertia = -m * L**2 * B * speed**2 * np.sin(phase)
-        found = [float(part) for part in module_of(crane()).linearised()(phase, speed, p)]
+        computed = [float(part) for part in module_of(crane()).linearised()(phase, speed, p)]
         stiffness = m * g * L * np.cos(desired) - m * L * pivot * np.sin(desired)
         moment = m * L * pivot * np.cos(desired) + m * g * L * np.sin(desired)
-        assert found == pytest.approx([m * L**2, 0, stiffness, -inertia - moment], rel=1e-12)
+        assert computed == pytest.approx([m * L**2, 0, stiffness, -inertia - moment], rel=1e-12)
 
 
 def two_masses() -> tuple[Mechanism, tuple]:

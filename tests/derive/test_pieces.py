@@ -80,8 +80,8 @@ def test_a_ring_that_is_not_touched_at_rest(state):
             expected = expected + KR * ((1 - GAP / r) * np.eye(2) + GAP / r * np.outer(e, e))
         (force,) = values(residual, 0.0, 1.0, [x, y], [0, 0], [0, 0], [1.0, K, KR, GAP])
         assert force.ravel() == pytest.approx(expected_force, rel=1e-12, abs=1e-15)
-        (found,) = values(matrices, 0.0, 1.0, [x, y], [0, 0], [0, 0])
-        assert found.ravel()[8:12].reshape(2, 2) == pytest.approx(expected, rel=1e-12, abs=1e-9)
+        (computed,) = values(matrices, 0.0, 1.0, [x, y], [0, 0], [0, 0])
+        assert computed.ravel()[8:12].reshape(2, 2) == pytest.approx(expected, rel=1e-12, abs=1e-9)
 
 
 def test_second_derivatives_are_finite_where_the_piece_is_inactive():
@@ -89,8 +89,8 @@ def test_second_derivatives_are_finite_where_the_piece_is_inactive():
     q, p = casadi.SX.sym("q", 2), casadi.SX.sym("p", 4)
     (r,) = residual.call([0, 1, q, casadi.SX(2, 1), casadi.SX(2, 1), p], True, False)
     second = casadi.jacobian(casadi.jacobian(r, casadi.vertcat(q, p)), casadi.vertcat(q, p))
-    (found,) = values(casadi.Function("second", [q, p], [second]), [0, 0], [1.0, K, KR, GAP])
-    assert np.isfinite(found).all()
+    (computed,) = values(casadi.Function("second", [q, p], [second]), [0, 0], [1.0, K, KR, GAP])
+    assert np.isfinite(computed).all()
 
 
 def test_a_gap_of_unknown_sign_gives_a_condition():
@@ -128,10 +128,10 @@ def test_an_inactive_piece_whose_argument_is_infinite_at_rest(state):
         (force,) = values(module.residual(), 0.0, 1.0, [0.6 * r, -0.8 * r], [0, 0], [0, 0], p)
         ring = KR * GAP**2 * np.log(r / GAP) / r if r > GAP else 0.0
         assert force.ravel() == pytest.approx((K * r + ring) * np.array([0.6, -0.8]), rel=1e-12, abs=1e-15)
-        (found,) = values(matrices, 0.0, 1.0, [0.6 * r, -0.8 * r], [0, 0], [0, 0])
-        assert np.isfinite(found).all()
+        (computed,) = values(matrices, 0.0, 1.0, [0.6 * r, -0.8 * r], [0, 0], [0, 0])
+        assert np.isfinite(computed).all()
         if r < GAP:
-            assert found.ravel()[8:12] == pytest.approx([K, 0, 0, K])
+            assert computed.ravel()[8:12] == pytest.approx([K, 0, 0, K])
 
 
 @pytest.mark.parametrize(
@@ -176,9 +176,9 @@ def test_a_logarithm_within_a_piece():
     assert float(module.linearised()(0, 1, p)[2]) == 5.0
     for at, slope in [(0.0, 5.0), (0.05, 5.0), (0.2, 5.0 + 3.0 / 0.2), (-1.0, 5.0)]:
         (force,) = values(module.residual(), 0, 1, at, 0, 0, p)
-        (found,) = values(tangent(module.residual(), p), 0, 1, at, 0, 0)
+        (computed,) = values(tangent(module.residual(), p), 0, 1, at, 0, 0)
         assert float(force[0, 0]) == pytest.approx(5.0 * at + (3.0 * np.log(at / 0.1) if at > 0.1 else 0))
-        assert found[2, 0] == pytest.approx(slope)
+        assert computed[2, 0] == pytest.approx(slope)
 
 
 def test_code_without_singular_pieces_is_unchanged():

@@ -57,10 +57,10 @@ def value(expression, point):
 def test_printed_equations_match_the_solved_equations(name):
     mechanism = slider() if name == "slider" else loader.load(loader.find(name))
     linearised = derive_equations(mechanism).linearised
-    found = read(mechanism, linearised)
+    computed = read(mechanism, linearised)
     point = arbitrary_points(in_order(*linearised.values()))[2]
     values = dict(point)
-    for each in found:
+    for each in computed:
         for symbol in each.left:
             assert symbol not in values, f"{symbol} has two meanings"
             values[symbol] = value(each.right, values)

@@ -76,8 +76,8 @@ def test_section_properties_match_the_declared_values():
     frame.clamp("foot")
     properties = module_of(frame).properties()
     assert properties.name_in() == ["phase", "p"]
-    found = properties.call({"phase": 0.0, "p": casadi.DM([2e11, 4e-4, 3e-8, 7800, 0.5, 0.2])})
-    columns = {name: np.array(value).ravel().tolist() for name, value in found.items()}
+    computed = properties.call({"phase": 0.0, "p": casadi.DM([2e11, 4e-4, 3e-8, 7800, 0.5, 0.2])})
+    columns = {name: np.array(value).ravel().tolist() for name, value in computed.items()}
     assert columns == {
         "angle": [np.pi / 2, 0],
         "length": [0.5, 1.0],

@@ -65,8 +65,10 @@ STOP = {"s": ("N/m", "stop"), "gap": ("m", "clearance")}
 )
 @pytest.mark.parametrize("at", [-1.3, -0.2, 0.3, 1.7])
 def test_slopes_beside_kinks(expression, expected, at):
-    found = float(slope(expression, x).subs({x: at, y: 0.4}))
-    assert found == pytest.approx(expected(1.0, at) if expected is math.copysign else expected(at), abs=1e-12)
+    computed = float(slope(expression, x).subs({x: at, y: 0.4}))
+    assert computed == pytest.approx(
+        expected(1.0, at) if expected is math.copysign else expected(at), abs=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -198,8 +200,8 @@ def test_breaks_that_parameters_move():
     tooth = 2 * math.pi / 3
     starts = [(-1 / 3 + k * tooth) % (2 * math.pi) for k in range(3)]
     ends = [(each + 0.3 * tooth) % (2 * math.pi) for each in starts]
-    found = sorted(set(module.breaks(1.0, given)))
-    assert found == pytest.approx(sorted([0.0, *starts, *ends]), abs=1e-14)
+    computed = sorted(set(module.breaks(1.0, given)))
+    assert computed == pytest.approx(sorted([0.0, *starts, *ends]), abs=1e-14)
     for start in starts:
         K = [
             values(module.linearised(), start + at * tooth, 1.0, given)[2][0, 0]
@@ -217,8 +219,8 @@ def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():
     module = module_of(one)
     start = math.asin(0.5)
     for a, b in ((0.5, 0.25), (0.25, 0.5)):
-        found = set(module.breaks(1.0, [2.0, 5.0, a, b, 0.0]))
-        assert sorted(found) == pytest.approx([0.0, start, math.pi - start], abs=1e-14)
+        computed = set(module.breaks(1.0, [2.0, 5.0, a, b, 0.0]))
+        assert sorted(computed) == pytest.approx([0.0, start, math.pi - start], abs=1e-14)
 
 
 def test_a_parameter_may_be_called_like_a_function():

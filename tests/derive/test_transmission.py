@@ -50,8 +50,8 @@ def test_transmission_is_the_zero_mean_integral_of_its_coefficients():
     for phase, angle in [(0.0, 0.0), (0.3, -0.1), (6.1, 2.0), (40.0, 0.0)]:
         wave = (a - 1j * b) * np.exp(1j * k * (phase + angle))
         expected = [float(np.sum(wave * (1j * k) ** (order - 1.0)).real) for order in range(6)]
-        found = outputs_at(one, phase, angle, [*a, *b])
-        for order, (one_value, other) in enumerate(zip(found, expected, strict=True)):
+        computed = outputs_at(one, phase, angle, [*a, *b])
+        for order, (one_value, other) in enumerate(zip(computed, expected, strict=True)):
             assert abs(one_value - other) < 1e-13 * np.sum(k ** (order - 1.0)), f"order {order}"
 
 

@@ -13,10 +13,10 @@ CASES: list[Case] = [
 ]
 
 
-def row(case: Case, found: float) -> list[str]:
+def row(case: Case, computed: float) -> list[str]:
     """Cells of a case: what is found, to the decimals that its tolerance allows."""
     decimals = max(0, math.ceil(-math.log10(case.tolerance)))
-    return [case.what, case.printed, f"{round(found, decimals) + 0.0:.{decimals}f}", case.place]
+    return [case.what, case.printed, f"{round(computed, decimals) + 0.0:.{decimals}f}", case.place]
 
 
 def tables() -> str:
@@ -25,6 +25,6 @@ def tables() -> str:
     for source, cases in groupby(CASES, key=lambda case: case.source):
         text.append(f"**{source.author}, {source.title}, {source.year}** ({source.where})\n")
         text.append("| what | printed | here | place |\n|---|---|---|---|")
-        text += [f"| {' | '.join(row(case, case.found()))} |" for case in cases]
+        text += [f"| {' | '.join(row(case, case.computed()))} |" for case in cases]
         text.append("")
     return "\n".join(text)

@@ -40,8 +40,8 @@ def turning_rate(t):
 
 def zhou_hagiwara(period):
     """Exponents without those that are added, falling in the real part."""
-    found = solve.floquet(first_order(turning, turning_rate, period), 1.0, rtol=1e-10).exponents
-    return found[np.argsort(-found.real)][:2]
+    computed = solve.floquet(first_order(turning, turning_rate, period), 1.0, rtol=1e-10).exponents
+    return computed[np.argsort(-computed.real)][:2]
 
 
 SOUGHT = 1e-8

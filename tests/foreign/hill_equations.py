@@ -58,11 +58,11 @@ def mathieu(q, multiplier, near):
 
 
 def mathieu_case(source, place, family, order, q, printed):
-    def found():
+    def computed():
         return mathieu(q, 1 if order % 2 == 0 else -1, float(printed))
 
     within = max(half_a_digit(printed), MATHIEU_ERROR)
-    return Case(source, place, f"Mathieu, {family}{order}({q})", printed, found, within)
+    return Case(source, place, f"Mathieu, {family}{order}({q})", printed, computed, within)
 
 
 HANDBOOK_VALUES = [
@@ -84,11 +84,11 @@ def andrews_potential(t):
 
 
 def andrew(multiplier, index, printed, within=None):
-    found = partial(band_edge, andrews_potential, np.pi, multiplier, float(printed), 1e-3, (0.0,))
+    computed = partial(band_edge, andrews_potential, np.pi, multiplier, float(printed), 1e-3, (0.0,))
     kind, place = ("periodic", "Periodic Andrews asymmetric")
     if multiplier < 0:
         kind, place = ("antiperiodic", "Antiperiodic Andrew")
-    return Case(ANDREW, place, f"x²(π − x), {kind}, λ{index}", printed, found, within)
+    return Case(ANDREW, place, f"x²(π − x), {kind}, λ{index}", printed, computed, within)
 
 
 def quadrupoles(s):

@@ -55,10 +55,10 @@ def car(name):
     return (places | dict(speeds))[name]
 
 
-def printed(source, text, found, reference):
+def printed(source, text, computed, reference):
     """Cases of one reference; what is left at 1e-7 is the initial state's nine digits."""
     return [
-        Case(source, text, name, value, lambda name=name: found(name), 1e-7 * abs(float(value)), slow=True)
+        Case(source, text, name, value, lambda name=name: computed(name), 1e-7 * abs(float(value)), slow=True)
         for name, value in reference.items()
     ]
 

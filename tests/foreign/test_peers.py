@@ -49,10 +49,10 @@ def closed(a, b, damping):
 def test_multipliers_of_meissners_equation(a, b, damping):
     """Theirs are compared to 5e-5; here the trace and the determinant to 1e-9 of the largest multiplier."""
     Phi = closed(a, b, damping)
-    found = solve.floquet(meissner(a, b, damping), 1.0, rtol=1e-10).multipliers
+    computed = solve.floquet(meissner(a, b, damping), 1.0, rtol=1e-10).multipliers
     largest = max(1.0, np.abs(np.linalg.eigvals(Phi)).max())
-    assert abs(found.sum() - np.trace(Phi)) < 1e-9 * largest
-    assert abs(np.prod(found) - np.exp(-damping * 2 * np.pi / SPEED)) < 1e-9 * largest
+    assert abs(computed.sum() - np.trace(Phi)) < 1e-9 * largest
+    assert abs(np.prod(computed) - np.exp(-damping * 2 * np.pi / SPEED)) < 1e-9 * largest
 
 
 def duffing():
@@ -130,9 +130,9 @@ def in_fixed_coordinates(speed):
 @pytest.mark.parametrize("speed", [0.8, 1.7, np.pi, 6.0])
 def test_a_wind_turbine_in_turning_and_in_fixed_coordinates(speed):
     """Periodic coefficients here, constant ones there: the same multipliers."""
-    found = solve.floquet(solve.load(turbine, **TURBINE), speed, rtol=1e-10).multipliers
+    computed = solve.floquet(solve.load(turbine, **TURBINE), speed, rtol=1e-10).multipliers
     expected = np.exp(in_fixed_coordinates(speed) * 2 * np.pi / speed)
     scale = np.abs(expected).max()
-    assert len(found) == len(expected)
+    assert len(computed) == len(expected)
     for multiplier in expected:
-        assert np.abs(found - multiplier).min() < 1e-7 * scale
+        assert np.abs(computed - multiplier).min() < 1e-7 * scale

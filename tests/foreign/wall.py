@@ -29,7 +29,7 @@ class Case:
     place: str
     what: str
     printed: str
-    found: Callable[[], float]
+    computed: Callable[[], float]
     within: float | None = None
     slow: bool = False
 

@@ -41,16 +41,16 @@ def orbit(model, speed, case="1", **options):
 
 @pytest.mark.parametrize(("model", "speed", "coordinate", "quantity", "value"), EXTREMA)
 def test_extrema_to_their_last_digit(model, speed, coordinate, quantity, value):
-    found = getattr(orbit(model, speed).statistics(coordinate), quantity)
-    assert found == pytest.approx(float(value), rel=0, abs=half_a_digit(value))
+    computed = getattr(orbit(model, speed).statistics(coordinate), quantity)
+    assert computed == pytest.approx(float(value), rel=0, abs=half_a_digit(value))
 
 
 @pytest.mark.parametrize(("model", "case", "speed", "value"), SPECTRAL_RADII)
 def test_spectral_radii(model, case, speed, value):
-    found = orbit(model, speed, case)
-    assert found.spectral_radius == pytest.approx(value, rel=1e-6)
-    assert found.verdict == "asymptotically stable"
-    assert solve.floquet(found.system, speed, rtol=RTOL).spectral_radius == pytest.approx(value, rel=1e-6)
+    computed = orbit(model, speed, case)
+    assert computed.spectral_radius == pytest.approx(value, rel=1e-6)
+    assert computed.verdict == "asymptotically stable"
+    assert solve.floquet(computed.system, speed, rtol=RTOL).spectral_radius == pytest.approx(value, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -64,11 +64,11 @@ def test_error_estimates_meet_the_tolerance(model, speed):
 @pytest.mark.parametrize("speed", ["100 rpm", "600 rpm"])
 def test_the_load_alone_gives_the_mean_of_the_cams_deflections(case, speed):
     """Over a turn the inertia forces of a link that returns cancel: k2 q2 = k3 q3 = -F in the mean."""
-    found = orbit("cam", speed, case)
+    computed = orbit("cam", speed, case)
     for name, stiffness in (("q2", 8.2e8), ("q3", 2.6e8)):
-        scale = found.statistics(name).max_abs
-        assert found.statistics(name).mean == pytest.approx(-100.0 / stiffness, abs=1e-12 * scale + 1e-18)
-        assert found.harmonics(name)[0][0] == pytest.approx(-100.0 / stiffness, abs=1e-12 * scale + 1e-18)
+        scale = computed.statistics(name).max_abs
+        assert computed.statistics(name).mean == pytest.approx(-100.0 / stiffness, abs=1e-12 * scale + 1e-18)
+        assert computed.harmonics(name)[0][0] == pytest.approx(-100.0 / stiffness, abs=1e-12 * scale + 1e-18)
 
 
 def test_runge_kutta_with_9300_steps():
@@ -109,12 +109,12 @@ def test_discretisation_errors_of_the_two_procedures(method, steps, error):
     [("100 rpm", 0.0062, True), ("200 rpm", 0.026, True), ("300 rpm", 0.12, False), ("600 rpm", 0.87, False)],
 )
 def test_cam_warns_where_the_linearisation_is_invalid(speed, largest, trusted):
-    found = orbit("cam", speed)
-    assert found.statistics("q1").max_abs == pytest.approx(largest, rel=0.04)
-    doubts = [text for text in found.warnings if "linearisation" in text]
+    computed = orbit("cam", speed)
+    assert computed.statistics("q1").max_abs == pytest.approx(largest, rel=0.04)
+    doubts = [text for text in computed.warnings if "linearisation" in text]
     assert len(doubts) == (0 if trusted else 1)
     if not trusted:
-        assert f"max|q1| = {found.statistics('q1').max_abs:.3g} rad, beyond 0.05" in doubts[0]
+        assert f"max|q1| = {computed.statistics('q1').max_abs:.3g} rad, beyond 0.05" in doubts[0]
 
 
 def test_coarse_newmark_multipliers_are_wrong_and_flagged():
@@ -130,17 +130,17 @@ def test_coarse_newmark_multipliers_are_wrong_and_flagged():
 
 def test_unverified_orbits_are_not_reported_as_correct():
     """Steps that see nothing of the slow cam's modes, and multipliers without an orbit."""
-    for found in (
+    for computed in (
         solve.periodic(solve.load("cam"), "100 rpm", "newmark", steps=40, rtol=1e-6),
         solve.floquet(solve.load("cam"), "100 rpm", "newmark", steps=1000, rtol=1e-2),
     ):
-        assert any("the multipliers may be wrong; use radau" in text for text in found.warnings)
+        assert any("the multipliers may be wrong; use radau" in text for text in computed.warnings)
 
 
 def test_printed_spectral_radii_contradict_the_printed_inputs():
     """0.001992 and 0.001623 are printed; what the inputs give rounds to 0.001997 and 0.001454."""
-    found = [round(orbit("manipulator", "50 rpm", case).spectral_radius, 6) for case in "12"]
-    assert found == [0.001997, 0.001454]
+    computed = [round(orbit("manipulator", "50 rpm", case).spectral_radius, 6) for case in "12"]
+    assert computed == [0.001997, 0.001454]
 
 
 def test_manipulator_spectral_radius_is_too_sensitive_to_its_inputs():
@@ -173,8 +173,8 @@ def test_constants_of_the_gear_pair():
 
 def test_the_gear_pairs_multipliers_are_liouvilles():
     """A complex pair: |ρ|² = det Φ = exp(-2 ζ ω0 T), whatever the mesh stiffness does."""
-    found = orbit("gear_pair", "1800 rpm")
-    assert found.spectral_radius == pytest.approx(math.exp(-0.024 * gear_pair()[1] / 30), rel=1e-9)
+    computed = orbit("gear_pair", "1800 rpm")
+    assert computed.spectral_radius == pytest.approx(math.exp(-0.024 * gear_pair()[1] / 30), rel=1e-9)
 
 
 @pytest.mark.parametrize(("hertz", "amplitude"), [(840, "1.227935e-2"), (420, "1.555781e-3")])

@@ -33,9 +33,9 @@ def strongest(amplitudes, count):
 
 def test_coupler_midpoint_has_first_and_second_harmonic():
     """Paper § 3; the third order has under 1 % of the first."""
-    found = orders("coupler", "62.8 rad/s", None, "midpoint_deflection")
-    assert strongest(found, 2) == {1, 2}
-    assert found[2:].max() < 0.01 * found[0]
+    computed = orders("coupler", "62.8 rad/s", None, "midpoint_deflection")
+    assert strongest(computed, 2) == {1, 2}
+    assert computed[2:].max() < 0.01 * computed[0]
 
 
 def test_higher_coupler_modes_are_small_compared_with_the_first():
@@ -47,16 +47,16 @@ def test_higher_coupler_modes_are_small_compared_with_the_first():
 @pytest.mark.parametrize("case", ["1", "2"])
 def test_the_slow_cam_moves_with_orders_1_3_and_5(case):
     """Chapter § 4.1, Fig. 4: all of them over 10 % of the largest; with profile 2 the ninth is too."""
-    found = orders("cam", "100 rpm", case, "q3")
-    large = {int(k) + 1 for k in np.flatnonzero(found > 0.1 * found.max())}
+    computed = orders("cam", "100 rpm", case, "q3")
+    large = {int(k) + 1 for k in np.flatnonzero(computed > 0.1 * computed.max())}
     assert large == ({1, 3, 5} if case == "1" else {1, 3, 5, 9})
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
 def test_the_fast_cam_moves_with_tens_of_harmonics(case):
     """Chapter § 4.1, Figs. 5 and 6: over 20 orders beyond 10 % of the largest; at 100 rpm four at most."""
-    found = orders("cam", "600 rpm", case, "q3")
-    assert np.count_nonzero(found > 0.1 * found.max()) > 20
+    computed = orders("cam", "600 rpm", case, "q3")
+    assert np.count_nonzero(computed > 0.1 * computed.max()) > 20
 
 
 @pytest.mark.parametrize("case", ["1", "2"])
@@ -70,8 +70,8 @@ def test_the_profile_matters():
     """Chapter §§ 4.1 and 4.3: by half and more of the smaller peak to peak."""
     for model, speed, name in (("cam", "100 rpm", "q3"), ("manipulator", "50 rpm", "q2")):
         size = [
-            found.max - found.min
-            for found in (orbit(model, speed, case).statistics(name) for case in ("1", "2"))
+            computed.max - computed.min
+            for computed in (orbit(model, speed, case).statistics(name) for case in ("1", "2"))
         ]
         assert size[1] > 1.5 * size[0]
 
@@ -80,10 +80,10 @@ def test_the_profile_matters():
 def test_the_manipulators_orders_are_odd(case):
     """Chapter § 4.3, Figs. 18 and 19: Ω, 3Ω and 5Ω. With profile 2, at the printed numbers, the orders next
     to the natural frequency of q2, sqrt(k2/m2) = 16.4 Ω, are larger than these."""
-    found = orders("manipulator", "50 rpm", case, "q2")
-    assert found[1::2].max() < 1e-3 * found.max()
-    assert found[[0, 2, 4]].min() > 0.1 * found.max()
-    assert strongest(found, 3) == ({1, 3, 5} if case == "1" else {13, 15, 17})
+    computed = orders("manipulator", "50 rpm", case, "q2")
+    assert computed[1::2].max() < 1e-3 * computed.max()
+    assert computed[[0, 2, 4]].min() > 0.1 * computed.max()
+    assert strongest(computed, 3) == ({1, 3, 5} if case == "1" else {13, 15, 17})
 
 
 def lines(case):
@@ -122,9 +122,9 @@ def test_gear_sidebands_are_larger_in_case_2():
 def test_both_procedures_give_the_same_where_both_are_fine_enough(model, speed, steps, within):
     """Paper § 3 with its steps of 1e-4 s, chapter § 4: largest difference of any coordinate over the turn."""
     average = solve.Newmark(gamma=1 / 2, beta=1 / 6 if model == "coupler" else 1 / 4)
-    found = [
+    computed = [
         solve.periodic(solve.load(model), speed, method, steps=steps, rtol=0.5).at(TURN)
         for method in (average, "rk4")
     ]
-    error = np.abs(found[0] - found[1]).max(axis=1) / np.abs(found[1]).max(axis=1)
+    error = np.abs(computed[0] - computed[1]).max(axis=1) / np.abs(computed[1]).max(axis=1)
     assert error.max() < within

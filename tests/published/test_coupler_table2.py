@@ -31,14 +31,14 @@ def paper_orbit(rpm, method):
 
 def test_the_default_case_reproduces_all_of_table_2():
     points = sweep(solve.load("coupler"), SPEEDS)
-    found = 1e3 * np.array([points.figures(name) for name in ("q1", "q2", "q3")]).T
-    np.testing.assert_allclose(found, list(PRINTED_MM.values()), rtol=0, atol=LAST_DIGIT_MM)
+    computed = 1e3 * np.array([points.figures(name) for name in ("q1", "q2", "q3")]).T
+    np.testing.assert_allclose(computed, list(PRINTED_MM.values()), rtol=0, atol=LAST_DIGIT_MM)
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MM)
 def test_newmark_with_linear_acceleration_gives_table_2(rpm):
-    found = maxima_mm(paper_orbit(rpm, LINEAR_ACCELERATION))
-    np.testing.assert_allclose(found, PRINTED_MM[rpm], rtol=0, atol=LAST_DIGIT_MM)
+    computed = maxima_mm(paper_orbit(rpm, LINEAR_ACCELERATION))
+    np.testing.assert_allclose(computed, PRINTED_MM[rpm], rtol=0, atol=LAST_DIGIT_MM)
 
 
 @pytest.mark.parametrize("rpm", PRINTED_MM)
@@ -89,16 +89,16 @@ def test_three_modes_are_enough_and_twenty_are_possible():
 
 
 def test_the_crossed_branch_is_another_mechanism():
-    found = sweep(solve.load("coupler", options={"branch": "crossed"}), SPEEDS).figures("q1")
-    assert (abs(1e3 * found - [row[0] for row in PRINTED_MM.values()]) > 100 * LAST_DIGIT_MM).all()
+    computed = sweep(solve.load("coupler", options={"branch": "crossed"}), SPEEDS).figures("q1")
+    assert (abs(1e3 * computed - [row[0] for row in PRINTED_MM.values()]) > 100 * LAST_DIGIT_MM).all()
 
 
 @pytest.mark.slow
 def test_unstable_bands_without_damping():
     """The band of a combination resonance, below, may be met besides these two."""
     undamped = solve.load("coupler", alpha=0, cx=0, cy=0)
-    found = bands(undamped, [f"{rpm} rpm" for rpm in np.linspace(4000, 6000, 41)])
-    wide = [band for band in found if band.spectral_radius > 1.001]
+    computed = bands(undamped, [f"{rpm} rpm" for rpm in np.linspace(4000, 6000, 41)])
+    wide = [band for band in computed if band.spectral_radius > 1.001]
     assert [band.kind for band in wide] == ["-1", "+1"]
     edges = np.array([wide[0].low, wide[0].high, wide[1].low]) * 30 / np.pi
     np.testing.assert_allclose(edges, [4294.86, 4347.96, 5643.97], rtol=0, atol=0.05)

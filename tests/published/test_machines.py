@@ -121,10 +121,10 @@ def test_ground_resonance_as_coleman_has_it(dampers):
         mean = np.roots([inertia, cz, speed**2 * e * S])
         exponents = np.concatenate([whirls, whirls.conj(), mean])
         expected = np.exp(exponents * 2 * np.pi / speed)
-        found = solve.floquet(model, speed, rtol=1e-10).multipliers
+        computed = solve.floquet(model, speed, rtol=1e-10).multipliers
         for multiplier in expected:
-            assert abs(found - multiplier).min() < 1e-6
-        assert len(found) == len(expected)
+            assert abs(computed - multiplier).min() < 1e-6
+        assert len(computed) == len(expected)
     verdicts = [solve.floquet(model, speed).stable for speed in ("160 rpm", "230 rpm")]
     assert verdicts == [any(dampers), True]
 
@@ -158,8 +158,8 @@ TRAIN |= dict(zip([f"k{i}" for i in range(1, 5)], (12e3, 12e3, 14e3, 10e3), stri
 def test_the_free_drive_train_matches_the_page():
     """Amplitudes (K − 4Ω²J)⁻¹T, and the drift T0/b due to the drag of disc 3."""
     orbit = solve.periodic(solve.load(stated("drive_train"), c=0, b=0, T=10, T0=0, **TRAIN), "1000 rpm")
-    found = [1e3 * orbit.harmonics(name)[0][2] for name in orbit.coordinates]
-    np.testing.assert_allclose(found, [1.3488, 0.4982, 0.3588, 1.0894, 1.3954], atol=5e-5)
+    computed = [1e3 * orbit.harmonics(name)[0][2] for name in orbit.coordinates]
+    np.testing.assert_allclose(computed, [1.3488, 0.4982, 0.3588, 1.0894, 1.3954], atol=5e-5)
     assert orbit.verdict == "stable"
     machine = solve.load(stated("drive_train"), c=1e-5, b=0, T=10, T0=3, **TRAIN)
     assert solve.floquet(machine, "1000 rpm").verdict == "asymptotically stable"

@@ -64,10 +64,10 @@ def named(source, kind):
 
 @pytest.mark.parametrize(("source", "kind"), list(product(SOURCES, KINDS)))
 def test_page_lists_exactly_the_items_of_each_source(source, kind):
-    found, printed = named(source, kind), KINDS[kind][source]
-    assert set(found) == set(printed), set(found) ^ set(printed)
+    computed, printed = named(source, kind), KINDS[kind][source]
+    assert set(computed) == set(printed), set(computed) ^ set(printed)
     if kind != "§":
-        assert len(found) == len(printed)
+        assert len(computed) == len(printed)
 
 
 @pytest.mark.parametrize("source", SOURCES)

@@ -34,8 +34,8 @@ def test_follower_deflection_follows_its_rigid_acceleration(speed, likeness):
     alpha = LINKAGE.motion(TURN, speed).alpha
     for link, number, least, most in (("follower", 2, likeness, 1.0), ("coupler", 1, 0.0, 0.3)):
         for quantity in ("deflection", "stress_plus"):
-            found = np.corrcoef(outputs[f"{link}_midpoint_{quantity}"], alpha[number])[0, 1]
-            assert least < abs(found) < most
+            computed = np.corrcoef(outputs[f"{link}_midpoint_{quantity}"], alpha[number])[0, 1]
+            assert least < abs(computed) < most
 
 
 def test_mass_and_stiffness_are_symmetric_without_rotation():
@@ -57,8 +57,8 @@ def test_mass_and_stiffness_are_symmetric_without_rotation():
 def mean_errors(**options):
     """Numbers of freedoms, and errors of the means of the first four frequencies."""
     model, exact = (solve.load("four_bar", options=each) for each in (options, {"element": "dynamic"}))
-    found, truth = (solve.frequencies(each, turn(each), 4) for each in (model, exact))
-    return found.freedoms, found.mean / truth.mean - 1
+    computed, truth = (solve.frequencies(each, turn(each), 4) for each in (model, exact))
+    return computed.freedoms, computed.mean / truth.mean - 1
 
 
 @pytest.mark.parametrize(

@@ -32,9 +32,9 @@ def peak(quantity, L4, speed, elements=3):
     """Largest stress of both surfaces over a turn in MPa, and the crank angle (degrees) where it occurs."""
     model = solve.load("four_bar", options={"elements": elements}, L4=L4)
     orbit = solve.periodic(model, speed, rtol=1e-5)
-    found = max((orbit.statistics(part) for part in model.parts(quantity)), key=lambda each: each.max_abs)
-    at = found.max_phase if found.max >= -found.min else found.min_phase
-    return found.max_abs / 1e6, math.degrees(at)
+    computed = max((orbit.statistics(part) for part in model.parts(quantity)), key=lambda each: each.max_abs)
+    at = computed.max_phase if computed.max >= -computed.min else computed.min_phase
+    return computed.max_abs / 1e6, math.degrees(at)
 
 
 @pytest.mark.slow

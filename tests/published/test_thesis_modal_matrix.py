@@ -34,10 +34,10 @@ def errors(model, Phi, coupled):
     modal = solve.periodic(solve.PeriodicSystem(matrices, names), SPEED, rtol=1e-7)
     whole = solve.periodic(model, SPEED, rtol=1e-7)
     still = np.zeros((model.n, len(PHASE)))
-    found, truth = (
+    computed, truth = (
         model.output_values(PHASE, SPEED, q, still, still) for q in (Phi @ modal.at(PHASE), whole.at(PHASE))
     )
-    return [np.abs(found[name] - truth[name]).max() / np.abs(truth[name]).max() for name in OUTPUTS]
+    return [np.abs(computed[name] - truth[name]).max() / np.abs(truth[name]).max() for name in OUTPUTS]
 
 
 @pytest.mark.parametrize("position", [0.0, 2.0, 4.0])

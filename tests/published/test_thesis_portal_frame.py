@@ -45,9 +45,9 @@ def test_the_case_fixes_the_tables_one_parameter():
 
 def test_exact_column(exact):
     entries = printed(EXACT)
-    for k, (found, entry) in enumerate(zip(exact, entries, strict=True), start=1):
+    for k, (computed, entry) in enumerate(zip(exact, entries, strict=True), start=1):
         if k not in WRONG:
-            assert found == pytest.approx(entry, rel=2e-6), f"entry {k}"
+            assert computed == pytest.approx(entry, rel=2e-6), f"entry {k}"
 
 
 def test_entry_4_is_the_frequency_of_a_clamped_bar(exact):
@@ -86,8 +86,8 @@ QUINTIC_ERRORS = "0.000 0.055 0.277 0.481 0.954 1.980 2.386 59.000 96.616"
 def test_table_5_1_b(exact, elements):
     """To 2.5e-3 %, and to a unit where it prints two decimals, which are cut off."""
     entries = printed(ERRORS[elements])
-    found = 100 * (frequencies(len(entries), elements=elements) / exact[: len(entries)] - 1)
-    for k, (ours, entry, text) in enumerate(zip(found, entries, ERRORS[elements].split(), strict=True), 1):
+    computed = 100 * (frequencies(len(entries), elements=elements) / exact[: len(entries)] - 1)
+    for k, (ours, entry, text) in enumerate(zip(computed, entries, ERRORS[elements].split(), strict=True), 1):
         if k == 4:
             assert ours == pytest.approx(TRUE_FOURTH[elements], abs=1e-3)
             assert abs(ours - entry) > 0.13
@@ -98,8 +98,8 @@ def test_table_5_1_b(exact, elements):
 def test_the_quintic_column_of_table_5_1_b(exact):
     """Its row 4 against the first frequency of a clamped bar, as that of the other columns."""
     clamped = brentq(lambda x: np.cos(x) * np.cosh(x) - 1, 4.5, 5.0, xtol=1e-14) ** 2 * 17.6632297
-    found = 100 * (frequencies(9, element="internal") / exact[:9] - 1)
-    for k, (ours, entry) in enumerate(zip(found, printed(QUINTIC_ERRORS), strict=True), 1):
+    computed = 100 * (frequencies(9, element="internal") / exact[:9] - 1)
+    for k, (ours, entry) in enumerate(zip(computed, printed(QUINTIC_ERRORS), strict=True), 1):
         if k == 4:
             assert ours == pytest.approx(100 * (396.538 / clamped - 1), abs=1e-3)
             assert round(ours, 2) == 0.34

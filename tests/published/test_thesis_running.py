@@ -32,8 +32,8 @@ def orbit():
 
 def left_out(orbit, output, count):
     """Largest difference over the turn of what the lowest modes give, beside the largest of all modes."""
-    found = orbit.system.modal_contributions(orbit, output, count=count)
-    return np.abs(found.values.sum(axis=0) - found.total).max() / np.abs(found.total).max()
+    computed = orbit.system.modal_contributions(orbit, output, count=count)
+    return np.abs(computed.values.sum(axis=0) - computed.total).max() / np.abs(computed.total).max()
 
 
 def test_four_modes_rebuild_the_motion(orbit):

@@ -30,7 +30,7 @@ def test_every_flag_of_every_command_has_values():
 
 
 @pytest.mark.parametrize(
-    ("ended", "says"),
+    ("ended", "expected"),
     [
         (Ended(70, "solve: a fault"), "status 70: solve: a fault"),
         (Ended(-11, ""), "status -11"),
@@ -43,9 +43,9 @@ def test_every_flag_of_every_command_has_values():
         (Ended(0, "solve: 10 s so far: 3 of 4 points\ncam: I0 moves nothing\nwrote cam.py\n"), ""),
     ],
 )
-def test_faults_are_classified(ended, says):
-    assert complaint(ended).startswith(says)
-    assert bool(complaint(ended)) == bool(says)
+def test_faults_are_classified(ended, expected):
+    assert complaint(ended).startswith(expected)
+    assert bool(complaint(ended)) == bool(expected)
 
 
 @pytest.mark.slow

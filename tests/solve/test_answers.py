@@ -40,9 +40,9 @@ def test_user_system_has_no_case_parameters_or_links(own):
 def test_frequencies_and_entries_of_a_user_system(own):
     np.testing.assert_allclose(solve.frequencies(own, [0.0, 1.0], 1).values, 2.0, rtol=1e-14)
     phase = np.array([0.0, 0.5])
-    found = own.entries_over(phase, np.array([3.0, 20.0]))
-    np.testing.assert_array_equal(found[0], own.entries(phase, 3.0))
-    assert np.isnan(found[1]).all()
+    computed = own.entries_over(phase, np.array([3.0, 20.0]))
+    np.testing.assert_array_equal(computed[0], own.entries(phase, 3.0))
+    assert np.isnan(computed[1]).all()
 
 
 def test_user_system_varies_in_speed_only(own):

@@ -105,8 +105,8 @@ def test_error_estimate_covers_growth_within_a_turn(detuned, damping):
     finest = periodic(given, 1.0, "radau", steps=1024)
     assert np.abs(finest.at(phase)).max() > 1e5
     for engine in ("numpy", "auto"):
-        for asked in ({"rtol": 1e-6}, {"steps": 384}, {"steps": 512}):
-            orbit = periodic(given, 1.0, engine=engine, **asked)
+        for requested in ({"rtol": 1e-6}, {"steps": 384}, {"steps": 512}):
+            orbit = periodic(given, 1.0, engine=engine, **requested)
             error = relative_error(orbit.at(phase), finest.at(phase))
             assert error <= 10 * (orbit.error_estimate.orbit + finest.error_estimate.orbit)
             assert orbit.error_estimate.orbit < 1e-6
@@ -308,38 +308,38 @@ def in_units(request):
 @pytest.mark.parametrize("method", ["radau", "gauss"])
 def test_units_of_equations_and_coordinates_cost_no_digit(in_units, method, engine):
     given, other, columns = in_units
-    found, again = (periodic(each, 1.0, method, rtol=1e-11, engine=engine) for each in (given, other))
+    computed, again = (periodic(each, 1.0, method, rtol=1e-11, engine=engine) for each in (given, other))
     phase = np.linspace(0.0, 2 * np.pi, 50)
-    truth, q = found.at(phase), columns[:, None] * again.at(phase)
+    truth, q = computed.at(phase), columns[:, None] * again.at(phase)
     assert (np.abs(q - truth).max(axis=1) <= 1e-13 * np.abs(truth).max(axis=1)).all()
     np.testing.assert_allclose(
-        again.multipliers, found.multipliers, rtol=0, atol=2e-14 * found.spectral_radius
+        again.multipliers, computed.multipliers, rtol=0, atol=2e-14 * computed.spectral_radius
     )
-    assert again.steps == found.steps
+    assert again.steps == computed.steps
 
 
 @pytest.mark.parametrize("method", ["fourier", "hill"])
 def test_units_cost_no_digit_of_balanced_harmonics(in_units, method):
     given, other, columns = in_units
-    found, again = (periodic(each, 1.0, method, steps=21) for each in (given, other))
+    computed, again = (periodic(each, 1.0, method, steps=21) for each in (given, other))
     phase = np.linspace(0.0, 2 * np.pi, 50)
-    truth, q = found.at(phase), columns[:, None] * again.at(phase)
+    truth, q = computed.at(phase), columns[:, None] * again.at(phase)
     assert (np.abs(q - truth).max(axis=1) <= 1e-13 * np.abs(truth).max(axis=1)).all()
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 def test_units_cost_no_digit_of_small_multipliers(in_units, engine):
-    found, again = (
+    computed, again = (
         floquet(unit, 1.0, rtol=1e-10, engine=engine, all_multipliers=True) for unit in in_units[:2]
     )
-    np.testing.assert_allclose(again.multipliers, found.multipliers, rtol=1e-13)
+    np.testing.assert_allclose(again.multipliers, computed.multipliers, rtol=1e-13)
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 def test_units_cost_no_digit_of_many_points(in_units, engine):
     given, other, columns = in_units
     speeds = np.linspace(0.8, 1.2, 9)
-    found, again = (sweep(each, speeds, "radau", rtol=1e-11, engine=engine) for each in (given, other))
-    np.testing.assert_allclose(again.spectral_radius, found.spectral_radius, rtol=1e-13)
+    computed, again = (sweep(each, speeds, "radau", rtol=1e-11, engine=engine) for each in (given, other))
+    np.testing.assert_allclose(again.spectral_radius, computed.spectral_radius, rtol=1e-13)
     for name, column in zip(given.coordinates, columns, strict=True):
-        np.testing.assert_allclose(column * again.figures(name), found.figures(name), rtol=1e-12)
+        np.testing.assert_allclose(column * again.figures(name), computed.figures(name), rtol=1e-12)

@@ -55,9 +55,9 @@ def test_orbit_is_the_frequency_response(seed, n, speed, method):
     waves = np.exp(1j * np.outer(np.arange(len(D)), PHASES))
     orbit = periodic(constant(M, C, K, force), speed, method, rtol=1e-12)
     orders = 1j * speed * np.arange(len(D))
-    for found, power in zip(orbit.state(PHASES), range(3), strict=True):
+    for computed, power in zip(orbit.state(PHASES), range(3), strict=True):
         truth = np.real((response * orders[:, None] ** power).T @ waves)
-        np.testing.assert_allclose(found, truth, rtol=0, atol=3e-9 * np.abs(truth).max())
+        np.testing.assert_allclose(computed, truth, rtol=0, atol=3e-9 * np.abs(truth).max())
     np.testing.assert_allclose(
         orbit.at(PHASES), np.real(response.T @ waves), rtol=0, atol=1e-10 * np.abs(response).sum()
     )

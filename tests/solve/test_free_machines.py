@@ -57,8 +57,8 @@ def test_all_methods_solve_the_same_machine(C, method, rtol):
 def test_approximate_methods_match_a_free_machine():
     """`modal` uncouples constant matrices exactly, except for its curve; the other is exact."""
     for method, error in (("modal", 1e-3), ("bahgat-willmert", 1e-12)):
-        found = orders(solve.periodic(train(), SPEED, method))
-        np.testing.assert_allclose(found, amplitudes(SPEED), rtol=error)
+        computed = orders(solve.periodic(train(), SPEED, method))
+        np.testing.assert_allclose(computed, amplitudes(SPEED), rtol=error)
 
 
 def _two_chains():
@@ -102,25 +102,25 @@ def test_modal_multipliers_of_free_constant_machines_are_exact(M, stiffness, spe
 def test_the_verdict_excludes_rigid_body_modes(C, verdict):
     for solved in (solve.floquet, solve.periodic):
         # The product of all multipliers, the fast ones among them, needs more than the default accuracy.
-        found = solved(train(C), SPEED, rtol=1e-12)
-        assert found.verdict == verdict
+        computed = solved(train(C), SPEED, rtol=1e-12)
+        assert computed.verdict == verdict
         count = 1 if C is DRAG else 2
-        ones = found.multipliers == 1.0
+        ones = computed.multipliers == 1.0
         assert ones.sum() == count
-        assert (found.exponents[ones] == 0).all()
-        assert (np.diff(np.abs(found.multipliers)) <= 1e-12 * np.abs(found.multipliers[:-1])).all()
+        assert (computed.exponents[ones] == 0).all()
+        assert (np.diff(np.abs(computed.multipliers)) <= 1e-12 * np.abs(computed.multipliers[:-1])).all()
         exact = exact_multipliers(C, SPEED)
         others = np.delete(exact, np.argsort(np.abs(exact - 1))[:count])
-        np.testing.assert_allclose(found.spectral_radius, np.abs(others[0]), rtol=1e-7)
+        np.testing.assert_allclose(computed.spectral_radius, np.abs(others[0]), rtol=1e-7)
         np.testing.assert_allclose(
-            np.sort(np.abs(found.multipliers[~ones])), np.sort(np.abs(others)), rtol=1e-3, atol=1e-13
+            np.sort(np.abs(computed.multipliers[~ones])), np.sort(np.abs(others)), rtol=1e-3, atol=1e-13
         )
-        assert abs(found.liouville) < 1e-4
-        (mode,) = found.rigid_body_modes
+        assert abs(computed.liouville) < 1e-4
+        (mode,) = computed.rigid_body_modes
         assert (mode.vector, mode.damped) == ((1.0,) * 5, C is DRAG)
         assert mode.error < 1e-15
-        assert any("rigid-body mode q1 : q2" in note for note in found.notes)
-        record = found.record()["rigid_body_modes"]
+        assert any("rigid-body mode q1 : q2" in note for note in computed.notes)
+        record = computed.record()["rigid_body_modes"]
         assert record[0].keys() == {"vector", "damped", "error", "drift"}
 
 
@@ -293,8 +293,8 @@ def test_all_commands_agree(command):
     if command == "periodic":
         assert orders(solve.periodic(machine, SPEED)) == pytest.approx(truth, rel=1e-8)
     elif command == "sweep":
-        found = solve.sweep(machine, [SPEED], over={"T": [10.0, 20.0]}, spectra=["q5"], harmonics=2)
-        assert found.spectrum("q5")[:, 2] == pytest.approx(np.array([1, 2]) * truth[4], rel=1e-8)
+        computed = solve.sweep(machine, [SPEED], over={"T": [10.0, 20.0]}, spectra=["q5"], harmonics=2)
+        assert computed.spectrum("q5")[:, 2] == pytest.approx(np.array([1, 2]) * truth[4], rel=1e-8)
     elif command == "chart":
         for of, value in (("q5.harmonic2", truth[4]), ("rho1.abs", 1.0)):
             chart = solve.chart(machine, {"speed": [SPEED, 1.1 * SPEED]}, {"c": [1e-4, 2e-4]}, of=of)
@@ -304,26 +304,28 @@ def test_all_commands_agree(command):
         assert chart.spectral_radius[0, 0] == pytest.approx(exact, rel=1e-8)
         assert set(chart.verdicts.ravel()) == {"asymptotically stable"}
     elif command == "compare":
-        found = solve.compare(machine, SPEED, ["gauss", "fourier"], targets=[1e-6])
-        assert orders(found.reference) == pytest.approx(truth, rel=1e-8)
-        assert all(row.orbit_error <= 1e-6 for row in found.rows if row.target)
+        computed = solve.compare(machine, SPEED, ["gauss", "fourier"], targets=[1e-6])
+        assert orders(computed.reference) == pytest.approx(truth, rel=1e-8)
+        assert all(row.orbit_error <= 1e-6 for row in computed.rows if row.target)
     elif command == "critical":
-        found = solve.critical_speeds(machine, np.linspace(2000, 3000, 21) * np.pi / 30, figure="rms")
-        (row,) = (row for row in found.rows if row.response)
+        computed = solve.critical_speeds(machine, np.linspace(2000, 3000, 21) * np.pi / 30, figure="rms")
+        (row,) = (row for row in computed.rows if row.response)
         assert (row.mode, row.order) == (2, 2)
         around = row.response.speed * (1 + 1e-3 * np.array([-1, 0, 1]))
         below, top, above = (amplitudes(speed, SHAFTS)[0] for speed in around)
         assert top > max(below, above)
         assert row.response.height == pytest.approx(top / np.sqrt(2), rel=1e-6)
     elif command == "sensitivity":
-        found = solve.sensitivities(machine, SPEED, of=["q5.harmonic2", "shaft.max_abs"], by=["T", "J1"])
-        assert found.elasticities("q5.harmonic2")["T"] == pytest.approx(1.0, rel=1e-8)
+        computed = solve.sensitivities(machine, SPEED, of=["q5.harmonic2", "shaft.max_abs"], by=["T", "J1"])
+        assert computed.elasticities("q5.harmonic2")["T"] == pytest.approx(1.0, rel=1e-8)
         changed = [amplitudes(SPEED, SHAFTS, J + np.diag([h, 0, 0, 0, 0]))[4] for h in (-1e-8, 1e-8)]
         slope = (changed[1] - changed[0]) / 2e-8
-        assert found.elasticities("q5.harmonic2")["J1"] == pytest.approx(slope * 3.5e-3 / truth[4], rel=1e-6)
+        assert computed.elasticities("q5.harmonic2")["J1"] == pytest.approx(
+            slope * 3.5e-3 / truth[4], rel=1e-6
+        )
     else:
-        found = solve.validity(machine, [SPEED])
-        assert np.isfinite(found.sweep.figures("q5")).all() if hasattr(found, "sweep") else True
+        computed = solve.validity(machine, [SPEED])
+        assert np.isfinite(computed.sweep.figures("q5")).all() if hasattr(computed, "sweep") else True
 
 
 def test_rigid_body_modes_come_first_on_the_unit_circle():

@@ -278,17 +278,17 @@ def test_a_file_that_is_not_generated_code(folder, text):
 @pytest.mark.parametrize("where", ["first", "above the seal", "second seal", "last"])
 def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where):
     text, planted = ready.generated.read_text(encoding="utf-8"), f"open({str(tmp_path / 'ran')!r}, 'w')\n"
-    seal = next(line for line in text.splitlines(keepends=True) if line.startswith("FILE_SHA256"))
+    checksum = next(line for line in text.splitlines(keepends=True) if line.startswith("FILE_SHA256"))
     changed = {
         "first": planted + text,
-        "above the seal": text.replace(seal, planted + seal),
-        "second seal": text.replace(seal, seal + planted + seal),
+        "above the seal": text.replace(checksum, planted + checksum),
+        "second seal": text.replace(checksum, checksum + planted + checksum),
         "last": text + planted,
     }[where]
     ready.generate(text=changed)
     with pytest.raises(ModelFileError, match=r"was edited|no hash"):
         ready.load()
-    ready.generate(text=changed.replace(seal, ""))
+    ready.generate(text=changed.replace(checksum, ""))
     with pytest.raises(ModelFileError, match="no hash"):
         ready.load()
     assert not (tmp_path / "ran").exists()
@@ -336,17 +336,17 @@ def test_matrices_that_no_kinetic_energy_with_that_period_has(ready, matrix, mes
 
 
 @pytest.mark.parametrize(
-    ("bound", "found"),
+    ("bound", "computed"),
     [
         ("> -1, < 0.25", ["x: force reaches 1.", "bound < 0.25"]),
         (">= 0.9, < 9", ["x: force reaches 0.8", "bound >= 0.9"]),
     ],
 )
-def test_two_sided_limit_warns_of_the_violated_side(ready, bound, found):
+def test_two_sided_limit_warns_of_the_violated_side(ready, bound, computed):
     ready.generate(body=lambda body: body.replace('"<= 1.2", "the spring yields"', f'"{bound}", "x"'))
     warned = [text for text in solve.periodic(ready.load(), 0.1).warnings if text.startswith("x")]
     assert len(warned) == 1
-    assert all(part in warned[0] for part in found)
+    assert all(part in warned[0] for part in computed)
 
 
 def test_renewed_code_is_read_anew(ready):

@@ -131,11 +131,11 @@ def test_outputs_follow_from_phase_and_state(with_force):
         3 * with_force.q[0] - 0.5 * with_force.qd[1] + np.cos(with_force.phase) + 1.7 * with_force.qdd[2]
     )
     np.testing.assert_allclose(with_force.outputs["force"], expected, rtol=1e-13)
-    found, dense = (
+    computed, dense = (
         with_force.statistics("force"),
         with_force.signal("force")(np.linspace(0, 2 * np.pi, 100_001)),
     )
-    assert (found.max, found.min) == pytest.approx((dense.max(), dense.min()), rel=1e-7)
+    assert (computed.max, computed.min) == pytest.approx((dense.max(), dense.min()), rel=1e-7)
     assert with_force.harmonics("force", 3)[0][0] == pytest.approx(dense[:-1].mean(), rel=1e-9)
 
 
@@ -178,5 +178,5 @@ def test_output_that_grows_every_turn_gives_a_warning(angle, warned):
         return one, 0.4 * one, 4.0 * one, np.cos(phase)[:, None]
 
     orbit = periodic(Shaft(matrices, ["q"]), 3.0)
-    said = "swing is not periodic: it changes by 6.28 per period"
-    assert any(text.startswith(said) for text in orbit.warnings) == warned
+    message = "swing is not periodic: it changes by 6.28 per period"
+    assert any(text.startswith(message) for text in orbit.warnings) == warned

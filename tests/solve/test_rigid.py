@@ -92,8 +92,8 @@ def test_the_torque_of_a_four_bar():
         first = angle @ [1, -8, 0, 8, -1] / (12 * h)
         second = angle @ [-1, 16, -30, 16, -1] / (12 * h**2)
         torque = (FOUR_BAR["J"] * OMEGA**2 * second + FOUR_BAR["c4"] * OMEGA * first) * first
-        found = orbit.signal("angle")(np.array([phase]))[0]
-        assert np.exp(1j * found) == pytest.approx(np.exp(1j * angle[2]), rel=1e-12)
+        computed = orbit.signal("angle")(np.array([phase]))[0]
+        assert np.exp(1j * computed) == pytest.approx(np.exp(1j * angle[2]), rel=1e-12)
         assert orbit.signal("drive_torque")(np.array([phase]))[0] == pytest.approx(torque, rel=1e-8)
 
 

@@ -17,13 +17,13 @@ periods = st.floats(0.5, 10.0)
 @given(st.floats(-5.0, 5.0), amplitudes, angles, orders, periods)
 def test_statistics_of_a_cosine(mean, amplitude, angle, order, period):
     omega = 2 * np.pi * order / period
-    found = statistics(lambda phase: mean + amplitude * np.cos(omega * phase + angle), period)
+    computed = statistics(lambda phase: mean + amplitude * np.cos(omega * phase + angle), period)
     size = abs(mean) + amplitude
-    assert found.max == pytest.approx(mean + amplitude, abs=1e-13 * size)
-    assert found.min == pytest.approx(mean - amplitude, abs=1e-13 * size)
-    assert found.max_abs == pytest.approx(size, rel=1e-13)
-    assert found.mean == pytest.approx(mean, abs=1e-13 * size)
-    for phase, extreme in ((found.max_phase, 1.0), (found.min_phase, -1.0)):
+    assert computed.max == pytest.approx(mean + amplitude, abs=1e-13 * size)
+    assert computed.min == pytest.approx(mean - amplitude, abs=1e-13 * size)
+    assert computed.max_abs == pytest.approx(size, rel=1e-13)
+    assert computed.mean == pytest.approx(mean, abs=1e-13 * size)
+    for phase, extreme in ((computed.max_phase, 1.0), (computed.min_phase, -1.0)):
         assert 0.0 <= phase < period
         assert np.cos(omega * phase + angle) == pytest.approx(extreme, abs=1e-12)
 
@@ -37,13 +37,13 @@ def test_harmonics_of_a_sum_of_cosines(parts, mean, period):
             a * np.cos(k * phases * phase + angle) for k, (a, angle) in enumerate(parts, start=1)
         )
 
-    found, turned = harmonics(signal, period, 15)
-    assert found.shape == turned.shape == (16,)
-    assert found[0] == pytest.approx(mean, abs=1e-12)
+    computed, turned = harmonics(signal, period, 15)
+    assert computed.shape == turned.shape == (16,)
+    assert computed[0] == pytest.approx(mean, abs=1e-12)
     assert turned[0] == 0.0
-    np.testing.assert_allclose(found[1 : len(parts) + 1], [a for a, _ in parts], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(computed[1 : len(parts) + 1], [a for a, _ in parts], rtol=0, atol=1e-12)
     np.testing.assert_allclose(turned[1 : len(parts) + 1], [angle for _, angle in parts], rtol=0, atol=1e-10)
-    np.testing.assert_allclose(found[len(parts) + 1 :], 0.0, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(computed[len(parts) + 1 :], 0.0, rtol=0, atol=1e-12)
 
 
 def test_a_negative_mean_keeps_its_sign():
@@ -58,11 +58,11 @@ def test_a_negative_mean_keeps_its_sign():
 
 @given(st.integers(0, 3000))
 def test_any_number_of_harmonics_is_given_even_beyond_the_samples(count):
-    found, _ = harmonics(lambda phase: np.cos(7 * phase), 2 * np.pi, count)
-    assert len(found) == count + 1
+    computed, _ = harmonics(lambda phase: np.cos(7 * phase), 2 * np.pi, count)
+    assert len(computed) == count + 1
     if count >= 7:
-        assert found[7] == pytest.approx(1.0, abs=1e-12)
-    assert found.sum() == pytest.approx(float(count >= 7), abs=1e-9)
+        assert computed[7] == pytest.approx(1.0, abs=1e-12)
+    assert computed.sum() == pytest.approx(float(count >= 7), abs=1e-9)
 
 
 @pytest.mark.parametrize("count", [-1, 2.5, "60", None])
@@ -79,17 +79,17 @@ def test_extremum_between_samples_matches_the_curve():
         distance = np.mod(phase - centre + np.pi, 2 * np.pi) - np.pi
         return 1.0 / (1.0 + (distance / width) ** 2)
 
-    found = statistics(peak, 2 * np.pi, samples=2048)
-    assert found.max == pytest.approx(1.0, abs=1e-12)
-    assert found.max_phase == pytest.approx(centre, abs=1e-8)
+    computed = statistics(peak, 2 * np.pi, samples=2048)
+    assert computed.max == pytest.approx(1.0, abs=1e-12)
+    assert computed.max_phase == pytest.approx(centre, abs=1e-8)
 
 
 def test_an_extremum_at_the_end_of_the_turn():
-    found = statistics(lambda phase: np.cos(phase + 1e-4), 2 * np.pi)
-    assert found.max == pytest.approx(1.0, abs=1e-14)
-    assert found.max_phase == pytest.approx(2 * np.pi - 1e-4, abs=1e-7)
+    computed = statistics(lambda phase: np.cos(phase + 1e-4), 2 * np.pi)
+    assert computed.max == pytest.approx(1.0, abs=1e-14)
+    assert computed.max_phase == pytest.approx(2 * np.pi - 1e-4, abs=1e-7)
 
 
 def test_a_constant_has_its_value_everywhere():
-    found = statistics(lambda phase: np.full_like(phase, -2.0), 1.0)
-    assert (found.max, found.min, found.max_abs, found.mean) == (-2.0, -2.0, 2.0, -2.0)
+    computed = statistics(lambda phase: np.full_like(phase, -2.0), 1.0)
+    assert (computed.max, computed.min, computed.max_abs, computed.mean) == (-2.0, -2.0, 2.0, -2.0)

@@ -40,8 +40,8 @@ def test_samples_of_enough_phases_are_the_system_itself(seed, n, count, period):
     scale = 2 * np.pi / period
     nodes = np.arange(count) * (period / count)
     samples = matrices(scale * nodes, 1.0)
-    found = PeriodicSystem.from_samples(*samples, [f"q{i}" for i in range(n)], period).at(PHASES, 1.0)
-    for ours, truth in zip(found, matrices(scale * PHASES, 1.0), strict=True):
+    computed = PeriodicSystem.from_samples(*samples, [f"q{i}" for i in range(n)], period).at(PHASES, 1.0)
+    for ours, truth in zip(computed, matrices(scale * PHASES, 1.0), strict=True):
         np.testing.assert_allclose(ours, truth, rtol=0, atol=1e-12 * np.abs(truth).max())
 
 
@@ -49,16 +49,18 @@ def test_samples_of_enough_phases_are_the_system_itself(seed, n, count, period):
 def test_samples_are_met_where_they_were_taken(count):
     rng = np.random.default_rng(count)
     samples = [rng.standard_normal((count, 2, 2)) for _ in range(3)] + [rng.standard_normal((count, 2))]
-    found = PeriodicSystem.from_samples(*samples, ["a", "b"]).at(np.arange(count) * (2 * np.pi / count), 1.0)
-    for ours, given_samples in zip(found, samples, strict=True):
+    computed = PeriodicSystem.from_samples(*samples, ["a", "b"]).at(
+        np.arange(count) * (2 * np.pi / count), 1.0
+    )
+    for ours, given_samples in zip(computed, samples, strict=True):
         np.testing.assert_allclose(ours, given_samples, rtol=0, atol=1e-14)
 
 
 def test_at_an_even_count_the_highest_order_is_a_cosine():
     ones = np.ones((4, 1, 1))
     K = square([1.0, -1.0, 1.0, -1.0]) + 3
-    found = PeriodicSystem.from_samples(ones, ones, K, np.ones((4, 1)), ["q"]).at(PHASES, 1.0)[2]
-    np.testing.assert_allclose(found[:, 0, 0], 3.0 + np.cos(2 * PHASES), rtol=0, atol=1e-13)
+    computed = PeriodicSystem.from_samples(ones, ones, K, np.ones((4, 1)), ["q"]).at(PHASES, 1.0)[2]
+    np.testing.assert_allclose(computed[:, 0, 0], 3.0 + np.cos(2 * PHASES), rtol=0, atol=1e-13)
 
 
 def test_orbit_from_samples_matches_the_function():

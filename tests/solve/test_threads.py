@@ -48,15 +48,15 @@ def test_large_systems_use_all_threads():
     "study", [lambda it: solve.periodic(it, 1.0), lambda it: solve.sweep(it, [1.0, 1.1])]
 )
 def test_solves_use_one_thread_and_restore_the_others(study):
-    found = set()
+    computed = set()
 
     def matrices(phase, speed):
-        found.update(threads())
+        computed.update(threads())
         one = np.ones((len(phase), 1, 1))
         return one, 0.1 * one, 2.0 * one, np.cos(phase)[:, None]
 
     study(systems.system(matrices, 1))
-    assert 1 in found
+    assert 1 in computed
     assert threads() == {2}
 
 

@@ -48,10 +48,10 @@ def test_verdicts_of_constant_coefficients(method, M, C, K, verdict):
     assert stability.verdict == verdict or known_too_badly(stability)
 
 
-def known_too_badly(found):
+def known_too_badly(computed):
     """Whether a series, whose multiple exponents rounding tears apart, leaves the verdict open."""
-    error = found.error_estimate.multipliers * found.spectral_radius
-    return found.method in {"fourier", "hill"} and found.verdict == "undetermined" and error > 1e-6
+    error = computed.error_estimate.multipliers * computed.spectral_radius
+    return computed.method in {"fourier", "hill"} and computed.verdict == "undetermined" and error > 1e-6
 
 
 @pytest.mark.parametrize(("method", "steps"), [("radau", 2), ("rk4", 16), ("newmark", 24)])
@@ -183,12 +183,12 @@ def test_rigid_body_mode_with_a_stiff_mode_is_excluded():
 
 
 def test_multipliers_fall_in_modulus_the_positive_imaginary_part_first():
-    found = floquet(free(np.eye(3), np.diag([0.3, 0.1, 0.9]), np.diag([2.0, 3.0, 0.01])), 1.0).multipliers
-    assert (np.diff(np.abs(found)) <= 1e-12).all()
-    complex_ones = np.flatnonzero(np.abs(found.imag) > 1e-9)
+    computed = floquet(free(np.eye(3), np.diag([0.3, 0.1, 0.9]), np.diag([2.0, 3.0, 0.01])), 1.0).multipliers
+    assert (np.diff(np.abs(computed)) <= 1e-12).all()
+    complex_ones = np.flatnonzero(np.abs(computed.imag) > 1e-9)
     assert len(complex_ones) == 4
-    assert (found.imag[complex_ones[::2]] > 0).all()
-    np.testing.assert_array_equal(found[complex_ones[::2]].conj(), found[complex_ones[1::2]])
+    assert (computed.imag[complex_ones[::2]] > 0).all()
+    np.testing.assert_array_equal(computed[complex_ones[::2]].conj(), computed[complex_ones[1::2]])
 
 
 @pytest.mark.parametrize("speed", [1e5, 1e6])

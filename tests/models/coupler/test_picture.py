@@ -22,8 +22,8 @@ def solved(speed="600 rpm", options=None, **parameters):
 
 
 def line(axes, label) -> np.ndarray:
-    (found,) = (each for each in axes.lines if each.get_label() == label)
-    x, y = found.get_data()
+    (computed,) = (each for each in axes.lines if each.get_label() == label)
+    x, y = computed.get_data()
     return np.asarray(x) + 1j * np.asarray(y)
 
 

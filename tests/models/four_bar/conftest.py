@@ -27,8 +27,8 @@ def refusal(capsys):
         written = capsys.readouterr()
         assert written.out == ""
         (line,) = (line for line in written.err.splitlines() if " so far" not in line)
-        program, said = line.split(": ", 1)
+        program, message = line.split(": ", 1)
         assert program == "python -m models.four_bar"
-        return said
+        return message
 
     return ask

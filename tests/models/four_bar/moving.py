@@ -81,15 +81,15 @@ class Moving:
 
     def stress(self, times, q, link, fraction):
         """Largest |stress| on both surfaces of link 0, 1, 2 at a fraction of its length, at each time."""
-        p, L, found = self.p, self.lengths[link], []
+        p, L, computed = self.p, self.lengths[link], []
         B = np.array([-6 + 12 * fraction, (6 * fraction - 4) * L, 6 - 12 * fraction, (6 * fraction - 2) * L])
         for t, values in zip(times, q.T, strict=True):
             whole = np.concatenate((values, np.zeros(5)))
             local = turned(self.places(t)[3][link]) @ whole[list(MAP[link])]
             axial = (local[3] - local[0]) / L
             bending = p[f"h{link + 1}"] / 2 * (B @ local[[1, 2, 4, 5]]) / L**2
-            found.append(p["E"] * (abs(axial) + abs(bending)))
-        return np.array(found)
+            computed.append(p["E"] * (abs(axial) + abs(bending)))
+        return np.array(computed)
 
 
 def element(L, mu, EA, EI):

@@ -72,8 +72,8 @@ def test_there_are_fourteen_classes_and_each_has_an_example():
 
 @pytest.mark.parametrize("symbol", EXAMPLES)
 def test_example(symbol):
-    found = classify(Linkage(*EXAMPLES[symbol]))
-    assert found.symbol == symbol
+    computed = classify(Linkage(*EXAMPLES[symbol]))
+    assert computed.symbol == symbol
     assert table_symbol(EXAMPLES[symbol]) == symbol
     assert satisfies_grashof(Linkage(*EXAMPLES[symbol])) == (not symbol.startswith("R"))
 

@@ -22,10 +22,10 @@ TABLE_41 = {
 
 
 def test_table_41_is_the_default():
-    found = case_numbers("four_bar")
-    assert found.name == "table41"
-    assert found.speed is None
-    assert found.parameters == pytest.approx(TABLE_41, rel=1e-14)
+    computed = case_numbers("four_bar")
+    assert computed.name == "table41"
+    assert computed.speed is None
+    assert computed.parameters == pytest.approx(TABLE_41, rel=1e-14)
 
 
 def test_table_32_has_sections_of_its_widths_and_thicknesses():

@@ -50,9 +50,9 @@ def test_json(answer):
     gamma = record["transmission_angle"]
     # Thesis (3.10) at the lengths of Table 3.2.
     square = 0.328**2 + 0.525**2 - 0.170**2 - 0.547**2
-    for found, sign in ((gamma["min"], 1), (gamma["max"], -1)):
+    for computed, sign in ((gamma["min"], 1), (gamma["max"], -1)):
         cosine = (square + sign * 2 * 0.170 * 0.547) / (2 * 0.328 * 0.525)
-        assert found == pytest.approx(math.acos(cosine))
+        assert computed == pytest.approx(math.acos(cosine))
     assert gamma["within_advised"]
     slowest = np.abs(Linkage(0.170, 0.328, 0.525, 0.547).mechanical_advantage(np.linspace(0, 6.3, 20_000)))
     assert record["mechanical_advantage"]["least"] == pytest.approx(slowest.min(), rel=1e-6)
@@ -96,8 +96,8 @@ def test_json_agrees_with_the_linkage(answer):
 
 def test_at_a_dead_point_the_advantage_is_null_or_huge(answer):
     angle = json.loads(answer("--json")[0])["follower"]["dead_points"][0]
-    found = json.loads(answer("--json", "--position", f"{angle!r} rad")[0])["position"]
-    assert found["mechanical_advantage"] is None or abs(found["mechanical_advantage"]) > 1e9
+    computed = json.loads(answer("--json", "--position", f"{angle!r} rad")[0])["position"]
+    assert computed["mechanical_advantage"] is None or abs(computed["mechanical_advantage"]) > 1e9
 
 
 def degrees(angle: float, decimals: int) -> str:
@@ -106,9 +106,9 @@ def degrees(angle: float, decimals: int) -> str:
 
 def test_report(answer):
     """The numbers of the JSON, in words."""
-    asked = ("--speed", "300 rpm", "--position", "70 deg", "--coupler-point", "0.1,0.15")
-    out, err = answer(*asked)
-    record = json.loads(answer(*asked, "--json")[0])
+    requested = ("--speed", "300 rpm", "--position", "70 deg", "--coupler-point", "0.1,0.15")
+    out, err = answer(*requested)
+    record = json.loads(answer(*requested, "--json")[0])
     gamma, advantage = record["transmission_angle"], record["mechanical_advantage"]
     stretched, folded = record["follower"]["dead_points"]
     assert max(len(line) for line in out.splitlines()) <= 80

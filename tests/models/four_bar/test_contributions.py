@@ -17,17 +17,17 @@ def orbit():
 
 @pytest.mark.parametrize("output", ["coupler_midpoint_deflection", "crank_root_stress_minus"])
 def test_all_modes_together_give_the_output(orbit, output):
-    found = orbit.system.modal_contributions(orbit, output, count=orbit.system.n, samples=90)
-    truth = orbit.system.output_values(found.phase, SPEED, *orbit.state(found.phase))[output]
-    np.testing.assert_allclose(found.values.sum(axis=0), truth, atol=1e-8 * np.abs(truth).max())
-    np.testing.assert_allclose(found.total, truth, atol=1e-12 * np.abs(truth).max())
+    computed = orbit.system.modal_contributions(orbit, output, count=orbit.system.n, samples=90)
+    truth = orbit.system.output_values(computed.phase, SPEED, *orbit.state(computed.phase))[output]
+    np.testing.assert_allclose(computed.values.sum(axis=0), truth, atol=1e-8 * np.abs(truth).max())
+    np.testing.assert_allclose(computed.total, truth, atol=1e-12 * np.abs(truth).max())
 
 
 def test_dominant_modes_of_follower_and_coupler(orbit):
     size = {
-        link: np.abs(found.values).max(axis=1) / np.abs(found.total).max()
+        link: np.abs(computed.values).max(axis=1) / np.abs(computed.total).max()
         for link in ("follower", "coupler")
-        for found in [orbit.system.modal_contributions(orbit, f"{link}_midpoint_deflection")]
+        for computed in [orbit.system.modal_contributions(orbit, f"{link}_midpoint_deflection")]
     }
     assert size["follower"][0] > 0.95
     assert size["follower"][1:].max() < 0.1
@@ -41,9 +41,9 @@ def test_modes_are_followed_through_a_crossing_with_their_signs():
     turned = np.array([[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in phase])
     stiffness = np.stack([1.0 + phase, np.full(62, 2.5)], axis=1)
     K = np.einsum("kij,kj,klj->kil", turned, stiffness, turned)
-    found = tracked_modes(np.broadcast_to(np.eye(2), K.shape), K, 2)
-    np.testing.assert_allclose(found.frequencies[:, 0] ** 2, 1.0 + phase, rtol=1e-12)
-    along = np.einsum("ki,ki->k", found.vectors[:, :, 0], turned[:, :, 0])
+    computed = tracked_modes(np.broadcast_to(np.eye(2), K.shape), K, 2)
+    np.testing.assert_allclose(computed.frequencies[:, 0] ** 2, 1.0 + phase, rtol=1e-12)
+    along = np.einsum("ki,ki->k", computed.vectors[:, :, 0], turned[:, :, 0])
     np.testing.assert_allclose(along, along[0], rtol=1e-9)
 
 

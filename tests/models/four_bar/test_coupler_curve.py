@@ -79,7 +79,7 @@ def test_command_modes_prints_the_error_of_uncoupling(answer, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("curve", "--along", "1.5"), "allowed: 0 to 1"),
         (("curve", "--speed", "30"), "unit"),
@@ -87,5 +87,5 @@ def test_command_modes_prints_the_error_of_uncoupling(answer, tmp_path):
         (("modes", "--count", "10"), "allowed: 1 to 9"),
     ],
 )
-def test_bad_input_is_answered_in_one_line(arguments, said, refusal):
-    assert said in refusal(*arguments)
+def test_bad_input_is_answered_in_one_line(arguments, message, refusal):
+    assert message in refusal(*arguments)

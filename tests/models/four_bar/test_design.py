@@ -26,7 +26,7 @@ KEYS = {
 }  # fmt: skip
 
 
-def made(stress=100e6, speeds=(20.0, 33.0), lengths=(0.53, 0.63), **parameters):
+def design_for(stress=100e6, speeds=(20.0, 33.0), lengths=(0.53, 0.63), **parameters):
     model = solve.load("four_bar", **parameters)
     start = np.geomspace(*speeds, 10)
     return designed(design_map(model, dict.fromkeys(LINKS, stress), start, lengths, 9))
@@ -39,7 +39,7 @@ def planned(design, target):
 
 @pytest.fixture(scope="module")
 def design():
-    return made()
+    return design_for()
 
 
 def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
@@ -47,7 +47,7 @@ def test_allowed_lengths_are_where_the_transmission_angle_reaches_its_bounds():
     assert math.degrees(Linkage(0.170, 0.328, 0.525, low).transmission_extremes().min) == pytest.approx(40)
     assert math.degrees(Linkage(0.170, 0.328, 0.525, high).transmission_extremes().max) == pytest.approx(140)
     with pytest.raises(DesignError, match="no range for the pivot"):
-        made(lengths=(0.547, 0.547))
+        design_for(lengths=(0.547, 0.547))
     with pytest.raises(DesignError, match="no L4 keeps"):
         allowed_lengths(Linkage(0.3, 0.328, 0.525, 0.547))
 
@@ -70,7 +70,7 @@ def test_peaks_and_quiet_bands_match_single_solutions(design):
 
 
 def test_effect_of_damping_agrees_with_finite_differences(design):
-    (found,) = damping_effects(design.map, np.array([26.1]))
+    (computed,) = damping_effects(design.map, np.array([26.1]))
     orbits = [
         solve.periodic(design.map.model.varied({"zeta": zeta}), 26.1, rtol=1e-6) for zeta in (0.0195, 0.0205)
     ]
@@ -80,7 +80,7 @@ def test_effect_of_damping_agrees_with_finite_differences(design):
             for orbit in orbits
         )
         slope = math.log(after / before) / math.log(205 / 195)
-        assert found.sensitivity[link] == pytest.approx(slope, abs=0.06)
+        assert computed.sensitivity[link] == pytest.approx(slope, abs=0.06)
 
 
 def test_moving_the_pivot_never_needs_more(design):
@@ -113,7 +113,7 @@ def test_no_plan_and_the_smallest_allowable_that_has_one(design):
     assert planned(design, highest + 0.5) is None
     # Just above this allowable stress a plan exists, just below none.
     for factor, exists in ((1.005, True), (0.995, False)):
-        scaled = made(100e6 * outcome.least[0] * factor)
+        scaled = design_for(100e6 * outcome.least[0] * factor)
         assert (planned(scaled, 33.0) is not None) == exists
 
 
@@ -155,7 +155,7 @@ def test_worst_link_determines_the_effect_of_damping(design):
 @pytest.mark.slow
 def test_default_target_is_above_a_limiting_speed_if_reachable():
     """At 118 MPa the quiet speed above 26.1 rad/s is reached with the pivot back in its place."""
-    outcome = carry_out(made(118e6, speeds=(8.0, 28.0)), duration=4.0)
+    outcome = carry_out(design_for(118e6, speeds=(8.0, 28.0)), duration=4.0)
     assert outcome.returns
     assert 26.3 < outcome.target < 28.0
     assert outcome.design.needed.fixed[-1] > 1

@@ -76,13 +76,13 @@ def test_page_matches_the_output_of_its_commands(line, capsys, tmp_path, monkeyp
 
 @pytest.mark.slow
 def test_page_states_the_effect_of_more_elements():
-    said = re.findall(r"(\d+\.\d) MPa where seven give (\d+\.\d) \((\d+\.\d) rad/s, L4 = (0\.\d+) m", PAGE)
-    assert len(said) == 2
-    for *stresses, speed, L4 in (map(float, each) for each in said):
+    message = re.findall(r"(\d+\.\d) MPa where seven give (\d+\.\d) \((\d+\.\d) rad/s, L4 = (0\.\d+) m", PAGE)
+    assert len(message) == 2
+    for *stresses, speed, L4 in (map(float, each) for each in message):
         for elements, stress in zip((3, 7), stresses, strict=True):
             model = solve.load("four_bar", options={"elements": elements})
-            found = StressMap(model, L4, L4, 1).peaks(np.array([speed]), np.array([L4])).stress
-            assert stress == pytest.approx(found.max() / 1e6, rel=2e-3)
+            computed = StressMap(model, L4, L4, 1).peaks(np.array([speed]), np.array([L4])).stress
+            assert stress == pytest.approx(computed.max() / 1e6, rel=2e-3)
 
 
 def test_the_page_has_its_commands_and_pictures():

@@ -111,9 +111,9 @@ def consistent_load(model, phase, speed, omega):
 def test_consistent_load_is_the_work_of_rigid_inertia(model):
     corrected = Corrected(model)
     _, _, _, d = corrected.at(PHASE, 30.0)
-    for phase, omega, found in zip(PHASE, corrected.lowest(PHASE), d, strict=True):
+    for phase, omega, computed in zip(PHASE, corrected.lowest(PHASE), d, strict=True):
         expected = consistent_load(model, phase, 30.0, omega)
-        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
+        assert computed == pytest.approx(expected, rel=1e-6, abs=1e-6 * np.abs(expected).max())
 
 
 def test_stresses_are_the_curvature_of_the_deflection(model):

@@ -11,27 +11,27 @@ from solve.errors import ValueOutOfBoundsError
 
 
 @pytest.fixture(scope="module")
-def made():
+def kinds():
     return element_kinds(solve.load("four_bar"), ["cubic:1", "cubic:3", "dynamic:1"], turn=6)
 
 
-def test_every_kind_is_the_model_with_that_option(made):
+def test_every_kind_is_the_model_with_that_option(kinds):
     single = solve.load("four_bar", options={"elements": 3})
-    np.testing.assert_array_equal(made.values[1], single.frequencies(made.positions, 4))
-    assert made.freedoms == (9, 27, 9)
+    np.testing.assert_array_equal(kinds.values[1], single.frequencies(kinds.positions, 4))
+    assert kinds.freedoms == (9, 27, 9)
 
 
-def test_finite_element_frequencies_converge_from_above(made):
-    errors = made.mean_errors
+def test_finite_element_frequencies_converge_from_above(kinds):
+    errors = kinds.mean_errors
     assert (errors[0] > errors[1]).all()
     assert (errors[1] > 0).all()
     np.testing.assert_array_equal(errors[2], 0.0)
 
 
-def test_a_panel_a_frequency_and_a_curve_a_kind(made):
-    axes = [place for place in made.plot().axes if place.lines]
+def test_a_panel_a_frequency_and_a_curve_a_kind(kinds):
+    axes = [place for place in kinds.plot().axes if place.lines]
     assert [len(place.lines) for place in axes] == [3] * 4
-    np.testing.assert_array_equal(axes[1].lines[0].get_ydata()[:-1], made.values[0, :, 1])
+    np.testing.assert_array_equal(axes[1].lines[0].get_ydata()[:-1], kinds.values[0, :, 1])
 
 
 def test_the_command_gives_the_means_of_the_thesis(answer, tmp_path):
@@ -44,15 +44,15 @@ def test_the_command_gives_the_means_of_the_thesis(answer, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["--kinds", "cubic"], "kind 'cubic' of elements; allowed: KIND:N, such as cubic:3"),
         (["--kinds", "quartic:1"], "unknown value of option element 'quartic'; did you mean 'cubic'?"),
         (["--count", "0"], "0 frequencies at 36 positions; allowed: 1 … 9 at 1 … 3600"),
     ],
 )
-def test_bad_input_is_answered_in_one_line(arguments, said, refusal):
-    assert refusal("elements", *arguments) == said
+def test_bad_input_is_answered_in_one_line(arguments, message, refusal):
+    assert refusal("elements", *arguments) == message
 
 
 def test_numbers_are_checked_in_python_too():

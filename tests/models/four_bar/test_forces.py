@@ -62,10 +62,10 @@ def test_newtons_laws_hold_for_each_bar(linkage, t1, omega1, alpha1):
     masses = (1.0, 0.7, 1.3)
     links = [Body.bar(mass, length) for mass, length in zip(masses, linkage.lengths, strict=False)]
     motion = linkage.motion(t1, omega1, alpha1)
-    found = joint_forces(motion, links)
-    at_first = (found.F01, found.F12, found.F03)
-    at_second = (-found.F12, -found.F23, found.F23)
-    drives = (found.torque, 0.0, 0.0)
+    computed = joint_forces(motion, links)
+    at_first = (computed.F01, computed.F12, computed.F03)
+    at_second = (-computed.F12, -computed.F23, computed.F23)
+    drives = (computed.torque, 0.0, 0.0)
     scale = np.abs([*at_first, *at_second]).max() + 1.0
     for k, (first, second, drive) in enumerate(zip(at_first, at_second, drives, strict=True)):
         t, length = motion.t[k], linkage.lengths[k]

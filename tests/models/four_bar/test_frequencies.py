@@ -23,11 +23,11 @@ def test_link_positions_match_the_rigid_linkage(branch):
 
 
 def test_a_mirrored_linkage_has_the_same_frequencies_in_mirrored_positions():
-    found = [
+    computed = [
         solve.frequencies(solve.load("four_bar", options={"branch": branch}), sign * PHASES, 4).values
         for branch, sign in (("open", 1), ("crossed", -1))
     ]
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
+    np.testing.assert_allclose(computed[0], computed[1], rtol=1e-9)
 
 
 def test_joint_masses_lower_and_stiffness_raises_every_frequency():

@@ -106,16 +106,18 @@ def test_end_forces_accelerate_the_link(link, options):
     np.testing.assert_allclose(moment, about, atol=2e-5 * scale * length)
 
 
-def acceleration_along(model, found, link, xi, turning):
+def acceleration_along(model, computed, link, xi, turning):
     """Acceleration x + iy of the place ξ of a link: that of the rigid link, and of the deflection."""
     h = 2e-4
     grid = PHASE[:, None] + h * np.array([-1, 0, 1])
     rigid = np.reshape([rigid_place(model, each, link, xi) for each in grid.T], (3, -1))
     if turning:
-        w = np.reshape([deflection(model, found.state(each)[0], each, link, xi) for each in grid.T], (3, -1))
+        w = np.reshape(
+            [deflection(model, computed.state(each)[0], each, link, xi) for each in grid.T], (3, -1)
+        )
         elastic = SPEED**2 * (w[0] - 2 * w[1] + w[2]) / h**2
     else:
-        elastic = deflection(model, found.state(PHASE)[2], PHASE, link, xi)
+        elastic = deflection(model, computed.state(PHASE)[2], PHASE, link, xi)
     return SPEED**2 * (rigid[0] - 2 * rigid[1] + rigid[2]) / h**2 + elastic
 
 
@@ -170,10 +172,10 @@ def rate_of(value, h=1e-5):
 def rigid_rates(model):
     """By the phase, of the coordinates of one element a link if it moved rigidly (n, k)."""
     turning = rate_of(lambda phase: model.at_positions(phase).angle)
-    found = {}
+    computed = {}
     for joint, link in (("A", 0), ("B", 1)):
         velocity = rate_of(lambda phase, link=link: rigid_place(model, phase, link, 1.0))
-        found |= {f"{joint}_x": np.real(velocity), f"{joint}_y": np.imag(velocity)}
+        computed |= {f"{joint}_x": np.real(velocity), f"{joint}_y": np.imag(velocity)}
     for end, link in (
         ("crank_A", 0),
         ("coupler_A", 1),
@@ -181,8 +183,8 @@ def rigid_rates(model):
         ("follower_B", 2),
         ("follower_C", 2),
     ):
-        found[f"{end}_turn"] = turning[:, link]
-    return np.array([found[name] for name in model.coordinates])
+        computed[f"{end}_turn"] = turning[:, link]
+    return np.array([computed[name] for name in model.coordinates])
 
 
 def test_a_joint_that_is_not_on_the_link_is_refused():

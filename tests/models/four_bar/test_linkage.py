@@ -240,11 +240,11 @@ def test_a_full_turn_that_is_impossible_is_refused(lengths, spans):
     linkage = Linkage(*lengths)
     L1, _, _, L4 = lengths
     ends = [math.degrees(math.acos((L1**2 + L4**2 - d**2) / (2 * L1 * L4))) for d in spans]
-    said = "in line at t1 = " + " and ".join(f"±{end:.4g}°" for end in ends) + ";"
+    message = "in line at t1 = " + " and ".join(f"±{end:.4g}°" for end in ends) + ";"
     for refused in (linkage.require_full_turn, linkage.transmission_extremes, lambda: linkage.dead_points):
         with pytest.raises(LinkageError, match="the crank cannot turn fully") as caught:
             refused()
-        assert said in str(caught.value)
+        assert message in str(caught.value)
 
 
 def test_a_change_point_is_not_a_full_turn():

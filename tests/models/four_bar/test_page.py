@@ -50,8 +50,8 @@ def test_figures_of_section_7_3(tmp_path, monkeypatch, capsys):
     orbit = periodic(model, second["speeds"][0], rtol=1e-6)
     phase = np.linspace(0.0, 2 * np.pi, 4000)
     surfaces = [model.stress("crank", 0.0, surface, phase, orbit.at(phase)) for surface in ("plus", "minus")]
-    found = second["systems"][-1]["responses"]["crank_root_stress"][0]
-    assert found == pytest.approx(np.abs(surfaces).max(), rel=1e-4)
+    computed = second["systems"][-1]["responses"]["crank_root_stress"][0]
+    assert computed == pytest.approx(np.abs(surfaces).max(), rel=1e-4)
 
 
 @pytest.mark.slow

@@ -41,11 +41,11 @@ def test_kinematics_with_fixed_pivot_equal_the_linkage():
     none = np.zeros(50)
     drive = Drive(none, none + 20.0, none + 3.0, none + 0.6, none, none)
     motion = Linkage(0.170, 0.328, 0.525, 0.6).motion(phi, 20.0, 3.0)
-    for found, true in zip(
+    for computed, true in zip(
         kinematics(model, phi, drive), (np.exp(1j * motion.t), motion.omega, motion.alpha), strict=True
     ):
-        found = np.exp(1j * found) if np.iscomplexobj(true) else found
-        np.testing.assert_allclose(found.T, true, atol=1e-11 * np.abs(true).max())
+        computed = np.exp(1j * computed) if np.iscomplexobj(true) else computed
+        np.testing.assert_allclose(computed.T, true, atol=1e-11 * np.abs(true).max())
 
 
 @pytest.mark.slow
@@ -70,13 +70,13 @@ def test_a_violent_run_up_agrees_with_a_structure_by_hand(stresses):
         lambda t: 0.575 - 0.02 * np.cos(6 * t),
     )
     times, q = hand.run(float(drive(np.array(2 * TURN)).time))
-    found = simulate(stresses, drive, 2).stress
+    computed = simulate(stresses, drive, 2).stress
     angle = np.array([hand.phi(t) for t in times])
     for link, fractions in enumerate(stresses.places):
         each = np.max([hand.stress(times, q, link, fraction) for fraction in fractions], axis=0)
         for turn in range(2):
             inside = (angle >= turn * TURN) & (angle <= (turn + 1) * TURN)
-            assert found[turn, link] == pytest.approx(each[inside].max(), rel=3e-3)
+            assert computed[turn, link] == pytest.approx(each[inside].max(), rel=3e-3)
 
 
 @pytest.mark.slow

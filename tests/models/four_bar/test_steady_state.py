@@ -25,9 +25,9 @@ def orbit(speed, **options):
     return solve.periodic(model_with(**options), speed, rtol=1e-7)
 
 
-def values(found, name):
+def values(computed, name):
     """An output over the turn, at every tenth of a degree."""
-    return found.system.output_values(PHASE, found.speed, *found.state(PHASE))[name]
+    return computed.system.output_values(PHASE, computed.speed, *computed.state(PHASE))[name]
 
 
 @pytest.mark.parametrize(
@@ -35,13 +35,13 @@ def values(found, name):
     [(30.0, 0.0109651, 33.155, 0.446954), (62.0, 0.1193546, 75.781, 0.674320)],
 )
 def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, deflection, degrees, radius):
-    found = orbit(speed)
-    range_ = found.statistics("follower_midpoint_deflection")
+    computed = orbit(speed)
+    range_ = computed.statistics("follower_midpoint_deflection")
     assert range_.max_abs == pytest.approx(deflection, rel=1e-5)
-    assert found.spectral_radius == pytest.approx(radius, rel=1e-5)
+    assert computed.spectral_radius == pytest.approx(radius, rel=1e-5)
     near = np.radians(degrees + np.array([-0.2, 0.0, 0.2]))
-    state = found.state(near)
-    w = np.abs(found.system.output_values(near, speed, *state)["follower_midpoint_deflection"])
+    state = computed.state(near)
+    w = np.abs(computed.system.output_values(near, speed, *state)["follower_midpoint_deflection"])
     parabola = np.polynomial.polynomial.polyfit(np.degrees(near) - degrees, w, 2)
     assert degrees - parabola[1] / (2 * parabola[2]) == pytest.approx(degrees, abs=1e-3)
 
@@ -51,8 +51,10 @@ def test_follower_midpoint_and_spectral_radius_of_one_element_a_link(speed, defl
     [(1, 99.6), (2, 146.8), (3, 118.0), pytest.param(4, 129.0, marks=pytest.mark.slow)],
 )
 def test_follower_midpoint_stress_against_the_number_of_elements(elements, stress):
-    found = orbit(30.0, elements=elements)
-    assert found.statistics("follower_midpoint_stress_plus").max_abs / 1e6 == pytest.approx(stress, abs=0.05)
+    computed = orbit(30.0, elements=elements)
+    assert computed.statistics("follower_midpoint_stress_plus").max_abs / 1e6 == pytest.approx(
+        stress, abs=0.05
+    )
 
 
 @pytest.mark.slow
@@ -77,8 +79,8 @@ def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
     before, after = (
         values(orbit(30.0, elements=3, **options), "follower_midpoint_deflection") for options in ({}, option)
     )
-    found = 100 * np.abs(after - before).max() / np.abs(before).max()
-    assert found == pytest.approx(change, rel=0.05)
+    computed = 100 * np.abs(after - before).max() / np.abs(before).max()
+    assert computed == pytest.approx(change, rel=0.05)
 
 
 @pytest.mark.slow
@@ -137,10 +139,10 @@ def test_load_matches_the_rigid_body_inertia(element):
 
 
 def test_stress_and_deflection_at_any_point_agree_with_the_outputs():
-    found = orbit(30.0)
-    model, phase = found.system, np.array([0.3, 1.0, 4.0])
-    outputs = model.output_values(phase, 30.0, *found.state(phase))
-    q = found.at(phase)
+    computed = orbit(30.0)
+    model, phase = computed.system, np.array([0.3, 1.0, 4.0])
+    outputs = model.output_values(phase, 30.0, *computed.state(phase))
+    q = computed.at(phase)
     assert model.stress("follower", 0.5, "plus", phase, q) == pytest.approx(
         outputs["follower_midpoint_stress_plus"]
     )
@@ -166,8 +168,8 @@ def test_uncoupled_modes_are_accurate_for_the_follower_only():
     uncoupled = solve.periodic(model, 35.0, method="modal", steps=720)
     error = {}
     for link in ("follower", "coupler"):
-        exact, found = (values(each, f"{link}_midpoint_deflection") for each in (truth, uncoupled))
-        error[link] = 100 * np.abs(found - exact).max() / np.abs(exact).max()
+        exact, computed = (values(each, f"{link}_midpoint_deflection") for each in (truth, uncoupled))
+        error[link] = 100 * np.abs(computed - exact).max() / np.abs(exact).max()
     assert error["follower"] == pytest.approx(4, abs=0.5)
     assert error["coupler"] == pytest.approx(98, abs=0.5)
 
@@ -185,9 +187,9 @@ def test_euler_buckling_warning_states_link_load_and_angle():
     angle = model.at_positions(phase).angle[:, 1]
     along = forces["A_force_x"] * np.cos(angle) + forces["A_force_y"] * np.sin(angle)
     limit = np.sqrt(euler / along.max())
-    (said,) = [warning for warning in model.warnings(1.02 * limit) if "coupler" in warning]
-    assert f"Euler load of {euler:.4g} N" in said
-    degrees = float(said.split(" deg")[0].split()[-1])
+    (message,) = [warning for warning in model.warnings(1.02 * limit) if "coupler" in warning]
+    assert f"Euler load of {euler:.4g} N" in message
+    degrees = float(message.split(" deg")[0].split()[-1])
     assert degrees == pytest.approx(np.degrees(phase[along.argmax()]), abs=3)
     assert not any("coupler" in warning for warning in model.warnings(0.98 * limit))
 
@@ -201,15 +203,15 @@ def test_sweeps_contain_the_warnings_of_their_speeds():
 
 
 @pytest.mark.parametrize(
-    ("parameters", "said"),
+    ("parameters", "message"),
     [
         ({"zeta": -0.01}, "zeta .* -0.01.*>= 0"),
         ({"L4": 0.8}, "the crank cannot turn fully"),
         ({"L1": -1.0}, "> 0"),
     ],
 )
-def test_numbers_that_make_no_linkage_are_refused(parameters, said):
-    with pytest.raises(ValueOutOfBoundsError, match=said):
+def test_numbers_that_make_no_linkage_are_refused(parameters, message):
+    with pytest.raises(ValueOutOfBoundsError, match=message):
         solve.load("four_bar", **parameters)
 
 

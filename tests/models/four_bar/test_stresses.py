@@ -71,14 +71,14 @@ def test_bending_moments_vanish_at_pins(linkage, t1, speed):
 
 
 def test_the_largest_is_found_over_turn_and_length():
-    found = preliminary_stresses(bodies(PARAMETERS), LINKAGE, PARAMETERS, SPEED)
+    computed = preliminary_stresses(bodies(PARAMETERS), LINKAGE, PARAMETERS, SPEED)
     phase, places = np.linspace(0, 2 * math.pi, 721), np.linspace(0, 1, 201)
     motion = LINKAGE.motion(phase, SPEED)
     forces = joint_forces(motion, bodies(PARAMETERS))
     for link, name in enumerate(LINKS, start=1):
         at = places * LINKAGE.lengths[link - 1]
         stress = greatest_stress(motion, forces, PARAMETERS, link, at)
-        assert found[name]["peak"] == pytest.approx(stress.max(), rel=1e-3)
+        assert computed[name]["peak"] == pytest.approx(stress.max(), rel=1e-3)
         place, when = np.unravel_index(stress.argmax(), stress.shape)
-        assert found[name]["fraction"] == pytest.approx(places[place], abs=0.02)
-        assert found[name]["position"] == pytest.approx(phase[when], abs=0.02)
+        assert computed[name]["fraction"] == pytest.approx(places[place], abs=0.02)
+        assert computed[name]["position"] == pytest.approx(phase[when], abs=0.02)

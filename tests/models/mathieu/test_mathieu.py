@@ -71,12 +71,12 @@ def test_boundaries_over_delta_are_scipys_characteristic_values(epsilon):
     q = abs(epsilon) / 2
     for multiplier, orders in ((1, (0, 2)), (-1, (1, 3))):
         truth = sorted(f(k, q) for k in orders for f in (mathieu_a, mathieu_b) if k or f is mathieu_a)
-        found = boundaries(
+        computed = boundaries(
             lambda delta: (load("mathieu", delta=delta, epsilon=epsilon, zeta=0.0), 1.0),
             np.linspace(-8.0, 14.0, 45),
             multiplier,
         )
-        assert [each.value for each in found[: len(truth)]] == pytest.approx(truth, abs=1e-8)
+        assert [each.value for each in computed[: len(truth)]] == pytest.approx(truth, abs=1e-8)
 
 
 def test_mathieu_has_no_torque_and_states_why():

@@ -9,7 +9,7 @@ from models.portal_frame.determinant import determinants, determinants_figure, l
 
 
 @pytest.fixture(scope="module")
-def made():
+def frame():
     return determinants(solve.load("portal_frame"), 1200.0)
 
 
@@ -17,19 +17,21 @@ def made():
 def sides():
     """ln|det D| at relative distances of 1e-3 and 1e-6 from every frequency, by numbers of elements."""
     model = solve.load("portal_frame")
-    found = determinants(model, 1200.0).found
+    computed = determinants(model, 1200.0).found
     near = {
         count: [
-            logarithm(model.varied(options={"element": "dynamic", "elements": count}), found * (1 + distance))
+            logarithm(
+                model.varied(options={"element": "dynamic", "elements": count}), computed * (1 + distance)
+            )
             for distance in (1e-3, 1e-6)
         ]
         for count in (1, 2)
     }
-    return found, near
+    return computed, near
 
 
-def test_all_seven_frequencies_are_counted(made):
-    assert made.found == pytest.approx(
+def test_all_seven_frequencies_are_counted(frame):
+    assert frame.found == pytest.approx(
         [56.603, 223.405, 364.376, 395.184, 798.420, 974.976, 1128.133], rel=2e-6
     )
 
@@ -48,8 +50,8 @@ def test_with_one_element_the_fourth_is_a_pole(sides):
     assert change[3] == pytest.approx(-2.0, rel=0.02)
 
 
-def test_the_picture_and_the_command(made, tmp_path, capsys):
-    axes = determinants_figure(made, "title").axes[0]
+def test_the_picture_and_the_command(frame, tmp_path, capsys):
+    axes = determinants_figure(frame, "title").axes[0]
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["1 element a bar", "2 elements a bar"]
     assert run(["--plot", str(tmp_path / "det.png"), "--most", "400"]) == 0

@@ -54,6 +54,6 @@ def test_symmetric_modes_match_half_the_frame():
 
 @pytest.mark.parametrize("element", ["cubic", "internal", "curvature"])
 def test_finite_elements_bound_the_frequencies_from_above(element):
-    found = values(element=element, elements=4)
-    assert (found > BASE * (1 - 1e-10)).all()
-    np.testing.assert_allclose(found, BASE, rtol=8e-3 if element == "cubic" else 1e-5)
+    computed = values(element=element, elements=4)
+    assert (computed > BASE * (1 - 1e-10)).all()
+    np.testing.assert_allclose(computed, BASE, rtol=8e-3 if element == "cubic" else 1e-5)

@@ -156,12 +156,12 @@ def kinked(kink, delta):
 def test_tables_are_cached_up_to_a_memory_limit(monkeypatch):
     separation = Separation(over_speed(systems.system(kinked(0.3, 2.0), 1)), np.ones((4, 1)), 2 * np.pi, 1)
     coarse, fine, finest = (np.linspace(0, end, 1000) for end in (4, 5, 6))
-    asked, made = [], separation.table(coarse)
+    requested, made = [], separation.table(coarse)
     monkeypatch.setattr(tables, "_CACHE_BYTES", 2 * made.nbytes)
-    monkeypatch.setattr(Separation, "_terms", lambda self, phase: asked.append(phase[-1]) or made)
+    monkeypatch.setattr(Separation, "_terms", lambda self, phase: requested.append(phase[-1]) or made)
     for phase in (coarse, fine, coarse, fine, finest, fine, coarse):
         assert separation.table(phase) is made
-    assert asked == [5, 6, 4]
+    assert requested == [5, 6, 4]
     monkeypatch.setattr(tables, "_CACHE_BYTES", 0)
     assert separation.table(np.linspace(0, 7, 1000)) is made
 
@@ -178,9 +178,9 @@ def test_small_terms_do_not_reduce_accuracy(small):
     coefficients, fits = separation.coefficients(points)
     assert fits.all()
     phase = np.random.default_rng(0).uniform(0, 2 * np.pi, 200)
-    found = Tables(separation.table(phase), coefficients, separation.entry, 1).entries()
+    computed = Tables(separation.table(phase), coefficients, separation.entry, 1).entries()
     truth = family.entries(phase, points)
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-14 * np.abs(truth).max())
+    np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-14 * np.abs(truth).max())
 
 
 @pytest.mark.parametrize("name", ["cam", "four_bar"])
@@ -282,14 +282,14 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
         [np.abs(systems.frozen_modes(system, speed, 32).eigenvalues()).max() for speed in speeds]
     )
     shared = Separated(separation, coefficients).tables(phase)
-    found = []
+    computed = []
     for made in (Tables.of(family.entries(phase, speeds[:, None]), n), shared):
         modes = FrozenModes(made, system.period)
         assert modes.exceeds_rate(rate).tolist() == (fastest > rate).tolist()
-        found.append(modes.is_within(rate))
-        assert not (found[-1] & (alone > rate * (1 + 1e-12))).any()
+        computed.append(modes.is_within(rate))
+        assert not (computed[-1] & (alone > rate * (1 + 1e-12))).any()
         np.testing.assert_allclose(modes.phase_advance, alone * system.period, rtol=1e-9)
-    assert (found[0] == found[1]).all(), "ranges of shared terms tell more or less than the phases"
+    assert (computed[0] == computed[1]).all(), "ranges of shared terms tell more or less than the phases"
 
 
 def fastest_of(system, phase, speed):

@@ -101,8 +101,10 @@ def children(parent):
 
 
 def alive(process):
-    found = subprocess.run(["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True).stdout
-    return bool(found.strip()) and not found.startswith("Z")
+    computed = subprocess.run(
+        ["ps", "-o", "stat=", "-p", str(process)], capture_output=True, text=True
+    ).stdout
+    return bool(computed.strip()) and not computed.startswith("Z")
 
 
 @pytest.mark.slow

@@ -210,12 +210,12 @@ def test_threads_and_a_store(tmp_path):
 
 
 def test_xarray_reads_the_folder(tmp_path):
-    found = swept(tmp_path / "s")
+    computed = swept(tmp_path / "s")
     kept = xarray.open_dataset(tmp_path / "s", engine="zarr", consolidated=False)
     np.testing.assert_array_equal(kept["speed"], SPEEDS)
-    np.testing.assert_array_equal(kept["multipliers"], found.results.multipliers)
+    np.testing.assert_array_equal(kept["multipliers"], computed.results.multipliers)
     at = kept["figures"].attrs["figure"].index("max_abs")
-    np.testing.assert_array_equal(kept["figures"][:, 0, at], found.results.figures[:, 0, at])
+    np.testing.assert_array_equal(kept["figures"][:, 0, at], computed.results.figures[:, 0, at])
     assert kept.attrs["finished"]
     assert kept.attrs["work"]["model"] == "mathieu"
 
@@ -235,10 +235,10 @@ def test_a_chart_killed_twice_equals_one_that_was_not(tmp_path, blow):
         while finished(tmp_path / "s") < before + 3 and process.poll() is None:
             time.sleep(0.02)
         process.send_signal(blow)
-        said = process.communicate(timeout=30)[1].decode()
+        message = process.communicate(timeout=30)[1].decode()
         sizes.append(finished(tmp_path / "s"))
-        assert process.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL), said
-        assert blow != signal.SIGINT or "finished points are stored" in said
+        assert process.returncode == (130 if blow == signal.SIGINT else -signal.SIGKILL), message
+        assert blow != signal.SIGINT or "finished points are stored" in message
     assert 0 < sizes[0] < sizes[1] < 32
     resumed = subprocess.run(stored, capture_output=True, check=True).stdout
     alone = subprocess.run(command, capture_output=True, check=True).stdout

@@ -67,9 +67,9 @@ def package_mass(omega):
     return np.tensordot(weights, exact.patterns(), axes=1)
 
 
-def scaled_difference(found, expected):
+def scaled_difference(computed, expected):
     size = np.sqrt(np.abs(np.diag(expected)))
-    return np.abs((found - expected) / np.outer(size, size)).max()
+    return np.abs((computed - expected) / np.outer(size, size)).max()
 
 
 OMEGAS = (0.3, 3.0, 25.0, 170.0, 1200.0)

@@ -51,9 +51,9 @@ def test_exact_frequencies_of_a_beam(ends, EA, parts):
 def test_finite_elements_tend_to_them_from_above(ends):
     expected = closed_form(ends, 1e4, 6)
     positions = Positions(beam(*ends, "cubic", 16, EA=1e4), STILL)
-    found = lowest_frequencies(*positions.matrices(), 6)[0]
-    np.testing.assert_allclose(found, expected, rtol=2e-3)
-    assert (found >= expected * (1 - 1e-9)).all()
+    computed = lowest_frequencies(*positions.matrices(), 6)[0]
+    np.testing.assert_allclose(computed, expected, rtol=2e-3)
+    assert (computed >= expected * (1 - 1e-9)).all()
 
 
 BENDING = {"cubic": (8, 4), "internal": (8, 8), "curvature": (8, 8)}
@@ -89,8 +89,8 @@ def test_rate_of_convergence_in_stretching(kind):
 def test_modes_are_orthogonal_and_of_unit_mass():
     positions = Positions(beam("clamped", "free", "internal", 3), STILL)
     M, K = positions.matrices()
-    found = modes(M, K)
-    omega, phi = found.frequencies[0, :7], found.vectors[0, :, :7]
+    computed = modes(M, K)
+    omega, phi = computed.frequencies[0, :7], computed.vectors[0, :, :7]
     np.testing.assert_allclose(phi.T @ M[0] @ phi, np.eye(7), atol=1e-9)
     np.testing.assert_allclose(phi.T @ K[0] @ phi, np.diag(omega**2), atol=1e-9 * K.max())
     np.testing.assert_allclose(lowest_frequencies(M, K, 7)[0], omega, rtol=1e-12)
@@ -155,8 +155,8 @@ def of(stated, kind, count=1):
 def test_frequency_count_agrees_with_a_fine_mesh(stated):
     exact, fine = of(stated, "dynamic"), of(stated, "internal", 6)
     many = lowest_frequencies(*fine.matrices(), 12)[0]
-    found = exact_frequencies(exact, 8)[0]
-    np.testing.assert_allclose(found, many[:8], rtol=1e-4, atol=1e-2)
+    computed = exact_frequencies(exact, 8)[0]
+    np.testing.assert_allclose(computed, many[:8], rtol=1e-4, atol=1e-2)
     # A frame may be free to turn: at the frequency 0 there is nothing to count.
     apart = (many[1:] > 1.01 * many[:-1]) & (many[:-1] > 0)
     between = np.sqrt(many[:-1] * many[1:])[apart][:8]

@@ -99,12 +99,12 @@ def true_errors(full, reduced, speed):
 )
 def test_the_estimate_holds_within_a_factor_of_two(speed, options):
     own, orbit, multipliers, outputs = true_errors(four_bar(4, **options), four_bar(4, 2, **options), speed)
-    found = own.reduction_error
+    computed = own.reduction_error
     assert 1e-3 < orbit < 0.1
-    assert orbit < 2 * found.orbit < 6 * orbit
-    assert multipliers < 2 * found.multipliers < 6 * multipliers
+    assert orbit < 2 * computed.orbit < 6 * orbit
+    assert multipliers < 2 * computed.multipliers < 6 * multipliers
     for name, error in outputs.items():
-        assert error < 2 * found.outputs[name] < 6 * error, name
+        assert error < 2 * computed.outputs[name] < 6 * error, name
 
 
 @pytest.mark.slow
@@ -114,9 +114,9 @@ def test_the_estimate_holds_over_the_speeds(elements, modes):
     full, reduced = four_bar(elements), four_bar(elements, modes)
     for speed in (10, 17, 25, 33.3, 41.2, 55.6, 70, 78, 90):
         own, orbit, multipliers, _ = true_errors(full, reduced, float(speed))
-        found = own.reduction_error
-        assert orbit < 1.5 * found.orbit < 3 * orbit, speed
-        assert multipliers < 1.5 * found.multipliers < 8 * multipliers, speed
+        computed = own.reduction_error
+        assert orbit < 1.5 * computed.orbit < 3 * orbit, speed
+        assert multipliers < 1.5 * computed.multipliers < 8 * multipliers, speed
 
 
 def test_the_error_of_natural_frequencies_is_that_against_the_full_system():

@@ -18,10 +18,10 @@ def exact_shapes(frame, count, phase=0.0):
 def test_a_pinned_beam_bends_in_sines(kind):
     frame = beam("pinned", "pinned", kind, 1 if kind == "dynamic" else 6, angle=0.4, EA=1e6)
     if kind == "dynamic":
-        found = exact_shapes(frame, 3)
+        computed = exact_shapes(frame, 3)
     else:
-        found = shapes(frame, 0.0, (np.arange(1, 4) * np.pi) ** 2)
-    for k, shape in enumerate(found, start=1):
+        computed = shapes(frame, 0.0, (np.arange(1, 4) * np.pi) ** 2)
+    for k, shape in enumerate(computed, start=1):
         x = np.linalg.norm(shape.places[0], axis=1)
         sine = np.sin(k * np.pi * x)
         v = shape.transverse[0] * np.sign(shape.transverse[0] @ sine)

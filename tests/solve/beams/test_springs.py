@@ -65,8 +65,8 @@ def test_a_beam_on_an_elastic_support_clamp_and_pivot(held, closed, element):
     count, rtol = {"dynamic": (1, 1e-9), "cubic": (48, 1e-5)}.get(element, (6, 1e-6))
     for k in (0.3, 7.0, 500.0):
         model = solve.load(bar(*held), options={"element": element, "elements": count}, k=k, **BENDS)
-        found = solve.frequencies(model, count=3).values[0]
-        np.testing.assert_allclose(found, roots(lambda x, k=k: closed(k, x)) ** 2, rtol=rtol)
+        computed = solve.frequencies(model, count=3).values[0]
+        np.testing.assert_allclose(computed, roots(lambda x, k=k: closed(k, x)) ** 2, rtol=rtol)
 
 
 @cache

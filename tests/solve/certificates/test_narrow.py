@@ -41,8 +41,8 @@ def test_a_thousandth_of_the_turn_is_seen(place, method):
 @pytest.mark.parametrize("find", [floquet, periodic])
 def test_a_bump_at_nodes_that_grids_share_is_seen(place, rtol, find):
     """No stage of theirs is near to it, so that they agree about another system."""
-    found = find(struck(place, 2 * np.pi / 1000), 1.0, rtol=rtol)
-    np.testing.assert_allclose(np.abs(found.multipliers), np.abs(kicked()), rtol=2 * rtol + 1e-4)
+    computed = find(struck(place, 2 * np.pi / 1000), 1.0, rtol=rtol)
+    np.testing.assert_allclose(np.abs(computed.multipliers), np.abs(kicked()), rtol=2 * rtol + 1e-4)
 
 
 def test_a_bump_at_a_node_makes_its_system_unstable():
@@ -54,9 +54,9 @@ def test_a_bump_at_a_node_makes_its_system_unstable():
     kick = np.abs(np.linalg.eigvals(turn @ np.array([[1.0, 0.0], [-IMPULSE, 1.0]]))).max()
     given = struck(5.663832566240261, 2 * np.pi / 1000, damping=0.02, stiffness=3.9)
     for find in (floquet, periodic):
-        found = find(given, 1.0)
-        assert found.verdict == "unstable"
-        assert found.spectral_radius == pytest.approx(kick, rel=5e-4)
+        computed = find(given, 1.0)
+        assert computed.verdict == "unstable"
+        assert computed.spectral_radius == pytest.approx(kick, rel=5e-4)
 
 
 def test_a_bump_narrower_than_all_samples_may_be_missed():
@@ -66,8 +66,8 @@ def test_a_bump_narrower_than_all_samples_may_be_missed():
     places = np.random.default_rng(0).uniform(0.0, 2 * np.pi, 30)
 
     def missed(width):
-        found = [floquet(struck(place, width), 1.0) for place in places]
-        return [each for each in found if each.spectral_radius < 1.01 * free and each.warnings == []]
+        computed = [floquet(struck(place, width), 1.0) for place in places]
+        return [each for each in computed if each.spectral_radius < 1.01 * free and each.warnings == []]
 
     assert missed(2 * np.pi / 6000) == []
     assert len(missed(2 * np.pi / 100_000)) > 0
@@ -131,7 +131,7 @@ RIPPLES = [
 def test_error_covers_harmonics_above_the_step_resolution(case, rtol):
     """The samples of a step look at orders above their number alike on every grid, more or less."""
     given, truth = case
-    found, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
+    computed, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
     q = truth(phase)
-    error = np.abs(found.at(phase)[0] - q).max() / np.abs(q).max()
-    assert error <= 10 * found.error_estimate.orbit <= 10 * rtol
+    error = np.abs(computed.at(phase)[0] - q).max() / np.abs(q).max()
+    assert error <= 10 * computed.error_estimate.orbit <= 10 * rtol

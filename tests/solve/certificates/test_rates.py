@@ -28,20 +28,20 @@ PART = range(5, SIZE, 11)
 
 @pytest.mark.parametrize("indices", [FEW, pytest.param(PART, marks=pytest.mark.slow)], ids=["few", "part"])
 def test_estimates_and_verdicts(indices, report):
-    found = judged(indices)
-    report(f"{len(indices)} systems; {len(found)} results, each with orbit and multipliers")
-    table = [rates(name, part) for name, part in grouped(found, asked).items()]
-    for row in (*table, rates("all methods", found)):
+    computed = judged(indices)
+    report(f"{len(indices)} systems; {len(computed)} results, each with orbit and multipliers")
+    table = [rates(name, part) for name, part in grouped(computed, asked).items()]
+    for row in (*table, rates("all methods", computed)):
         report(str(row))
-    assert {each.kind for each in found} == set(KINDS)
+    assert {each.kind for each in computed} == set(KINDS)
     for row in table:
         assert row.results > 0
         assert row.honest >= 0.95, str(row)
         # Series are judged by the orders of the matrices beyond their own, which may matter little.
         least = 0.75 if row.name.startswith(("fourier", "hill")) else 0.90
         assert row.visible == 0 or row.sharp >= least, str(row)
-    assert rates("all methods", found).honest >= 0.99
-    assert not [str(each) for each in found if each.contradicted]
+    assert rates("all methods", computed).honest >= 0.99
+    assert not [str(each) for each in computed if each.contradicted]
 
 
 def test_the_population_is_as_described():
@@ -128,10 +128,10 @@ def test_the_default_keeps_its_tolerance():
     """1e-8 for orbit and multipliers unless the result says otherwise."""
     for index in range(0, HALF, 75):
         given = member(index)
-        found, truth = periodic(given.system, given.speed), given.truth()
+        computed, truth = periodic(given.system, given.speed), given.truth()
         errors = (
-            relative_error(found.at(PHASES), truth.q),
-            matched_error(found.multipliers, truth.multipliers),
+            relative_error(computed.at(PHASES), truth.q),
+            matched_error(computed.multipliers, truth.multipliers),
         )
-        said = any("not to rtol" in text for text in found.warnings)
-        assert max(errors) <= 1e-8 or said, (index, errors, found.error_estimate)
+        warned = any("not to rtol" in text for text in computed.warnings)
+        assert max(errors) <= 1e-8 or warned, (index, errors, computed.error_estimate)

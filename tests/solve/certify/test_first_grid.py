@@ -22,8 +22,8 @@ def oscillators(*omegas, damping=0.0):
 
 def steps(method, system, rtol=1e-6):
     point = OnePoint(system, 1.0)
-    (found,) = first_steps(method, point, frozen(point), True, rtol).tolist()
-    return found
+    (computed,) = first_steps(method, point, frozen(point), True, rtol).tolist()
+    return computed
 
 
 @pytest.mark.parametrize("n", [1, 2])
@@ -59,8 +59,8 @@ def test_harmonics_of_the_load_count_as_far_as_inertia_lets_them():
             np.eye(1), 0.1 * np.eye(1), 2.3 * np.eye(1), lambda phase: np.cos(phase) + np.cos(order * phase)
         )
 
-    found = [steps(Gauss(), loaded(order)) for order in (2, 50, 200)]
-    assert found[0] < found[1] < found[2]
+    computed = [steps(Gauss(), loaded(order)) for order in (2, 50, 200)]
+    assert computed[0] < computed[1] < computed[2]
 
 
 @pytest.mark.parametrize("coupling", ["M", "C", "K", "d"])

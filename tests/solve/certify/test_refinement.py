@@ -23,7 +23,7 @@ def test_few_numbers_of_steps_are_used():
 def test_errors_that_fall_irregularly_are_refined(at):
     """A kink of the load at a phase: the error of one grid may be small by chance."""
     given, truth = kinked(at)
-    found, phase = periodic(given, 1.0, Gauss(), rtol=1e-8), np.linspace(0, 2 * np.pi, 801)
+    computed, phase = periodic(given, 1.0, Gauss(), rtol=1e-8), np.linspace(0, 2 * np.pi, 801)
     q = truth(phase)
-    assert found.error_estimate.orbit <= 1e-8
-    assert np.abs(found.at(phase)[0] - q).max() <= 1e-8 * np.abs(q).max()
+    assert computed.error_estimate.orbit <= 1e-8
+    assert np.abs(computed.at(phase)[0] - q).max() <= 1e-8 * np.abs(q).max()

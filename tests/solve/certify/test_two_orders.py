@@ -15,8 +15,8 @@ SYSTEMS = [3, 46, 89, 132, 304, 347, *range(HALF + 8, HALF + 14)]
 
 def test_estimates_of_auto_are_honest_and_sharp():
     trials = [trial for trial in TRIALS if trial.name == "auto"]
-    found = [outcome for index in SYSTEMS for outcome in outcomes(member(index), trials)]
-    row = rates("auto", found)
+    computed = [outcome for index in SYSTEMS for outcome in outcomes(member(index), trials)]
+    row = rates("auto", computed)
     print(row)
     assert row.refused == 0
     assert row.honest == 1.0, str(row)
@@ -29,8 +29,8 @@ def test_a_bump_between_the_stages_is_seen(part):
     """It changes the spectral radius by 6 %; fresh random places."""
     free = np.exp(-DAMPING / 2 * 2 * np.pi)
     places = np.random.default_rng((39, part)).uniform(0.0, 2 * np.pi, 25)
-    found = [floquet(struck(place, 2 * np.pi / part), 1.0, rtol=1e-6) for place in places]
-    missed = [each for each in found if each.spectral_radius < 1.01 * free and not each.warnings]
+    computed = [floquet(struck(place, 2 * np.pi / part), 1.0, rtol=1e-6) for place in places]
+    missed = [each for each in computed if each.spectral_radius < 1.01 * free and not each.warnings]
     assert missed == []
 
 
@@ -38,11 +38,11 @@ def test_a_bump_between_the_stages_is_seen(part):
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8])
 def test_ripples_and_kinks_between_the_stages_count_as_error(case, rtol):
     given, truth = case
-    found, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
+    computed, phase = periodic(given, 1.0, rtol=rtol), np.linspace(0, 2 * np.pi, 801)
     q = truth(phase)
-    error = np.abs(found.at(phase)[0] - q).max() / np.abs(q).max()
-    assert error <= 10 * found.error_estimate.orbit + 1e-10
-    assert found.error_estimate.orbit <= rtol
+    error = np.abs(computed.at(phase)[0] - q).max() / np.abs(q).max()
+    assert error <= 10 * computed.error_estimate.orbit + 1e-10
+    assert computed.error_estimate.orbit <= rtol
 
 
 @pytest.mark.parametrize("method", [Radau(9), Radau(13), Gauss(10), Gauss(12)])

@@ -14,9 +14,9 @@ def test_command_and_python_produce_the_same_animation(command, tmp_path):
     animation = solve.animate(solve.load("cam"), "600 rpm", 2.0, 3, ["q2"], rtol=1e-3)
     assert (tmp_path / "mine.html").read_text("utf-8") == animation.html
     assert ran.out == "cam, case 1, 600 rpm: vibration magnified 2 times\n"
-    said = ran.err.replace("\n", " ")
-    assert "the linearisation is not to be trusted: max|q1| = 0.867 rad" in said
-    assert "wrote mine.html" in said
+    message = ran.err.replace("\n", " ")
+    assert "the linearisation is not to be trusted: max|q1| = 0.867 rad" in message
+    assert "wrote mine.html" in message
     assert "the linearisation is not to be trusted" in animation.html
 
 

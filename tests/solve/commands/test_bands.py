@@ -17,15 +17,15 @@ def record(ran):
 
 
 def test_json_holds_the_bands_of_the_undamped_coupler(command):
-    found = record(command("bands", *UNDAMPED, "--speeds", "4000:6000:3 rpm", "--json"))
-    assert found["model"] == "coupler"
-    assert found["parameters"]["alpha"] == 0
-    assert found["range"] == pytest.approx([4000 / RPM, 6000 / RPM], rel=1e-14)
-    assert 0 < found["spacing"] <= 2000 / 40 / RPM * (1 + 1e-9)
-    for band in found["bands"]:
+    computed = record(command("bands", *UNDAMPED, "--speeds", "4000:6000:3 rpm", "--json"))
+    assert computed["model"] == "coupler"
+    assert computed["parameters"]["alpha"] == 0
+    assert computed["range"] == pytest.approx([4000 / RPM, 6000 / RPM], rel=1e-14)
+    assert 0 < computed["spacing"] <= 2000 / 40 / RPM * (1 + 1e-9)
+    for band in computed["bands"]:
         assert band.keys() >= {"from", "to", "kind", "spectral_radius"}
         assert band["kind"] in ("+1", "-1", "complex")
-    wide = [band for band in found["bands"] if band["spectral_radius"] > 1.001]
+    wide = [band for band in computed["bands"] if band["spectral_radius"] > 1.001]
     assert [band["kind"] for band in wide] == ["-1", "+1"]
     edges = np.array([wide[0]["from"], wide[0]["to"], wide[1]["from"]]) * RPM
     np.testing.assert_allclose(edges, [4294.86, 4347.96, 5643.97], rtol=0, atol=0.05)
@@ -53,10 +53,10 @@ def test_search_without_bands_reports_none_found(command):
 
 def test_files(command, tmp_path):
     arguments = ("bands", *UNDAMPED, "--speeds", "5600:6000:5 rpm")
-    found = record(command(*arguments, "--plot", "b.svg", "--save", "b.csv", "--json"))
+    computed = record(command(*arguments, "--plot", "b.svg", "--save", "b.csv", "--json"))
     assert "unstable bands" in (tmp_path / "b.svg").read_text()
     (row,) = csv.DictReader((tmp_path / "b.csv").read_text().splitlines())
-    (band,) = found["bands"]
+    (band,) = computed["bands"]
     assert float(row["from (rad/s)"]) == pytest.approx(band["from"], rel=1e-12)
     assert float(row["to (rad/s)"]) == pytest.approx(band["to"], rel=1e-12)
     assert row["kind"] == band["kind"] == "+1"

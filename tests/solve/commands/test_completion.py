@@ -16,10 +16,10 @@ def test_help_needs_no_numbers():
 
 def completed(line):
     words = line.split(" ")
-    asked = {"_SOLVE_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
+    requested = {"_SOLVE_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
     program = "import sys; from solve.commands.app import run; sys.exit(run([]))"
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, env={**os.environ, **asked}
+        [sys.executable, "-c", program], capture_output=True, text=True, env={**os.environ, **requested}
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.split()

@@ -19,22 +19,22 @@ def record(command, *arguments):
 
 
 def test_json_at_a_position(command):
-    found = record(command, "four_bar", *EXACT, "--position", "70 deg", "--count", "3")
-    assert (found["model"], found["case"]) == ("four_bar", "table41")
-    assert found["options"].items() >= {"branch": "open", "elements": 1, "element": "dynamic"}.items()
-    assert found["position"] == pytest.approx(math.radians(70))
+    computed = record(command, "four_bar", *EXACT, "--position", "70 deg", "--count", "3")
+    assert (computed["model"], computed["case"]) == ("four_bar", "table41")
+    assert computed["options"].items() >= {"branch": "open", "elements": 1, "element": "dynamic"}.items()
+    assert computed["position"] == pytest.approx(math.radians(70))
     model = solve.load("four_bar", options={"element": "dynamic"})
     expected = solve.frequencies(model, math.radians(70), 3).values[0]
-    np.testing.assert_allclose(found["frequencies"], expected, rtol=1e-12)
-    assert found["frequencies"] == sorted(found["frequencies"])
-    assert found["freedoms"] == 9
-    assert found["warnings"] == []
+    np.testing.assert_allclose(computed["frequencies"], expected, rtol=1e-12)
+    assert computed["frequencies"] == sorted(computed["frequencies"])
+    assert computed["freedoms"] == 9
+    assert computed["warnings"] == []
 
 
 def test_four_frequencies_at_position_0_by_default(command):
-    found = record(command, "four_bar")
-    assert found["position"] == 0
-    assert len(found["frequencies"]) == 4
+    computed = record(command, "four_bar")
+    assert computed["position"] == 0
+    assert len(computed["frequencies"]) == 4
 
 
 def test_as_many_as_there_are_where_there_are_fewer(command):
@@ -42,15 +42,15 @@ def test_as_many_as_there_are_where_there_are_fewer(command):
 
 
 def test_frozen_frequencies_follow_from_m_and_k_at_rest(command):
-    found = record(command, "cam", "--position", "1.2 rad")
+    computed = record(command, "cam", "--position", "1.2 rad")
     M, _, K, _ = solve.load("cam").at(np.array([1.2]), 0.0)
     expected = np.sort(np.sqrt(np.linalg.eigvals(np.linalg.inv(M[0]) @ K[0]).real))
-    np.testing.assert_allclose(found["frequencies"], expected, rtol=1e-9)
+    np.testing.assert_allclose(computed["frequencies"], expected, rtol=1e-9)
 
 
 def test_over_the_turn(command):
-    found = record(command, "four_bar", "--turn", "12")
-    turn = found["turn"]
+    computed = record(command, "four_bar", "--turn", "12")
+    turn = computed["turn"]
     np.testing.assert_allclose(turn["positions"], 2 * np.pi * np.arange(12) / 12)
     values = np.array(turn["frequencies"])
     assert values.shape == (12, 4)
@@ -82,9 +82,9 @@ def test_parameter_range_reports_impossible_linkages(command):
 
 
 def test_over_a_parameter_at_a_position(command):
-    found = record(command, "four_bar", "--over", "mA=0:0.4:2", "--position", "30 deg")
-    assert found["over"]["positions"] == [pytest.approx(math.pi / 6)]
-    assert found["over"]["mean"][0][1] > found["over"]["mean"][1][1]
+    computed = record(command, "four_bar", "--over", "mA=0:0.4:2", "--position", "30 deg")
+    assert computed["over"]["positions"] == [pytest.approx(math.pi / 6)]
+    assert computed["over"]["mean"][0][1] > computed["over"]["mean"][1][1]
 
 
 def test_over_a_parameter_of_a_mechanism(command):

@@ -134,7 +134,7 @@ def test_axes_cuts_bounds_and_frequencies_take_a_unit(command, tmp_path):
     x, cut = "delta=0.5e-6:1.5e-6:3 1/ms^2", "delta=1e-6 1/ms^2"
     in_unit = json.loads(command("chart", "mathieu", "--x", x, "--cut", cut, *axes).out)
     assert in_unit["x"]["values"] == pytest.approx(plain["x"]["values"], rel=1e-14)
-    places = [[each["at"] for each in found["cuts"][0]["crossings"]] for found in (plain, in_unit)]
+    places = [[each["at"] for each in computed["cuts"][0]["crossings"]] for computed in (plain, in_unit)]
     assert places[0]
     assert places[1] == pytest.approx(places[0], rel=1e-6)
     values = [

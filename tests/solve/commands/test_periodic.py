@@ -21,39 +21,41 @@ def record(ran):
 
 
 def test_json_has_the_promised_keys(command):
-    found = record(command("periodic", "manipulator", "--json"))
-    assert found.keys() >= KEYS
-    assert found["error_estimate"].keys() == {"orbit", "multipliers"}
-    assert list(found["coordinates"]) == ["q1", "q2"]
-    assert "load_torque" in found["outputs"]
-    for quantity in (*found["coordinates"].values(), *found["outputs"].values()):
+    computed = record(command("periodic", "manipulator", "--json"))
+    assert computed.keys() >= KEYS
+    assert computed["error_estimate"].keys() == {"orbit", "multipliers"}
+    assert list(computed["coordinates"]) == ["q1", "q2"]
+    assert "load_torque" in computed["outputs"]
+    for quantity in (*computed["coordinates"].values(), *computed["outputs"].values()):
         assert quantity.keys() >= QUANTITY
         assert len(quantity["harmonics"]) == len(quantity["phases"]) == 61
 
 
 def test_json_holds_the_manipulator_of_the_chapter(command):
-    found = record(command("periodic", "manipulator", "--json", "--rtol", "1e-9"))
-    assert found["speed"] == pytest.approx(50 * math.pi / 30, rel=1e-14)
-    assert found["period"] == pytest.approx(1.2, rel=1e-14)
-    assert found["coordinates"]["q1"]["max_abs"] == pytest.approx(0.03163246, abs=0.5e-8)
-    assert found["coordinates"]["q2"]["max_abs"] == pytest.approx(1.313046e-3, abs=0.5e-9)
-    assert found["spectral_radius"] == pytest.approx(0.0019966777, rel=1e-6)
-    moduli = [math.hypot(*pair) for pair in found["multipliers"]]
+    computed = record(command("periodic", "manipulator", "--json", "--rtol", "1e-9"))
+    assert computed["speed"] == pytest.approx(50 * math.pi / 30, rel=1e-14)
+    assert computed["period"] == pytest.approx(1.2, rel=1e-14)
+    assert computed["coordinates"]["q1"]["max_abs"] == pytest.approx(0.03163246, abs=0.5e-8)
+    assert computed["coordinates"]["q2"]["max_abs"] == pytest.approx(1.313046e-3, abs=0.5e-9)
+    assert computed["spectral_radius"] == pytest.approx(0.0019966777, rel=1e-6)
+    moduli = [math.hypot(*pair) for pair in computed["multipliers"]]
     assert moduli == sorted(moduli, reverse=True)
-    assert moduli[0] == pytest.approx(found["spectral_radius"], rel=1e-12)
-    assert found["multipliers"][0][1] > 0 > found["multipliers"][1][1]
+    assert moduli[0] == pytest.approx(computed["spectral_radius"], rel=1e-12)
+    assert computed["multipliers"][0][1] > 0 > computed["multipliers"][1][1]
     aligned = "multipliers", "multiplier_errors", "exponents", "modes"
-    assert [len(found[name]) for name in aligned] == [4] * 4
-    assert found["unresolved"] == found["multiplier_errors"].count(None)
-    exponent = complex(*found["exponents"][0])
-    assert np.exp(exponent * found["period"]) == pytest.approx(complex(*found["multipliers"][0]), rel=1e-12)
-    assert found["verdict"] == "asymptotically stable"
-    assert found["stable"] is True
+    assert [len(computed[name]) for name in aligned] == [4] * 4
+    assert computed["unresolved"] == computed["multiplier_errors"].count(None)
+    exponent = complex(*computed["exponents"][0])
+    assert np.exp(exponent * computed["period"]) == pytest.approx(
+        complex(*computed["multipliers"][0]), rel=1e-12
+    )
+    assert computed["verdict"] == "asymptotically stable"
+    assert computed["stable"] is True
 
 
 def test_harmonics_and_phases_add_up_to_the_extrema(command):
-    found = record(command("periodic", "manipulator", "--json", "--harmonics", "200"))
-    for name, quantity in {**found["coordinates"], **found["outputs"]}.items():
+    computed = record(command("periodic", "manipulator", "--json", "--harmonics", "200"))
+    for name, quantity in {**computed["coordinates"], **computed["outputs"]}.items():
         amplitudes, phases = np.array(quantity["harmonics"]), np.array(quantity["phases"])
         assert len(amplitudes) == 201
         phi = np.linspace(0.0, 2 * math.pi, 20_001)
@@ -68,7 +70,7 @@ def test_harmonics_and_phases_add_up_to_the_extrema(command):
 
 def test_quasi_static_is_the_solution_without_inertia_of_the_deviations(command):
     """Chapter (77), second row first uncoupled: K11 q1 = d1, then k2 q2 = d2 - K21 q1, with F = 0."""
-    found = record(command("periodic", "manipulator", "--json", "--quasi-static"))
+    computed = record(command("periodic", "manipulator", "--json", "--quasi-static"))
     a = {1: 0.22165, 3: 0.05560, 5: -0.01706}
     k1, k2, m2, omega = 7692.0, 1e6, 136.0, 50 * math.pi / 30
     phi = np.linspace(0.0, 2 * math.pi, 100_001)
@@ -77,7 +79,7 @@ def test_quasi_static_is_the_solution_without_inertia_of_the_deviations(command)
     u3 = sum(-(k**2) * ak * np.cos(k * phi) for k, ak in a.items())
     q1 = -m2 * omega**2 * u1 * u2 / (k1 + m2 * omega**2 * (u1 * u3 + u2**2))
     q2 = -m2 * omega**2 * (u2 + u3 * q1) / k2
-    statics = found["quasi_static"]["coordinates"]
+    statics = computed["quasi_static"]["coordinates"]
     assert statics["q1"]["max"] == pytest.approx(q1.max(), rel=1e-7)
     assert statics["q2"]["min"] == pytest.approx(q2.min(), rel=1e-7)
     assert "quasi_static" not in record(command("periodic", "manipulator", "--json"))
@@ -112,39 +114,43 @@ def test_a_case_file_of_ones_own(command, tmp_path):
     for name, value in known["parameters"].items():
         lines.append(f'{name} = {{ value = {value!r}, unit = "{units.get(name, "m")}", source = "copied" }}')
     (tmp_path / "mine.toml").write_text("\n".join(lines))
-    found = record(command("periodic", "manipulator", "--cases", "mine.toml", "--json"))
-    assert found["case"] == "mine"
-    assert found["parameters"] == known["parameters"]
-    assert found["speed"] == pytest.approx(40 * math.pi / 30, rel=1e-14)
+    computed = record(command("periodic", "manipulator", "--cases", "mine.toml", "--json"))
+    assert computed["case"] == "mine"
+    assert computed["parameters"] == known["parameters"]
+    assert computed["speed"] == pytest.approx(40 * math.pi / 30, rel=1e-14)
 
 
 def test_floquet_is_periodic_without_the_orbit(command):
     orbit = record(command("periodic", "manipulator", "--json"))
-    found = record(command("floquet", "manipulator", "--json"))
-    assert found.keys() >= KEYS - {"coordinates", "outputs"}
-    assert not found.keys() & {"coordinates", "outputs"}
-    assert found["error_estimate"]["orbit"] is None
-    assert found["residual"] is None
-    assert_allclose(found["multipliers"], orbit["multipliers"], rtol=0, atol=1e-8 * found["spectral_radius"])
-    assert found["verdict"] == orbit["verdict"]
+    computed = record(command("floquet", "manipulator", "--json"))
+    assert computed.keys() >= KEYS - {"coordinates", "outputs"}
+    assert not computed.keys() & {"coordinates", "outputs"}
+    assert computed["error_estimate"]["orbit"] is None
+    assert computed["residual"] is None
+    assert_allclose(
+        computed["multipliers"], orbit["multipliers"], rtol=0, atol=1e-8 * computed["spectral_radius"]
+    )
+    assert computed["verdict"] == orbit["verdict"]
 
 
 def test_doubts_are_warnings_in_the_result_and_on_standard_error(command):
     ran = command("periodic", "cam", "--speed", "300 rpm", "--json")
-    found = record(ran)
-    trust = [text for text in found["warnings"] if "max|q1|" in text]
+    computed = record(ran)
+    trust = [text for text in computed["warnings"] if "max|q1|" in text]
     assert len(trust) == 1
     assert "0.05" in trust[0]
     assert f"warning: {trust[0]}" in ran.err
-    assert not [text for text in found["warnings"] if "not to rtol" in text]
+    assert not [text for text in computed["warnings"] if "not to rtol" in text]
 
 
 def test_a_coarse_newmark_grid_is_warned_of(command):
-    found = record(
+    computed = record(
         command("floquet", "cam", "--speed", "100 rpm", "--method", "newmark", "--steps", "1000", "--json")
     )
-    assert found["spectral_radius"] > 100 * 1.466125e-7, "the case shows nothing: the radius is nearly right"
-    assert any("multipliers may be wrong" in text for text in found["warnings"])
+    assert computed["spectral_radius"] > 100 * 1.466125e-7, (
+        "the case shows nothing: the radius is nearly right"
+    )
+    assert any("multipliers may be wrong" in text for text in computed["warnings"])
 
 
 def test_newmark_below_one_half_is_warned_of(command):

@@ -49,7 +49,7 @@ def test_the_terminal_shows_verdict_bounds_and_assumption(command):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ((*MATHIEU, "--digits", "3"), "solve: --digits 3 requires --prove; add it\n"),
         ((*MATHIEU, "--rounded"), "solve: --rounded requires --prove; add it\n"),
@@ -60,8 +60,8 @@ def test_the_terminal_shows_verdict_bounds_and_assumption(command):
         ((*MATHIEU, "--prove", "--digits", "0"), "solve: digits is 0; allowed: 1 to 1000\n"),
     ],
 )
-def test_invalid_combinations_are_refused_in_one_line(command, arguments, said):
-    assert command(*arguments) == (2, "", said)
+def test_invalid_combinations_are_refused_in_one_line(command, arguments, message):
+    assert command(*arguments) == (2, "", message)
 
 
 def test_a_model_without_generated_matrices_is_refused_before_it_is_solved(command):
@@ -78,8 +78,10 @@ def test_without_python_flint_the_extra_is_named(command, monkeypatch):
         monkeypatch.delitem(sys.modules, name)
     ran = command(*MATHIEU, "--prove")
     assert (ran.status, ran.out) == (2, "")
-    said = 'solve: a proof needs python-flint; install it with: pip install "parametric-vibration[prove]"\n'
-    assert ran.err == said
+    message = (
+        'solve: a proof needs python-flint; install it with: pip install "parametric-vibration[prove]"\n'
+    )
+    assert ran.err == message
 
 
 def test_a_contradiction_is_printed_and_ends_in_status_70(command, monkeypatch):

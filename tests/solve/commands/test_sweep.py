@@ -31,19 +31,19 @@ def record(ran):
 
 @pytest.mark.parametrize("speeds", [LIST, "600:1500:4 rpm", "10 15 20 25 Hz", "10:25:4 Hz"])
 def test_table_2_of_the_paper_in_every_form_of_speeds(command, speeds):
-    found = record(command("sweep", "coupler", "--speeds", speeds, "--json"))
-    assert found["speeds"] == pytest.approx([rpm * math.pi / 30 for rpm in TABLE_2_MM], rel=1e-14)
+    computed = record(command("sweep", "coupler", "--speeds", speeds, "--json"))
+    assert computed["speeds"] == pytest.approx([rpm * math.pi / 30 for rpm in TABLE_2_MM], rel=1e-14)
     maxima = [
         [1e3 * point["coordinates"][name]["max_abs"] for name in ("q1", "q2", "q3")]
-        for point in found["points"]
+        for point in computed["points"]
     ]
     np.testing.assert_allclose(maxima, list(TABLE_2_MM.values()), rtol=0, atol=0.5e-4)
 
 
 def test_json_has_the_promised_keys(command):
-    found = record(command("sweep", "coupler", "--speeds", "600 900 rpm", "--json"))
-    assert found.keys() >= {"model", "case", "parameters", "options", "speeds", "points"}
-    for point in found["points"]:
+    computed = record(command("sweep", "coupler", "--speeds", "600 900 rpm", "--json"))
+    assert computed.keys() >= {"model", "case", "parameters", "options", "speeds", "points"}
+    for point in computed["points"]:
         assert point.keys() >= POINT
         assert point["error_estimate"].keys() == {"orbit", "multipliers"}
         assert "midpoint_deflection" in point["outputs"]
@@ -52,9 +52,9 @@ def test_json_has_the_promised_keys(command):
 
 
 def test_a_single_speed_in_radians(command):
-    found = record(command("sweep", "coupler", "--speeds", "62.8 rad/s", "--json"))
-    assert found["speeds"] == [62.8]
-    assert len(found["points"]) == 1
+    computed = record(command("sweep", "coupler", "--speeds", "62.8 rad/s", "--json"))
+    assert computed["speeds"] == [62.8]
+    assert len(computed["points"]) == 1
 
 
 def test_failed_point_reports_its_reason_and_the_sweep_continues(command):
@@ -101,12 +101,12 @@ def test_a_long_table_shows_one_speed_in_k(command):
 
 def test_files(command, tmp_path):
     arguments = ("sweep", "coupler", "--speeds", LIST, "--plot", "s.svg", "--save", "s.csv", "--json")
-    found = record(command(*arguments))
+    computed = record(command(*arguments))
     assert "<svg" in (tmp_path / "s.svg").read_text()
     rows = list(csv.DictReader((tmp_path / "s.csv").read_text().splitlines()))
     for name in ("q1", "q2", "q3"):
         saved = [float(row[f"{name}_max_abs (m)"]) for row in rows]
-        shown = [point["coordinates"][name]["max_abs"] for point in found["points"]]
+        shown = [point["coordinates"][name]["max_abs"] for point in computed["points"]]
         assert saved == pytest.approx(shown, rel=1e-12)
 
 
@@ -241,10 +241,10 @@ NUMBERS = "--set", "m=2", "--set", "F=3", "--set", "c=0.1"
     [
         (
             ("sweep", "--speed", "3 rad/s", "--over", "k=10:40:2"),
-            lambda found: [point["parameters"]["k"] for point in found["points"]],
+            lambda computed: [point["parameters"]["k"] for point in computed["points"]],
         ),
-        (("chart", "--x", "speed=3:4:2 rad/s", "--y", "k=10:40:2"), lambda found: found["y"]["values"]),
-        (("frequencies", "--over", "k=10:40:2"), lambda found: found["over"]["values"]),
+        (("chart", "--x", "speed=3:4:2 rad/s", "--y", "k=10:40:2"), lambda computed: computed["y"]["values"]),
+        (("frequencies", "--over", "k=10:40:2"), lambda computed: computed["over"]["values"]),
     ],
 )
 def test_varied_parameter_needs_no_fixed_value(command, tmp_path, study, read):
@@ -259,9 +259,9 @@ def test_varied_parameter_needs_no_fixed_value(command, tmp_path, study, read):
 
 def test_parameter_range_does_not_change_the_given_value(command):
     for flags in ((), ("--set", "k1=7e4")):
-        found = record(command("frequencies", "cam", "--over", "k1=6e4:9e4:2", "--json", *flags))
+        computed = record(command("frequencies", "cam", "--over", "k1=6e4:9e4:2", "--json", *flags))
         alone = record(command("frequencies", "cam", "--json", *flags))
-        assert found["frequencies"] == alone["frequencies"]
+        assert computed["frequencies"] == alone["frequencies"]
 
 
 STIFFNESS_OF_PHASE = WITHOUT_CASE.replace(
@@ -300,8 +300,8 @@ def test_the_order_of_values_does_not_matter(spring, values):
 
 def test_a_chart_may_begin_where_there_is_no_motion(spring):
     flags = "--x", "k=20:30:2", "--y", "b=-1.5:0.5:5", "--speed", "3 rad/s"
-    found = record(spring("chart", *flags, "--json"))
-    assert [row[0] == "failed" for row in found["verdicts"]] == [True, False, False, False, False]
+    computed = record(spring("chart", *flags, "--json"))
+    assert [row[0] == "failed" for row in computed["verdicts"]] == [True, False, False, False, False]
 
 
 def test_a_study_is_refused_if_all_values_are(spring):
@@ -319,5 +319,5 @@ def test_frequencies_state_a_value_from_the_range(spring):
 
 
 def test_a_range_ends_exactly_at_its_last_value(spring):
-    found = record(spring("sweep", "--set", "k=20", "--speed", "3 rad/s", "--over", "b=0.2:0:4", "--json"))
-    assert [point["parameters"]["b"] for point in found["points"]][::3] == [0.2, 0.0]
+    computed = record(spring("sweep", "--set", "k=20", "--speed", "3 rad/s", "--over", "b=0.2:0:4", "--json"))
+    assert [point["parameters"]["b"] for point in computed["points"]][::3] == [0.2, 0.0]

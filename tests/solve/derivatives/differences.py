@@ -39,5 +39,5 @@ def differences(model, speed, name, texts, solved=solve.periodic, parts=PARTS, *
 
     near = np.array([values(at * (1 + NEIGHBOUR * k)) for k in range(5)])
     noise = NOISE * np.abs(near[0]) + np.abs(near - near[0]).max(axis=0)
-    found, apart = (np.array(part) for part in zip(*map(extrapolated, parts), strict=True))
-    return np.take_along_axis(found, apart.argmin(axis=0)[None], axis=0)[0]
+    computed, apart = (np.array(part) for part in zip(*map(extrapolated, parts), strict=True))
+    return np.take_along_axis(computed, apart.argmin(axis=0)[None], axis=0)[0]

@@ -74,10 +74,10 @@ def test_extremum_at_a_kink_moves_with_the_kink(begin, nonlinear):
 
 @pytest.mark.parametrize("name", ["late", "early"])
 def test_extremum_at_a_jump_uses_the_one_sided_limit(name):
-    found = solve.sensitivities(wedged(begin=1.0), 2.0, f"{name}.max", ["f", "k"])[f"{name}.max"]
+    computed = solve.sensitivities(wedged(begin=1.0), 2.0, f"{name}.max", ["f", "k"])[f"{name}.max"]
     answer, wave = 1 / (7.0 - 2.0**2 + 2j * 0.5), np.exp(1j)
-    assert found["f"] == pytest.approx((7.0 * wave * answer).imag + 4, rel=1e-9)
-    assert found["k"] == pytest.approx((wave * (answer - 7.0 * answer**2)).imag, rel=1e-8)
+    assert computed["f"] == pytest.approx((7.0 * wave * answer).imag + 4, rel=1e-9)
+    assert computed["k"] == pytest.approx((wave * (answer - 7.0 * answer**2)).imag, rel=1e-8)
 
 
 @pytest.mark.parametrize("nonlinear", [False, True])

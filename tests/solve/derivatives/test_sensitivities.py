@@ -59,13 +59,13 @@ NUMBERS = {"m": M, "c": C, "k": K, "f": F, "speed": SPEED}
 
 
 @pytest.fixture(scope="module")
-def found():
+def oscillator_sensitivities():
     of = ["q.harmonic2", "q.max", "q.min", "q.rms", "q.mean", "q.phase2", "lost.mean", "lost.max"]
     return solve.sensitivities(model(), SPEED, of, list(NUMBERS))
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_an_oscillator_in_closed_form(found, name):
+def test_an_oscillator_in_closed_form(oscillator_sensitivities, name):
     a = amplitude()
     slope = -(a**2) / F * {"m": -4 * SPEED**2, "c": 2j * SPEED, "k": 1.0, "f": 0.0}.get(name, 0.0)
     slope += a / F * (name == "f") - a**2 / F * (-8 * M * SPEED + 2j * C) * (name == "speed")
@@ -79,11 +79,11 @@ def test_an_oscillator_in_closed_form(found, name):
         "q.phase2": (slope / a).imag,
     }
     for quantity, value in expected.items():
-        assert found[quantity][name] == pytest.approx(value, rel=1e-8, abs=1e-10), quantity
+        assert oscillator_sensitivities[quantity][name] == pytest.approx(value, rel=1e-8, abs=1e-10), quantity
     power = 2 * C * SPEED**2 * abs(a) ** 2
     loss = power / C * (name == "c") + 2 * power / SPEED * (name == "speed") + 2 * power / abs(a) * size
-    assert found["lost.mean"][name] == pytest.approx(loss, rel=1e-8)
-    assert found["lost.max"][name] == pytest.approx(2 * loss, rel=1e-8)
+    assert oscillator_sensitivities["lost.mean"][name] == pytest.approx(loss, rel=1e-8)
+    assert oscillator_sensitivities["lost.max"][name] == pytest.approx(2 * loss, rel=1e-8)
 
 
 def test_multipliers_and_exponents_in_closed_form():
@@ -113,10 +113,12 @@ def test_multipliers_and_exponents_in_closed_form():
         assert sensitivities["exponent1.re"][name] == pytest.approx(slopes[name].real, rel=1e-8, abs=1e-11)
 
 
-def test_an_elasticity_is_relative_change_by_relative_change(found):
-    a = found.found["q.harmonic2"].value
-    assert found.elasticities("q.harmonic2")["f"] == pytest.approx(1.0, rel=1e-9)
-    assert found.elasticities("q.harmonic2")["k"] == pytest.approx(found["q.harmonic2"]["k"] * K / a)
+def test_an_elasticity_is_relative_change_by_relative_change(oscillator_sensitivities):
+    a = oscillator_sensitivities.found["q.harmonic2"].value
+    assert oscillator_sensitivities.elasticities("q.harmonic2")["f"] == pytest.approx(1.0, rel=1e-9)
+    assert oscillator_sensitivities.elasticities("q.harmonic2")["k"] == pytest.approx(
+        oscillator_sensitivities["q.harmonic2"]["k"] * K / a
+    )
 
 
 def test_errors_cover_the_change_by_finer_steps():
@@ -275,10 +277,10 @@ def test_adjoint_and_direct_derivatives_agree():
     ("name", "of"), [("cam", ["q3.max", "rho1"]), ("gear_pair", ["q.rms", "mesh_force.max"])]
 )
 def test_engines_give_the_same(name, of):
-    found = [
+    oscillator_sensitivities = [
         solve.sensitivities(solve.load(name), 60.0, of, steps=96, method=solve.Gauss(), engine=engine)
         for engine in ("compiled", "numpy")
     ]
     for quantity in of:
-        ours, theirs = (each.found[quantity].derivatives for each in found)
+        ours, theirs = (each.found[quantity].derivatives for each in oscillator_sensitivities)
         assert np.allclose(ours, theirs, rtol=1e-9, atol=1e-9 * np.abs(theirs).max())

@@ -30,14 +30,14 @@ def library(tmp_path):
 
 def called(function, results, *inputs):
     """Results of given lengths, of numbers and arrays."""
-    found = [np.full(size, np.nan) for size in results]
+    computed = [np.full(size, np.nan) for size in results]
     doubles = ctypes.POINTER(ctypes.c_double)
     given = [
         ctypes.c_double(each) if isinstance(each, float) else each.ctypes.data_as(doubles)
-        for each in (*inputs, *found)
+        for each in (*inputs, *computed)
     ]
     assert function(*given) == 0
-    return found
+    return computed
 
 
 @needs_compiler
@@ -47,17 +47,17 @@ def test_linearised_c_code_matches_python(library, name):
     n, p = model.n, np.array(list(model.parameters.values()))
     function = library(model)[f"{name}_linearised"]
     for phase in (0.3, 2.0, 5.5):
-        found = called(function, (n * n, n * n, n * n, n), phase, speed, p)
-        for part, expected in zip(found, model.at(np.array([phase]), speed), strict=True):
+        computed = called(function, (n * n, n * n, n * n, n), phase, speed, p)
+        for part, expected in zip(computed, model.at(np.array([phase]), speed), strict=True):
             np.testing.assert_allclose(part, expected.ravel(), rtol=1e-12, atol=1e-9 * np.abs(expected).max())
 
 
 @needs_compiler
 def test_other_parameters_than_the_case_are_taken(library):
-    found = library(solve.load("cam"))
+    computed = library(solve.load("cam"))
     stiffer = solve.load("cam", k1=1.3e5, m2=11.0)
     p = np.array(list(stiffer.parameters.values()))
-    M, _, K, _ = called(found.cam_linearised, (9, 9, 9, 3), 1.0, 30.0, p)
+    M, _, K, _ = called(computed.cam_linearised, (9, 9, 9, 3), 1.0, 30.0, p)
     expected = stiffer.at(np.array([1.0]), 30.0)
     np.testing.assert_allclose(M, expected[0].ravel(), rtol=1e-13)
     np.testing.assert_allclose(K, expected[2].ravel(), rtol=1e-13)
@@ -66,13 +66,13 @@ def test_other_parameters_than_the_case_are_taken(library):
 @needs_compiler
 def test_the_residual_is_zero_on_the_nonlinear_orbit(library):
     model, speed = solve.load("cam"), 30.0
-    found, p = library(model), np.array(list(model.parameters.values()))
+    computed, p = library(model), np.array(list(model.parameters.values()))
     orbit = solve.nonlinear(model, speed)
     q, qd, qdd = (np.ascontiguousarray(part[:, 0]) for part in orbit.state(np.array([1.2])))
-    (r,) = called(found.cam_residual, (3,), 1.2, speed, q, qd, qdd, p)
-    (pushed,) = called(found.cam_residual, (3,), 1.2, speed, q + 1e-3, qd, qdd, p)
+    (r,) = called(computed.cam_residual, (3,), 1.2, speed, q, qd, qdd, p)
+    (pushed,) = called(computed.cam_residual, (3,), 1.2, speed, q + 1e-3, qd, qdd, p)
     assert np.abs(r).max() < 1e-6 * np.abs(pushed).max()
-    (y,) = called(found.cam_outputs, (4,), 1.2, speed, q, qd, qdd, p)
+    (y,) = called(computed.cam_outputs, (4,), 1.2, speed, q, qd, qdd, p)
     assert y == pytest.approx([orbit.signal(name)(np.array([1.2]))[0] for name in model.outputs], rel=1e-12)
 
 

@@ -75,22 +75,22 @@ def test_fmu_is_valid_with_units_and_descriptions(cam):
     from fmpy.validation import validate_fmu
 
     assert validate_fmu(cam) == []
-    found = {
+    computed = {
         modelvariable.name: modelvariable for modelvariable in fmpy.read_model_description(cam).modelVariables
     }
     model = solve.load("cam")
     for name, (unit, meaning) in model.parameter_labels.items():
-        variable = found[name]
+        variable = computed[name]
         assert (variable.causality, variable.variability) == ("parameter", "tunable")
         assert (variable.unit, variable.description) == (unit.replace(" ", ".").replace("^", ""), meaning)
         assert float(variable.start) == model.parameters[name]
-    assert {name for name, each in found.items() if each.causality == "output"} == {
+    assert {name for name, each in computed.items() if each.causality == "output"} == {
         *model.coordinates,
         *model.outputs,
     }
-    inputs = {name for name, each in found.items() if each.causality == "input"}
+    inputs = {name for name, each in computed.items() if each.causality == "input"}
     assert inputs == {"acceleration", "force_q1", "force_q2", "force_q3"}
-    assert found["speed"].start == repr(SPEED)
+    assert computed["speed"].start == repr(SPEED)
 
 
 @pytest.mark.parametrize(
@@ -101,18 +101,18 @@ def test_fmu_stays_on_the_nonlinear_orbit(tmp_path, name, tolerance):
     model, speed = solve.load(name), 40.0
     file = str(tmp_path / "made.fmu")
     solve.export(model, file, speed)
-    found, orbit = simulated(file, 4, speed, tolerance), solve.nonlinear(model, speed)
+    computed, orbit = simulated(file, 4, speed, tolerance), solve.nonlinear(model, speed)
     for quantity in (*model.coordinates, *model.outputs[:1]):
-        expected = orbit.signal(quantity)(speed * found["time"])
-        np.testing.assert_allclose(found[quantity], expected, rtol=0, atol=1e-4 * np.abs(expected).max())
+        expected = orbit.signal(quantity)(speed * computed["time"])
+        np.testing.assert_allclose(computed[quantity], expected, rtol=0, atol=1e-4 * np.abs(expected).max())
 
 
 def test_a_parameter_that_is_set_changes_the_motion(shaken):
     file, start = shaken
     for numbers in ({}, {"k": 2500.0}, {"m": 3.0, "e": 0.01}):
-        found = simulated(file, 3, SPEED, start_values=numbers)
-        expected = by_hand(found["time"][-1], start, **numbers)
-        assert found["q"][-1] == pytest.approx(expected, rel=1e-4)
+        computed = simulated(file, 3, SPEED, start_values=numbers)
+        expected = by_hand(computed["time"][-1], start, **numbers)
+        assert computed["q"][-1] == pytest.approx(expected, rel=1e-4)
 
 
 def test_fmu_inputs_act_on_mass_and_drive(shaken):
@@ -121,27 +121,27 @@ def test_fmu_inputs_act_on_mass_and_drive(shaken):
     for u, acceleration in ((5.0, 0.0), (0.0, 8.0), (5.0, -8.0)):
         columns = [(each, float) for each in ("time", "force_q", "acceleration")]
         given = np.array([(0.0, u, acceleration), (end, u, acceleration)], dtype=columns)
-        found = simulated(file, 3, SPEED, input=given)
-        assert found["q"][-1] == pytest.approx(by_hand(end, start, u, acceleration), rel=1e-4)
+        computed = simulated(file, 3, SPEED, input=given)
+        assert computed["q"][-1] == pytest.approx(by_hand(end, start, u, acceleration), rel=1e-4)
 
 
 def test_fmu_nominals_are_the_sizes_of_the_states(tmp_path):
     """A motion of micrometres by a tolerance of 1e-6: absolute errors of 1e-6 m would be as large as it."""
     model = solve.load(shaker, **{**SHAKER, "e": 1e-6})
     solve.export(model, tmp_path / "small.fmu", SPEED)
-    found = simulated(str(tmp_path / "small.fmu"), 2, SPEED, 1e-6)
-    expected = solve.nonlinear(model, SPEED).at(SPEED * found["time"])[0]
-    np.testing.assert_allclose(found["q"], expected, rtol=0, atol=1e-3 * np.abs(expected).max())
+    computed = simulated(str(tmp_path / "small.fmu"), 2, SPEED, 1e-6)
+    expected = solve.nonlinear(model, SPEED).at(SPEED * computed["time"])[0]
+    np.testing.assert_allclose(computed["q"], expected, rtol=0, atol=1e-3 * np.abs(expected).max())
 
 
 def test_without_a_load_it_starts_at_rest(tmp_path):
     exported = solve.export(solve.load("mathieu"), tmp_path / "mathieu.fmu")
     assert exported.warnings[0].endswith("the unit starts at rest")
-    found = fmpy.simulate_fmu(
+    computed = fmpy.simulate_fmu(
         str(tmp_path / "mathieu.fmu"), stop_time=np.pi, relative_tolerance=1e-9, start_values={"q": 1.0}
     )
     expected = in_time_mathieu(solve.load("mathieu"), np.pi)
-    assert found["q"][-1] == pytest.approx(expected, rel=1e-5)
+    assert computed["q"][-1] == pytest.approx(expected, rel=1e-5)
 
 
 def in_time_mathieu(model, end):
@@ -159,14 +159,14 @@ def test_jumps_of_the_matrices_are_events(tmp_path):
     numbers = {"w1": 1.3, "w2": 2.9, "share": 0.4}
     solve.export(solve.load("meissner", **numbers), tmp_path / "meissner.fmu", 1.0)
     file, end = str(tmp_path / "meissner.fmu"), 9.0
-    found = fmpy.simulate_fmu(file, stop_time=end, relative_tolerance=1e-9, start_values={"q": 1.0})
+    computed = fmpy.simulate_fmu(file, stop_time=end, relative_tolerance=1e-9, start_values={"q": 1.0})
     x, left = np.array([1.0, 0.0]), end
     for w, share in [(1.3, 0.4), (2.9, 0.6), (1.3, 0.4), (2.9, 0.6)]:
         h = min(left, 2 * np.pi * share)
         c, s = np.cos(w * h), np.sin(w * h)
         x, left = np.array([[c, s / w], [-w * s, c]]) @ x, left - h
     assert left < 1e-12
-    assert found["q"][-1] == pytest.approx(x[0], abs=1e-6)
+    assert computed["q"][-1] == pytest.approx(x[0], abs=1e-6)
     assert len(fmpy.read_model_description(file).eventIndicators) == 2
 
 

@@ -121,17 +121,17 @@ def test_the_real_form_is_the_complex_one():
     s, N = 0.1 + 0.6j, 2
     transfer = solve.harmonic_transfer(MATHIEU, 1.3, N, orders=12)
     lifted, H = transfer.lifted(), transfer.at(s).values[:, 0, :, 0]
-    found = lifted(s)
+    computed = lifted(s)
     c1, s1, mean = (lifted.input_labels.index(f"force_q1_{part}") for part in ("c1", "s1", "0"))
     y_c2, y_s2 = (lifted.output_labels.index(f"q1_{part}") for part in ("c2", "s2"))
     plus, minus = 2 + N, -2 + N
     # cos φ is half of order 1 and half of order -1; a cosine amplitude is the sum of both orders.
     cosine = (H[:, 1 + N] + H[:, -1 + N]) / 2
     sine = (H[:, 1 + N] - H[:, -1 + N]) / 2j
-    np.testing.assert_allclose(found[y_c2, c1], cosine[plus] + cosine[minus], rtol=1e-9)
-    np.testing.assert_allclose(found[y_s2, c1], 1j * (cosine[plus] - cosine[minus]), rtol=1e-9)
-    np.testing.assert_allclose(found[y_c2, s1], sine[plus] + sine[minus], rtol=1e-9)
-    np.testing.assert_allclose(found[y_c2, mean], H[plus, N] + H[minus, N], rtol=1e-9)
+    np.testing.assert_allclose(computed[y_c2, c1], cosine[plus] + cosine[minus], rtol=1e-9)
+    np.testing.assert_allclose(computed[y_s2, c1], 1j * (cosine[plus] - cosine[minus]), rtol=1e-9)
+    np.testing.assert_allclose(computed[y_c2, s1], sine[plus] + sine[minus], rtol=1e-9)
+    np.testing.assert_allclose(computed[y_c2, mean], H[plus, N] + H[minus, N], rtol=1e-9)
     assert lifted.A.dtype == float
 
 
@@ -141,10 +141,10 @@ def test_insufficient_truncation_raises_a_warning():
     assert "3 orders" in warning
     assert "more orders" in warning
     truth = solve.harmonic_transfer(MATHIEU, 0.1, 2).at(1.9j).values
-    found = few.at(1.9j)
-    assert found.warnings
-    off = np.abs(found.values - truth).max() / np.abs(truth).max()
-    assert 1e-8 < off < 2 * found.error
+    computed = few.at(1.9j)
+    assert computed.warnings
+    off = np.abs(computed.values - truth).max() / np.abs(truth).max()
+    assert 1e-8 < off < 2 * computed.error
 
 
 @pytest.mark.slow
@@ -160,8 +160,8 @@ def test_slow_convergence_at_jumps_raises_a_warning():
     transfer = solve.harmonic_transfer(solve.load("meissner"), 1.0, 2, orders=20, rtol=1e-10)
     assert "the matrices jump" in transfer.warnings[0]
     finer = solve.harmonic_transfer(solve.load("meissner"), 1.0, 2, orders=200).at(0.3 + 0.1j)
-    found = transfer.at(0.3 + 0.1j)
-    assert np.abs(found.values - finer.values).max() / np.abs(finer.values).max() < 2 * found.error
+    computed = transfer.at(0.3 + 0.1j)
+    assert np.abs(computed.values - finer.values).max() / np.abs(finer.values).max() < 2 * computed.error
 
 
 def test_invalid_requests_are_refused():

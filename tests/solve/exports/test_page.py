@@ -27,9 +27,9 @@ def test_the_examples_in_python(tmp_path, monkeypatch):
     if not hasattr(casadi.DaeBuilder, "compile_fmu"):
         pytest.skip("CasADi is older than 3.8")
     monkeypatch.chdir(tmp_path)
-    found = doctest.testfile(str(PAGE), module_relative=False)
-    assert found.attempted > 20
-    assert found.failed == 0
+    computed = doctest.testfile(str(PAGE), module_relative=False)
+    assert computed.attempted > 20
+    assert computed.failed == 0
 
 
 @pytest.mark.parametrize("line", [command for command in COMMANDS if not command.endswith(".fmu")])

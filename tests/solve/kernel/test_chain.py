@@ -17,9 +17,9 @@ def same(N, m, r, growth, unit=1.0):
     A = np.eye(N) + rng.standard_normal((m, N, N)) * 0.3
     A[:, 0] *= growth
     A, b = A * units[:, None] / units, rng.standard_normal((m, N, r)) * units[:, None]
-    found, (theirs, _) = closed(A, b), periodic_states(Steps(A, b))
-    assert found is not None
-    ours, condition = found
+    computed, (theirs, _) = closed(A, b), periodic_states(Steps(A, b))
+    assert computed is not None
+    ours, condition = computed
     size = np.abs(theirs).max(axis=(0, 2))
     assert (np.abs(ours - theirs).max(axis=(0, 2)) <= 1e-11 * size).all()
     apart = np.abs(A @ ours[:-1] + b - ours[1:]).max(axis=(0, 2))
@@ -45,9 +45,9 @@ def test_solutions_that_grow_and_units_that_are_far_apart():
 def test_a_solution_that_swells_within_the_period_keeps_its_digits(m, decades):
     steps = swelling(m, decades)
     truth = closed_chain(steps.A, steps.b)
-    found = closed(steps.A, steps.b[..., None] * [1.0, -2.0])
-    assert found is not None
-    states, condition = found
+    computed = closed(steps.A, steps.b[..., None] * [1.0, -2.0])
+    assert computed is not None
+    states, condition = computed
     errors = np.abs(states[:-1, :, 1] + 2 * truth).max(axis=0) / np.abs(2 * truth).max(axis=0)
     assert errors.max() < min(1e-11, 10 * condition * EPS * roundoff_growth(m))
 

@@ -18,15 +18,15 @@ def both(name, names, count):
         rng.standard_normal((count, model.n, 2)),
         rng.standard_normal((count, 3, model.n, model.n)),
     )
-    found = []
+    computed = []
     for compiled in (columns, None):
         dependence = model.derivatives.by(names, compiled)
         at = phase, 31.0, states
         by_entries, _ = dependence.matrices(*at, entries)
         residual, summed = dependence.residual(*at), dependence.weighted_residual(*at, along)
         assert np.allclose(summed, np.einsum("knr,knc->rc", residual, along))
-        found.append((residual, summed, by_entries))
-    return found
+        computed.append((residual, summed, by_entries))
+    return computed
 
 
 def same(ours, theirs):

@@ -26,13 +26,13 @@ def values(curves, phases):
 def test_curves_are_compared_at_the_samples_of_both(steps, samples):
     random = np.random.default_rng(1)
     coarse, fine = (random.standard_normal((2, 3, m, D)) for m, D in zip(steps, (6, 8), strict=True))
-    found = differences(coarse, fine, samples)
-    assert found is not None
+    computed = differences(coarse, fine, samples)
+    assert computed is not None
     count = steps[0] * samples[0]
     phases = (np.arange(count) + 1e-9) / count
     theirs = [values(each.reshape(6, *each.shape[2:]), phases).reshape(2, 3, -1) for each in (coarse, fine)]
     expected = np.abs(theirs[0] - theirs[1]).max(axis=2), np.abs(theirs[1]).max(axis=2)
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
+    np.testing.assert_allclose(computed, expected, rtol=1e-6)
 
 
 @needs_compiler

@@ -35,10 +35,10 @@ def by_generalised_problem(M, C, K):
 def test_any_pencils(n, count, width):
     M, C, K = np.random.default_rng(n).standard_normal((3, n, n, count))
     M += 3 * n * np.eye(n)[..., None]
-    found = eigenvalues(np.stack((M, C, K)))
-    assert found is not None
-    assert found.shape == (count, 2 * n)
-    for at, values in enumerate(found):
+    computed = eigenvalues(np.stack((M, C, K)))
+    assert computed is not None
+    assert computed.shape == (count, 2 * n)
+    for at, values in enumerate(computed):
         assert apart(values, by_generalised_problem(M[..., at], C[..., at], K[..., at])) < 1e-13
 
 
@@ -52,36 +52,36 @@ def test_eigenvalues_match_prescribed_modes(modes, random):
     units = 2.0 ** numbers.integers(-20, 21, n)
     parts = (mixed * each @ mixed.T for each in (np.ones(n), 2 * zeta * omega, omega**2))
     pencil = np.stack([units[:, None] * part * units for part in parts])
-    found = eigenvalues(pencil[..., None])
-    assert found is not None
+    computed = eigenvalues(pencil[..., None])
+    assert computed is not None
     expected = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
     # Two equal modes are a defective pair for rounding: half of the digits.
-    assert apart(found[0], np.concatenate((expected, expected.conj()))) < 1e-6
+    assert apart(computed[0], np.concatenate((expected, expected.conj()))) < 1e-6
 
 
 def test_rows_are_exchanged_where_the_first_inertia_is_zero():
     M, K = np.array([[0.0, 1.0], [1.0, 0.0]]), np.array([[0.0, 9.0], [4.0, 0.0]])
-    found = eigenvalues(np.stack((M, np.zeros((2, 2)), K))[..., None])
-    assert found is not None
-    np.testing.assert_allclose(sorted(found[0].imag), [-3, -2, 2, 3], rtol=1e-12)
+    computed = eigenvalues(np.stack((M, np.zeros((2, 2)), K))[..., None])
+    assert computed is not None
+    np.testing.assert_allclose(sorted(computed[0].imag), [-3, -2, 2, 3], rtol=1e-12)
 
 
 def test_shifts_that_would_go_round_in_circles():
     """A cyclic matrix stays as it is under QR steps without a shift that breaks its symmetry."""
     n = 3
     K = -np.roll(np.eye(n), 1, axis=0)
-    found = eigenvalues(np.stack((np.eye(n), np.zeros((n, n)), K))[..., None])
-    assert found is not None
-    np.testing.assert_allclose(found[0] ** 6, 1.0, rtol=1e-12)
+    computed = eigenvalues(np.stack((np.eye(n), np.zeros((n, n)), K))[..., None])
+    assert computed is not None
+    np.testing.assert_allclose(computed[0] ** 6, 1.0, rtol=1e-12)
 
 
 def test_non_finite_pencils_give_nan_and_leave_others_unchanged():
     pencils = np.repeat(np.stack((np.eye(2), np.zeros((2, 2)), np.diag([4.0, 9.0])))[..., None], 3, axis=3)
     pencils[0, :, :, 0], pencils[2, 0, 0, 2] = 0.0, np.inf
-    found = eigenvalues(pencils)
-    assert found is not None
-    assert np.isnan(found).any(axis=1).tolist() == [True, False, True]
-    np.testing.assert_allclose(sorted(found[1].imag), [-3, -2, 2, 3], rtol=1e-12)
+    computed = eigenvalues(pencils)
+    assert computed is not None
+    assert np.isnan(computed).any(axis=1).tolist() == [True, False, True]
+    np.testing.assert_allclose(sorted(computed[1].imag), [-3, -2, 2, 3], rtol=1e-12)
 
 
 def test_each_is_as_it_is_alone(width):

@@ -35,8 +35,8 @@ def both(function):
 def test_grids_are_the_same(seed, n, method, steps):
     system = systems.random_system(seed, n)
     grid = Grid.uniform(steps, system.period)
-    truth, found = both(lambda engine: method.solutions(OnePoint(system, 1.0), grid, True, engine).steps)
-    for one, other in ((found.A, truth.A), (found.b, truth.b)):
+    truth, computed = both(lambda engine: method.solutions(OnePoint(system, 1.0), grid, True, engine).steps)
+    for one, other in ((computed.A, truth.A), (computed.b, truth.b)):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(other).max())
 
 
@@ -102,15 +102,15 @@ def test_refusals_are_the_same():
 @needs_compiler
 def test_engine_depends_on_the_call_only(monkeypatch):
     """Compiled code is used from the first solution on, and NumPy if requested, independent of history."""
-    asked = []
+    calls = []
     solved = collocation.solved
-    monkeypatch.setattr(collocation, "solved", lambda *given: asked.append(1) or solved(*given))
+    monkeypatch.setattr(collocation, "solved", lambda *given: calls.append(1) or solved(*given))
     oscillator = systems.constant([[1.0]], [[0.1]], [[2.0]], lambda phase: np.cos(phase)[:, None])
     counts = []
     for engine in (NUMPY, "auto", NUMPY, COMPILED, "auto"):
-        asked.clear()
+        calls.clear()
         periodic(oscillator, 1.0, engine=engine)
-        counts.append(len(asked))
+        counts.append(len(calls))
     assert counts[0] == counts[2] == 0
     assert counts[1] == counts[3] == counts[4] > 0
 

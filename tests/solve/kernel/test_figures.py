@@ -67,7 +67,7 @@ def beats(order, depth, turned, steps):
 )
 def test_highest_maximum_is_found_between_lower_samples(engine, order, depth, turned):
     curve = beats(order, depth, turned, 512)
-    found = Quantities(curve, np.ones(1), engine=engine).figures()[0, 0]
+    computed = Quantities(curve, np.ones(1), engine=engine).figures()[0, 0]
     phases = np.linspace(0, 2 * np.pi, 400 * order)
     values = curve(phases)[0, 0]
     for sign, figure, at in ((1, "max", "max_phase"), (-1, "min", "min_phase")):
@@ -78,8 +78,8 @@ def test_highest_maximum_is_found_between_lower_samples(engine, order, depth, tu
             method="bounded",
             options={"xatol": 1e-12},
         )
-        assert sign * found[FIGURES.index(figure)] == pytest.approx(-truth.fun, rel=1e-9)
-        assert curve(found[[FIGURES.index(at)]])[0, 0, 0] == pytest.approx(found[FIGURES.index(figure)])
+        assert sign * computed[FIGURES.index(figure)] == pytest.approx(-truth.fun, rel=1e-9)
+        assert curve(computed[[FIGURES.index(at)]])[0, 0, 0] == pytest.approx(computed[FIGURES.index(figure)])
 
 
 @needs_compiler
@@ -87,9 +87,9 @@ def test_one_wave_has_its_closed_form():
     nodes = np.linspace(0, 2 * np.pi, 257)
     wave = [(3 * np.cos(nodes - 1 + part * np.pi / 2))[None, :, None] for part in range(3)]
     curve = Curve.quintic(nodes, wave[0], wave[1], wave[2][:, :-1], wave[2][:, 1:])
-    (found,) = Quantities(curve, np.ones(1), engine=COMPILED).figures()[0]
+    (computed,) = Quantities(curve, np.ones(1), engine=COMPILED).figures()[0]
     truth = [3, -3, 3, 0, 1, 1 + np.pi, 3 / np.sqrt(2)]
-    np.testing.assert_allclose(found, truth, atol=3e-7)
+    np.testing.assert_allclose(computed, truth, atol=3e-7)
 
 
 def written(phase, speed, q, qd, qdd, p):
@@ -120,8 +120,8 @@ def quantities(points, engine):
     def outputs(phase, q, qd, qdd):
         P, n, k = q.shape
         states = (np.swapaxes(part, 1, 2).reshape(P * k, n) for part in (q, qd, qdd))
-        found = sampler(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
-        return np.swapaxes(found.reshape(P, k, -1), 1, 2)[:, [3, 0, 1, 2, 4]]
+        computed = sampler(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
+        return np.swapaxes(computed.reshape(P, k, -1), 1, 2)[:, [3, 0, 1, 2, 4]]
 
     code = Formulas(text, 5, ("p",), values)
     return Quantities(curve, speeds, outputs, engine, code, [3, 0, 1, 2, 4])
@@ -169,6 +169,6 @@ def test_first_of_nearly_equal_extrema_gives_the_phase(engine, second):
     q, v, a = ((2**part * np.cos(2 * (nodes - 0.7) + part * np.pi / 2))[None, :, None] for part in range(3))
     curve = Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
     curve = Curve(curve.nodes, curve.coefficients * size[:, None])
-    found = dict(zip(FIGURES, Quantities(curve, np.ones(1), engine=engine).figures()[0, 0], strict=True))
-    assert found["max_phase"] == pytest.approx(0.7, abs=1e-6)
-    assert found["min_phase"] == pytest.approx(0.7 + np.pi / 2, abs=1e-6)
+    computed = dict(zip(FIGURES, Quantities(curve, np.ones(1), engine=engine).figures()[0, 0], strict=True))
+    assert computed["max_phase"] == pytest.approx(0.7, abs=1e-6)
+    assert computed["min_phase"] == pytest.approx(0.7 + np.pi / 2, abs=1e-6)

@@ -73,8 +73,8 @@ def test_accelerations_of_coordinates_in_any_units_keep_their_digits(seed):
         return *(A * unit[:, None] * unit for A in both), d * unit
 
     family = over_speed(systems.system(matrices, 3))
-    found = grids(family, np.array([[0.9], [1.1]]), 3, solve.Gauss(), 64)
-    ours, theirs = (each.curve.coefficients for each in found)
+    computed = grids(family, np.array([[0.9], [1.1]]), 3, solve.Gauss(), 64)
+    ours, theirs = (each.curve.coefficients for each in computed)
     size = np.abs(theirs[..., 0]).max(axis=-1)
     assert (np.abs(ours - theirs).max(axis=(2, 3)) <= 1e-8 * size).all()
 

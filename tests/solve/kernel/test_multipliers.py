@@ -45,8 +45,8 @@ def made_of(values, numbers):
 @pytest.mark.parametrize("count", [1, 7, 16])
 def test_any_matrices(N, count, width):
     matrices = np.random.default_rng(N).standard_normal((count, N, N))
-    found = solved(matrices)
-    for matrix, values in zip(matrices, found.values, strict=True):
+    computed = solved(matrices)
+    for matrix, values in zip(matrices, computed.values, strict=True):
         assert apart(values, np.linalg.eigvals(matrix)) < 1e-12
         assert (np.diff(np.abs(values)) <= 0).all()
         pairs = values[np.imag(values) != 0]
@@ -54,7 +54,7 @@ def test_any_matrices(N, count, width):
         np.testing.assert_array_equal(pairs[1::2], pairs[::2].conj())
     if N > 2:
         balanced = balance_matrices(matrices)[0]
-        np.testing.assert_allclose(found.sizes, np.linalg.norm(balanced, axis=(1, 2)), rtol=1e-14)
+        np.testing.assert_allclose(computed.sizes, np.linalg.norm(balanced, axis=(1, 2)), rtol=1e-14)
 
 
 @given(st.lists(st.just(0.0) | st.floats(1e-60, 1.0), min_size=4, max_size=4), st.integers(-200, 200))
@@ -72,9 +72,9 @@ def test_the_size_of_two_rows_is_the_least_in_any_units(entries, power):
 @pytest.mark.parametrize("N", SIZES[1:])
 def test_norms_and_conditions_match_numpy_eigenvectors(N, width):
     matrices = np.random.default_rng(N).standard_normal((9, N, N))
-    found, balanced = solved(matrices), balance_matrices(matrices)[0]
-    np.testing.assert_allclose(found.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
-    for matrix, values, conditions in zip(balanced, found.values, found.conditions, strict=True):
+    computed, balanced = solved(matrices), balance_matrices(matrices)[0]
+    np.testing.assert_allclose(computed.norms, np.linalg.norm(balanced, 2, axis=(1, 2)), rtol=1e-6)
+    for matrix, values, conditions in zip(balanced, computed.values, computed.conditions, strict=True):
         exact, right = np.linalg.eig(matrix)
         expected = np.linalg.norm(right, axis=0) * np.linalg.norm(np.linalg.inv(right), axis=1)
         nearest = np.abs(values[:, None] - exact).argmin(axis=1)
@@ -92,13 +92,13 @@ def test_multipliers_match_prescribed_spectra(pairs, seed):
     units = 2.0 ** numbers.integers(-20, 21, len(values))
     matrix = made_of(values, numbers) * units / units[:, None]
     if np.abs(values).max() > 1e-3:
-        found = solved(matrix[None])
+        computed = solved(matrix[None])
         (rounding,) = multiplier_roundoff(matrix[None], balance_matrices(matrix[None])[1], "compiled")
-        assert apart(found.values[0], values) < 1e-12 + 10 * rounding
+        assert apart(computed.values[0], values) < 1e-12 + 10 * rounding
         gaps = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
         # Those of equal ones are a matter of rounding.
         if gaps.min() > 1e-2 * np.abs(values).max():
-            assert (found.conditions < 1e6).all()
+            assert (computed.conditions < 1e6).all()
 
 
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
@@ -112,17 +112,17 @@ def test_defective_pair_has_roundoff_near_the_square_root(engine, size):
 
 def test_zero_and_identity_are_as_they_are():
     for N in SIZES:
-        found = solved(np.stack((np.zeros((N, N)), np.eye(N), -2 * np.eye(N))))
-        np.testing.assert_array_equal(found.values, np.array([[0], [1], [-2]]) * np.ones(N))
-        np.testing.assert_array_equal(found.norms, [0, 1, 2])
+        computed = solved(np.stack((np.zeros((N, N)), np.eye(N), -2 * np.eye(N))))
+        np.testing.assert_array_equal(computed.values, np.array([[0], [1], [-2]]) * np.ones(N))
+        np.testing.assert_array_equal(computed.norms, [0, 1, 2])
 
 
 @pytest.mark.parametrize("power", [-900, 0, 1000])
 def test_squares_neither_overflow_nor_vanish(power):
     matrices = np.random.default_rng(3).standard_normal((4, 6, 6))
-    found, scaled = solved(matrices), solved(np.ldexp(matrices, power))
-    np.testing.assert_allclose(np.ldexp(1.0, -power) * scaled.values, found.values, rtol=1e-12)
-    np.testing.assert_array_equal(scaled.conditions, found.conditions)
+    computed, scaled = solved(matrices), solved(np.ldexp(matrices, power))
+    np.testing.assert_allclose(np.ldexp(1.0, -power) * scaled.values, computed.values, rtol=1e-12)
+    np.testing.assert_array_equal(scaled.conditions, computed.conditions)
 
 
 def test_each_is_as_it_is_alone(width):

@@ -71,9 +71,9 @@ def linearised_along(name, points=21):
         used.append(columns(*given))
         return used[-1]
 
-    found = [model.along(motion, each).entries(phase, 2.0)[None] for each in (spied, None)]
+    computed = [model.along(motion, each).entries(phase, 2.0)[None] for each in (spied, None)]
     assert used[0] is not None
-    return found
+    return computed
 
 
 @needs_compiler

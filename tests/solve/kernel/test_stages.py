@@ -65,15 +65,15 @@ def test_units_of_equations_cost_no_digit(engine):
     entries = rng.standard_normal((1, steps * s, 3 * n**2 + n))
     entries[..., : n**2] += 3 * np.eye(n).ravel()
     tables, unit = Tables.of(entries, n), np.broadcast_to(np.eye(s * n), (steps, s * n, s * n))
-    found, again = (
+    computed, again = (
         stage_systems(rule, h, each, slice(None), engine) for each in (tables, tables.multiplied(units[None]))
     )
     every = np.tile(units, s)
     for one, other in (
-        (again.by_state, found.by_state),
-        (again.maps, found.maps),
-        (again.solved(unit) * every, found.solved(unit)),
-        (again.pulled(unit) * every[:, None], found.pulled(unit)),
+        (again.by_state, computed.by_state),
+        (again.maps, computed.maps),
+        (again.solved(unit) * every, computed.solved(unit)),
+        (again.pulled(unit) * every[:, None], computed.pulled(unit)),
     ):
         np.testing.assert_allclose(one, other, rtol=0, atol=5e-15 * np.abs(other).max())
 

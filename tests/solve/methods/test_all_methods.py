@@ -76,7 +76,7 @@ ALIKE = [method for method in EVERY if isinstance(method, Newmark) and method !=
 DENSE = [method for method in EVERY if not isinstance(method, OneStep)]
 
 
-def each(methods):
+def for_each(methods):
     return pytest.mark.parametrize("method", methods, ids=repr)
 
 
@@ -131,16 +131,16 @@ def peaked():
     return system(matrices, 1)
 
 
-@each(SPECTRAL)
+@for_each(SPECTRAL)
 def test_errors_fall_faster_than_any_power(method):
     """Geometrically: log error falls in proportion to the steps, so that its slope over log steps steepens
     from grid to grid."""
     truth = periodic(peaked(), 1.0, Radau(13), rtol=1e-13)
     steps = np.array([11, 19, 27, 35])
-    found = solved(method, map(int, steps), peaked())
+    computed = solved(method, map(int, steps), peaked())
     for errors in (
-        [relative_error(orbit.at(PHASES), truth.at(PHASES)) for orbit in found],
-        [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in found],
+        [relative_error(orbit.at(PHASES), truth.at(PHASES)) for orbit in computed],
+        [multiplier_error(orbit.multipliers, truth.multipliers) for orbit in computed],
     ):
         slopes = -np.diff(np.log(errors)) / np.diff(np.log(steps))
         assert (np.diff(slopes) > 0).all(), slopes
@@ -149,13 +149,13 @@ def test_errors_fall_faster_than_any_power(method):
         assert rates.max() < 1.5 * rates.min(), rates
 
 
-@each(APPROXIMATIONS)
+@for_each(APPROXIMATIONS)
 def test_approximate_methods_do_not_converge_and_report_their_error(method, truth):
     steps, q = (101, 151, 201), truth.states(PHASES)[:2]
-    found = solved(method, steps)
-    errors = [relative_error(orbit.at(PHASES), q) for orbit in found]
+    computed = solved(method, steps)
+    errors = [relative_error(orbit.at(PHASES), q) for orbit in computed]
     assert slope(steps, errors) == pytest.approx(0.0, abs=0.15)
-    for orbit, error in zip(found, errors, strict=True):
+    for orbit, error in zip(computed, errors, strict=True):
         assert orbit.error_estimate.orbit == pytest.approx(error, rel=0.05)
     warned = periodic(SYSTEM, 1.0, method, steps=61).warnings
     assert any(f"{method.name} is an approximation that gives the orbit to" in text for text in warned)
@@ -178,7 +178,7 @@ def stiff_direction_that_turns():
     return system(matrices, 2)
 
 
-@each(STEPPING)
+@for_each(STEPPING)
 def test_stiff_modes_are_damped_only_by_l_stable_methods(method):
     """48 steps, ω h = 1300: what is left of two multipliers is nothing, and the others are right."""
     equation = stiff_direction_that_turns()
@@ -217,7 +217,7 @@ def pulse(phase, speed):
     return one, 0.1 * one, np.where(inside, 2.0, 0.5)[:, None, None], np.where(inside, 1.0, 0.0)[:, None]
 
 
-@each(STEPPING)
+@for_each(STEPPING)
 def test_jumps_inside_the_turn_alone(method):
     low, high = generator(0.5, 0.1, 0.0), generator(2.0, 0.1, 1.0)
     period = expm(low * 0.3 * TURN) @ expm(high * 0.4 * TURN) @ expm(low * 0.3 * TURN)
@@ -229,7 +229,7 @@ def test_jumps_inside_the_turn_alone(method):
     assert multipliers < max(1e-11, 3 * orbit.error_estimate.multipliers)
 
 
-@each(DENSE)
+@for_each(DENSE)
 @pytest.mark.parametrize("solve_it", [periodic, floquet])
 def test_jumps_are_refused_with_the_remedy(method, solve_it):
     with pytest.raises(
@@ -245,20 +245,20 @@ def oscillator(omega):
     return constant([[1.0]], [[0.0]], [[omega**2]], lambda phase: np.cos(phase)[:, None])
 
 
-@each(EVERY)
+@for_each(EVERY)
 @pytest.mark.parametrize("steps", [0, -3, 2.5, True, "many"])
 def test_invalid_step_counts_are_refused(method, steps):
     with pytest.raises(StepsError, match="allowed: whole numbers of at least 1; leave steps out"):
         periodic(SYSTEM, 1.0, method, steps=steps)
 
 
-@each(STEPPING)
+@for_each(STEPPING)
 def test_fewer_steps_than_breaks_are_refused(method):
     with pytest.raises(StepsError, match="steps is 1; allowed: whole numbers of at least 2"):
         periodic(EQUATION, 1.0, method, steps=1)
 
 
-@each(EVERY)
+@for_each(EVERY)
 def test_too_many_steps_are_refused(method):
     """Of a method that converges twice as many are needed to judge them."""
     most = method.most_steps(SYSTEM.n) // (2 if method.converges else 1)
@@ -268,7 +268,7 @@ def test_too_many_steps_are_refused(method):
         periodic(SYSTEM, 1.0, method, steps=most + 1)
 
 
-@each(EVERY)
+@for_each(EVERY)
 def test_least_steps_are_stable_and_fewer_are_refused(method):
     equation = oscillator(40.3)
     (least,) = method.least_steps(frozen_modes(equation, 1.0))
@@ -307,15 +307,15 @@ def test_resonance_is_refused(method, steps):
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "bahgat-willmert"])
 def test_points_without_matrices_fail_alone(method):
     """A crank that cannot turn fully at the second length of the coupler."""
-    found = chart(load("coupler"), {"speed": [62.0, 63.0]}, {"l2": [0.05, 0.7]}, method=method, rtol=1e-2)
-    assert np.isfinite(found.spectral_radius).tolist() == [[True, True], [False, False]]
-    assert any("the crank cannot turn fully" in text for text in found.warnings)
+    computed = chart(load("coupler"), {"speed": [62.0, 63.0]}, {"l2": [0.05, 0.7]}, method=method, rtol=1e-2)
+    assert np.isfinite(computed.spectral_radius).tolist() == [[True, True], [False, False]]
+    assert any("the crank cannot turn fully" in text for text in computed.warnings)
 
 
 # The contract
 
 
-@each(EVERY)
+@for_each(EVERY)
 def test_method_attributes_are_consistent(method):
     assert method.spectral == (method.order == method.curve_order == math.inf)
     assert method.converges == (method.order > 0) == (method.curve_order > 0)
@@ -337,16 +337,16 @@ class Watched(OnePoint):
         return super().tables(phase)
 
 
-@each(EVERY)
+@for_each(EVERY)
 def test_samples_are_evenly_spaced_if_the_method_declares_it(method):
     seen: list = []
     method.solutions(Watched(SYSTEM, 1.0, phases=(seen,)), Grid.uniform(31, TURN), True)
-    asked = np.unique(np.round(np.mod(np.concatenate(seen), TURN), 9) % round(TURN, 9))
-    gaps = np.diff([*asked, asked[0] + TURN])
+    requested = np.unique(np.round(np.mod(np.concatenate(seen), TURN), 9) % round(TURN, 9))
+    gaps = np.diff([*requested, requested[0] + TURN])
     assert (np.ptp(gaps) < 1e-6) == method.samples_evenly
 
 
-@each(EVERY)
+@for_each(EVERY)
 def test_step_limits_and_phase_errors_are_monotonic(method):
     most = [method.most_steps(n) for n in (1, 2, 8, 40)]
     assert all(isinstance(count, int) and count > 1 for count in most)
@@ -366,7 +366,7 @@ def test_step_limits_and_phase_errors_are_monotonic(method):
         assert many / few == pytest.approx(2 ** (method.order / (method.order + 1)))
 
 
-@each(EVERY)
+@for_each(EVERY)
 @pytest.mark.parametrize("orbit", [True, False])
 def test_points_side_by_side_are_solved_as_each_alone(method, orbit):
     """To the byte: no point sees its neighbours, nor one without matrices among them."""

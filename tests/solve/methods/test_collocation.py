@@ -49,24 +49,24 @@ TABLEAUX = [  # E. Hairer, G. Wanner, Solving Ordinary Differential Equations II
 
 @pytest.mark.parametrize(("rule", "c", "A", "b"), TABLEAUX, ids=[repr(rule) for rule, *_ in TABLEAUX])
 def test_tableaux_match_published_coefficients(rule, c, A, b):
-    found = rule.collocation
-    for ours, known in ((found.c, c), (found.A, A), (found.b, b)):
+    computed = rule.collocation
+    for ours, known in ((computed.c, c), (computed.A, A), (computed.b, b)):
         np.testing.assert_allclose(ours, known, rtol=0, atol=4e-16)
 
 
 @both
 def test_order_conditions(rule):
     """Butcher's B(p), C(s) and D(p - s), which together give order p."""
-    found, p = rule.collocation, rule.order
-    c, s = np.array(found.c), len(found.c)
+    computed, p = rule.collocation, rule.order
+    c, s = np.array(computed.c), len(computed.c)
     for k in range(1, p + 1):
-        assert found.b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-15), f"B({k})"
+        assert computed.b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-15), f"B({k})"
     for k in range(1, s + 1):
-        np.testing.assert_allclose(found.A @ c ** (k - 1), c**k / k, rtol=0, atol=1e-15, err_msg=f"C({k})")
+        np.testing.assert_allclose(computed.A @ c ** (k - 1), c**k / k, rtol=0, atol=1e-15, err_msg=f"C({k})")
     for k in range(1, p - s + 1):
         np.testing.assert_allclose(
-            (found.b * c ** (k - 1)) @ found.A,
-            found.b * (1 - c**k) / k,
+            (computed.b * c ** (k - 1)) @ computed.A,
+            computed.b * (1 - c**k) / k,
             rtol=0,
             atol=1e-15,
             err_msg=f"D({k})",
@@ -75,9 +75,9 @@ def test_order_conditions(rule):
 
 @pytest.mark.parametrize("rule", RADAU, ids=repr)
 def test_radau_is_stiffly_accurate(rule):
-    found = rule.collocation
-    assert found.c[-1] == 1.0
-    assert np.abs(found.A[-1] - found.b).max() <= 2e-16
+    computed = rule.collocation
+    assert computed.c[-1] == 1.0
+    assert np.abs(computed.A[-1] - computed.b).max() <= 2e-16
 
 
 def step_of(rule, system, h, speed=1.0):
@@ -179,10 +179,10 @@ def test_stepwise_and_batched_collocation_agree(n, loads):
     C, K, d = (rng.standard_normal((2, 3, 5, n, columns)) for columns in (n, n, loads))
     M = np.eye(n) + 0.1 * rng.standard_normal((2, 3, 5, n, n)) / n
     h, method = np.array([0.1, 0.2, 0.05]), Radau(9).collocation
-    found, truth = (np.empty((2, 3, 5 * n, 2 * n + loads)) for _ in range(2))
-    method._solve_step_by_step(found, h, M, C, K, d)
+    computed, truth = (np.empty((2, 3, 5 * n, 2 * n + loads)) for _ in range(2))
+    method._solve_step_by_step(computed, h, M, C, K, d)
     method._solve_together(truth, h, M, C, K, d)
-    np.testing.assert_allclose(found, truth, rtol=0, atol=1e-13 * np.abs(truth).max())
+    np.testing.assert_allclose(computed, truth, rtol=0, atol=1e-13 * np.abs(truth).max())
 
 
 def test_a_singular_step_alone_is_no_number():

@@ -40,15 +40,17 @@ def characteristic(epsilon, multiplier):
 def test_boundaries_of_mathieus_equation(epsilon, multiplier):
     truth = characteristic(epsilon, multiplier)
     truth = truth[truth < 28.0]
-    found = boundaries(lambda delta: (mathieu(delta, epsilon), 1.0), np.linspace(-9.0, 28.0, 75), multiplier)
+    computed = boundaries(
+        lambda delta: (mathieu(delta, epsilon), 1.0), np.linspace(-9.0, 28.0, 75), multiplier
+    )
     narrow = epsilon == 0.5  # b_k and a_k of k ≥ 4 are closer than 1e-7: a pair in one, or none
     if narrow:
-        near = np.abs(truth[:, None] - [each.value for each in found]).min(axis=0)
-        assert len(found) >= 3
+        near = np.abs(truth[:, None] - [each.value for each in computed]).min(axis=0)
+        assert len(computed) >= 3
         assert near.max() < 1e-8
         return
-    assert len(found) == len(truth)
-    for each, true in zip(found, truth, strict=True):
+    assert len(computed) == len(truth)
+    for each, true in zip(computed, truth, strict=True):
         assert abs(each.value - true) < 1e-8
         assert abs(each.value - true) <= 10 * each.error
         assert each.multiplier == multiplier
@@ -75,17 +77,19 @@ def test_determinant_and_multipliers_vanish_at_mathieus_values(epsilon, multipli
 
 def test_a_close_pair_between_two_values_is_found():
     """b_2 and a_2 are 5e-3 apart, the values 0.7."""
-    found = boundaries(lambda delta: (mathieu(delta, 0.2), 1.0), np.arange(2.0, 8.0, 0.7))
-    assert [each.value for each in found] == pytest.approx([mathieu_b(2, 0.1), mathieu_a(2, 0.1)], abs=1e-8)
+    computed = boundaries(lambda delta: (mathieu(delta, 0.2), 1.0), np.arange(2.0, 8.0, 0.7))
+    assert [each.value for each in computed] == pytest.approx(
+        [mathieu_b(2, 0.1), mathieu_a(2, 0.1)], abs=1e-8
+    )
 
 
 @pytest.mark.parametrize("multiplier", [1, -1])
 def test_boundaries_over_the_speed_are_where_a_multiplier_is_one(multiplier):
     """A damped system, so that both boundaries of a band leave (δ, ε) of Mathieu's closed form."""
     damped = mathieu(1.0, 0.6, damping=0.05)
-    found = boundaries(lambda speed: (damped, speed), np.linspace(0.4, 1.6, 61), multiplier)
-    assert found
-    for each in found:
+    computed = boundaries(lambda speed: (damped, speed), np.linspace(0.4, 1.6, 61), multiplier)
+    assert computed
+    for each in computed:
         values = floquet(damped, each.value, rtol=1e-12).multipliers
         assert np.abs(values - multiplier).min() < 1e-8
         low, high = (floquet(damped, each.value * (1 + s), rtol=1e-10).verdict for s in (-1e-5, 1e-5))
@@ -104,9 +108,9 @@ def test_boundaries_of_coupled_coordinates_over_a_parameter():
 
         return system(matrices, 2), 2.0
 
-    found = boundaries(coupled, np.linspace(0.0, 1.5, 31), multiplier=-1)
-    assert found
-    for each in found:
+    computed = boundaries(coupled, np.linspace(0.0, 1.5, 31), multiplier=-1)
+    assert computed
+    for each in computed:
         assert np.abs(floquet(*coupled(each.value), rtol=1e-12).multipliers + 1).min() < 1e-7
 
 

@@ -36,8 +36,8 @@ def test_turns_to_convergence_follow_the_multiplier(radius):
 @pytest.mark.parametrize("frequency", [0.7, 1.0, 1.3, 1.6])
 def test_turns_at_the_spectral_radius_of_the_thesis_four_bar(frequency):
     """|ρ| = 0.674 at 62 rad/s: ln 1e-4 / ln 0.674 = 23.3, give or take one."""
-    found = turns(periodic(oscillator(frequency, 0.674), 1.0, "march", steps=400, rtol=0.9))
-    assert abs(found - np.ceil(23.3)) <= 1
+    computed = turns(periodic(oscillator(frequency, 0.674), 1.0, "march", steps=400, rtol=0.9))
+    assert abs(computed - np.ceil(23.3)) <= 1
 
 
 @pytest.mark.parametrize("frequency", [0.3, 0.7, 1.6, 3.4])
@@ -101,8 +101,10 @@ def test_other_settings_of_newmark_march_too():
     base = Newmark(0.5, 1 / 6)
     marched = March(tolerance=1e-9, base=base)
     phases = np.linspace(0.0, 2 * np.pi, 301)
-    found, limit = (periodic(random_system(3, 2), 1.0, rule, steps=500, rtol=0.9) for rule in (marched, base))
-    assert relative_error(found.at(phases), limit.at(phases)) < 1e-7
+    computed, limit = (
+        periodic(random_system(3, 2), 1.0, rule, steps=500, rtol=0.9) for rule in (marched, base)
+    )
+    assert relative_error(computed.at(phases), limit.at(phases)) < 1e-7
 
 
 @pytest.mark.parametrize(("radius", "most"), [(1.0, 10**6), (1.2, 10**6), (0.9, 50)])

@@ -61,10 +61,10 @@ def test_modal_converges_for_constant_shapes_with_varying_frequencies():
     given = system(matrices, 2)
     truth = periodic(given, 1.0, rtol=1e-9)
     steps = (100, 150, 200)
-    found = [periodic(given, 1.0, "modal", steps=m, rtol=0.9) for m in steps]
+    computed = [periodic(given, 1.0, "modal", steps=m, rtol=0.9) for m in steps]
     for errors in (
-        [multiplier_error(each.multipliers, truth.multipliers) for each in found],
-        [relative_error(each.at(PHASES), truth.at(PHASES)) for each in found],
+        [multiplier_error(each.multipliers, truth.multipliers) for each in computed],
+        [relative_error(each.at(PHASES), truth.at(PHASES)) for each in computed],
     ):
         assert slope(steps, errors) == pytest.approx(2.0, abs=0.15)
 
@@ -87,14 +87,14 @@ def test_modal_reports_its_error_for_rotating_modes():
     stated, orbit and multipliers apart, and equals the true one."""
     truth = periodic(turning(1), 1.0, rtol=1e-10)
     for m in (200, 800):
-        found = periodic(turning(1), 1.0, "modal", steps=m, rtol=1e-3)
-        orbit = relative_error(found.at(PHASES), truth.at(PHASES))
-        multipliers = multiplier_error(found.multipliers, truth.multipliers)
+        computed = periodic(turning(1), 1.0, "modal", steps=m, rtol=1e-3)
+        orbit = relative_error(computed.at(PHASES), truth.at(PHASES))
+        multipliers = multiplier_error(computed.multipliers, truth.multipliers)
         assert orbit > 0.1
         assert multipliers > 0.1
-        assert found.error_estimate.orbit == pytest.approx(orbit, rel=0.02)
-        assert 0.5 < found.error_estimate.multipliers / multipliers < 2.0
-        assert any("modal is an approximation that gives the orbit to" in text for text in found.warnings)
+        assert computed.error_estimate.orbit == pytest.approx(orbit, rel=0.02)
+        assert 0.5 < computed.error_estimate.multipliers / multipliers < 2.0
+        assert any("modal is an approximation that gives the orbit to" in text for text in computed.warnings)
 
 
 def test_damping_that_couples_the_modes_is_left_out():
@@ -119,8 +119,10 @@ def test_units_of_coordinates_do_not_change_the_approximation():
         M, C, K, d = given.at(phase, speed)
         return (*(units[:, None] * part * units for part in (M, C, K)), units * d)
 
-    found, again = (periodic(each, 1.0, "modal", steps=90, rtol=0.9) for each in (given, system(matrices, 3)))
-    assert relative_error(units[:, None] * again.at(PHASES), found.at(PHASES)) < 1e-12
+    computed, again = (
+        periodic(each, 1.0, "modal", steps=90, rtol=0.9) for each in (given, system(matrices, 3))
+    )
+    assert relative_error(units[:, None] * again.at(PHASES), computed.at(PHASES)) < 1e-12
 
 
 def test_complex_frozen_modes_are_refused():

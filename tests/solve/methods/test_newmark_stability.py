@@ -34,12 +34,12 @@ def radius_of_a_step(gamma, beta, angle):
 @given(gammas, betas, st.floats(1e-2, 50.0))
 @settings(max_examples=200, deadline=None)
 def test_spectral_radius_matches_the_printed_matrix_and_the_method(gamma, beta, angle):
-    found = spectral_radius(gamma, beta, angle)
+    computed = spectral_radius(gamma, beta, angle)
     for other in (
         np.abs(np.linalg.eigvals(printed_matrix(gamma, beta, angle))).max(),
         radius_of_a_step(gamma, beta, angle),
     ):
-        assert found == pytest.approx(other, rel=1e-5)  # a double eigenvalue splits by a root of rounding
+        assert computed == pytest.approx(other, rel=1e-5)  # a double eigenvalue splits by a root of rounding
 
 
 @given(st.floats(0.5, 1.0), betas)

@@ -80,8 +80,8 @@ def test_both_algorithms_are_the_period_map(n):
     np.testing.assert_allclose(inverted, transition, rtol=0, atol=1e-9 * np.abs(transition).max())
     ours = np.concatenate((orbit.q, orbit.qd))
     np.testing.assert_allclose(ours / scale, first / scale, rtol=0, atol=1e-11)
-    found = np.poly(floquet(system, SPEED, Newmark(), steps=STEPS, rtol=0.9).multipliers)
-    np.testing.assert_allclose(found, np.poly(np.linalg.eigvals(transition)), rtol=0, atol=1e-10)
+    computed = np.poly(floquet(system, SPEED, Newmark(), steps=STEPS, rtol=0.9).multipliers)
+    np.testing.assert_allclose(computed, np.poly(np.linalg.eigvals(transition)), rtol=0, atol=1e-10)
 
 
 def test_from_any_initial_state_algorithm_1_finds_the_same_start():

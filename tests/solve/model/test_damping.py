@@ -37,9 +37,9 @@ def test_constant_coefficients_have_the_multipliers_of_their_ratios():
     zeta, speed = np.array([0.02, 0.3]), 3.0
     poles = -zeta * omega + 1j * omega * np.sqrt(1 - zeta**2)
     expected = np.exp(poles * 2 * np.pi / speed)
-    found = solve.floquet(model, speed, rtol=1e-11).multipliers
-    found = found[found.imag > 0]
-    np.testing.assert_allclose(found, np.where(expected.imag > 0, expected, expected.conj()), rtol=1e-9)
+    computed = solve.floquet(model, speed, rtol=1e-11).multipliers
+    computed = computed[computed.imag > 0]
+    np.testing.assert_allclose(computed, np.where(expected.imag > 0, expected, expected.conj()), rtol=1e-9)
 
 
 def test_one_ratio_for_all_modes_at_every_position():

@@ -22,9 +22,9 @@ def test_lowest_and_highest_frequencies_are_right_to_all_digits(decades):
     K = graded(7, decades, decades)
     with mpmath.workdps(60):
         truth = np.array([float(mpmath.sqrt(value)) for value in mpmath.eigsy(mpmath.matrix(K))[0]])
-    found = modes(np.eye(7)[None], K[None])
-    np.testing.assert_allclose(found.frequencies[0], np.sort(truth), rtol=1e-13)
-    shapes = found.vectors[0]
+    computed = modes(np.eye(7)[None], K[None])
+    np.testing.assert_allclose(computed.frequencies[0], np.sort(truth), rtol=1e-13)
+    shapes = computed.vectors[0]
     np.testing.assert_allclose(shapes.T @ shapes, np.eye(7), rtol=0, atol=1e-12)
 
 

@@ -66,8 +66,8 @@ def test_lift_and_slope_tables_yield_the_same_series(read):
         entry("U'", "mm"), rows(lambda x: -2 * np.sin(x) + 2 * np.cos(2 * x)), "angle (deg),value (mm)"
     )
     for case in (lift, slope):
-        found = [case.parameters[name] for name in ("a1", "a2", "a3", "b1", "b2", "b3")]
-        np.testing.assert_allclose(found, [0, 2e-3, 0, -2e-3, 0, 0], atol=1e-15)
+        computed = [case.parameters[name] for name in ("a1", "a2", "a3", "b1", "b2", "b3")]
+        np.testing.assert_allclose(computed, [0, 2e-3, 0, -2e-3, 0, 0], atol=1e-15)
 
 
 def test_amplitudes_and_phase_angles_and_a_series_without_mean(read):

@@ -39,11 +39,11 @@ def rotor_branch():
 
 
 def test_every_orbit_of_the_branch_is_one(rotor_branch):
-    found = rotor_branch
-    assert found.warnings == []
-    assert found.errors[:, 0].max() < 1e-5
-    assert found.speeds[[0, -1]] == pytest.approx([0.8, 1.6], rel=1e-9)
-    for speed, (x, y), radii in zip(found.speeds, found.peaks, found.radius, strict=True):
+    computed = rotor_branch
+    assert computed.warnings == []
+    assert computed.errors[:, 0].max() < 1e-5
+    assert computed.speeds[[0, -1]] == pytest.approx([0.8, 1.6], rel=1e-9)
+    for speed, (x, y), radii in zip(computed.speeds, computed.peaks, computed.radius, strict=True):
         assert abs(balance(speed, x)[0]) < 4e-5 * NUMBERS["f"] ** 2
         assert y == pytest.approx(x, rel=1e-5)
         assert radii == pytest.approx(radius(speed, x), rel=1e-3)

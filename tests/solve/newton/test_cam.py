@@ -16,13 +16,13 @@ def turn(model, speed):
     acceleration = casadi.solve(casadi.jacobian(r, a), -casadi.substitute(r, a, 0))
     function = casadi.Function("rate", [t, x], [casadi.vertcat(x[n:], acceleration)])
     buffer, evaluate = function.buffer()
-    time, state, found = np.zeros(1), np.zeros(2 * n), np.zeros(2 * n)
-    buffer.set_arg(0, time.data), buffer.set_arg(1, state.data), buffer.set_res(0, found.data)
+    time, state, computed = np.zeros(1), np.zeros(2 * n), np.zeros(2 * n)
+    buffer.set_arg(0, time.data), buffer.set_arg(1, state.data), buffer.set_res(0, computed.data)
 
     def rate(at, given, _kept=(function, buffer)):
         time[0], state[:] = at, given
         evaluate()
-        return found.copy()
+        return computed.copy()
 
     def around(start):
         return solve_ivp(rate, (0.0, 2 * np.pi / speed), start, "DOP853", rtol=1e-11, atol=1e-15).y[:, -1]

@@ -42,12 +42,12 @@ def test_transients_converge_to_the_orbit_of_a_drifting_machine():
     assert run.reached is not None
     assert run.warnings == []
     end = run.q[:, -1], run.qd[:, -1]
-    found = [run.orbit, *(solve.nonlinear(machine, 1.3, start) for start in (None, run, end))]
-    found.append(solve.nonlinear(machine, 1.3, periods=2))
-    assert [orbit.found_by for orbit in found[-3:]] == ["start", "start", "transient"]
-    for orbit in found:
+    computed = [run.orbit, *(solve.nonlinear(machine, 1.3, start) for start in (None, run, end))]
+    computed.append(solve.nonlinear(machine, 1.3, periods=2))
+    assert [orbit.found_by for orbit in computed[-3:]] == ["start", "start", "transient"]
+    for orbit in computed:
         assert orbit.rigid_body_modes[0].drift == pytest.approx(0.15, rel=1e-6)
-        assert orbit.statistics("q1").max_abs == pytest.approx(found[1].statistics("q1").max_abs, rel=1e-5)
+        assert orbit.statistics("q1").max_abs == pytest.approx(computed[1].statistics("q1").max_abs, rel=1e-5)
 
 
 def test_a_nonlinear_machine_that_is_driven_is_refused():

@@ -20,12 +20,12 @@ def near(orbit, seed):
 
 def check(seed):
     model, orbit = known_system(seed)
-    found = solve.nonlinear(model, 1.0, start=near(orbit, seed))
-    assert found.found_by == "start"
-    assert found.error_estimate.orbit <= 1e-8
-    error = relative_error(found.at(PHASE), orbit(PHASE))
-    assert error <= 10 * found.error_estimate.orbit
-    _, v, a = found.state(PHASE)
+    computed = solve.nonlinear(model, 1.0, start=near(orbit, seed))
+    assert computed.found_by == "start"
+    assert computed.error_estimate.orbit <= 1e-8
+    error = relative_error(computed.at(PHASE), orbit(PHASE))
+    assert error <= 10 * computed.error_estimate.orbit
+    _, v, a = computed.state(PHASE)
     np.testing.assert_allclose(v, orbit(PHASE, 1), rtol=0, atol=1e-7 * np.abs(v).max())
     np.testing.assert_allclose(a, orbit(PHASE, 2), rtol=0, atol=1e-6 * np.abs(a).max())
 
@@ -45,34 +45,34 @@ def test_fifty_known_orbits_are_found_from_near_them_within_their_estimates(seed
 def test_without_a_start_no_other_than_the_known_orbits_are_found():
     for seed in range(50):
         model, orbit = known_system(seed)
-        found = solve.nonlinear(model, 1.0)
-        assert found.found_by in ("linear orbit", "load", "transient")
-        assert relative_error(found.at(PHASE), orbit(PHASE)) <= 10 * found.error_estimate.orbit
+        computed = solve.nonlinear(model, 1.0)
+        assert computed.found_by in ("linear orbit", "load", "transient")
+        assert relative_error(computed.at(PHASE), orbit(PHASE)) <= 10 * computed.error_estimate.orbit
 
 
 def test_the_methods_agree():
     model, orbit = known_system(0)
     for method in ("radau", "gauss"):
-        found = solve.nonlinear(model, 1.0, orbit, method=method)
-        assert found.method == method
-        assert relative_error(found.at(PHASE), orbit(PHASE)) < 1e-8
+        computed = solve.nonlinear(model, 1.0, orbit, method=method)
+        assert computed.method == method
+        assert relative_error(computed.at(PHASE), orbit(PHASE)) < 1e-8
 
 
 def test_given_steps_are_kept_and_judged_by_twice_as_many():
     model, orbit = known_system(0)
-    found = solve.nonlinear(model, 1.0, orbit, method=solve.Gauss(order=4), steps=40)
-    error = relative_error(found.at(PHASE), orbit(PHASE))
-    assert found.steps == 40
-    assert error / 10 < found.error_estimate.orbit < 10 * error
-    assert any("gauss with 40 steps" in text for text in found.warnings)
+    computed = solve.nonlinear(model, 1.0, orbit, method=solve.Gauss(order=4), steps=40)
+    error = relative_error(computed.at(PHASE), orbit(PHASE))
+    assert computed.steps == 40
+    assert error / 10 < computed.error_estimate.orbit < 10 * error
+    assert any("gauss with 40 steps" in text for text in computed.warnings)
 
 
 def test_a_linear_model_has_the_same_orbit():
     model = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.0, f=1.0)
-    linear, found = solve.periodic(model, 0.7), solve.nonlinear(model, 0.7)
-    assert found.found_by == "linear orbit"
-    assert relative_error(found.at(PHASE), linear.at(PHASE)) < 1e-8
-    np.testing.assert_allclose(found.multipliers, linear.multipliers, rtol=1e-8)
+    linear, computed = solve.periodic(model, 0.7), solve.nonlinear(model, 0.7)
+    assert computed.found_by == "linear orbit"
+    assert relative_error(computed.at(PHASE), linear.at(PHASE)) < 1e-8
+    np.testing.assert_allclose(computed.multipliers, linear.multipliers, rtol=1e-8)
 
 
 class InUnits(solve.PeriodicSystem):
@@ -96,9 +96,9 @@ class InUnits(solve.PeriodicSystem):
 @pytest.mark.parametrize("engine", ["compiled", "numpy"])
 def test_units_of_the_equations_cost_no_digit(engine):
     model, orbit = known_system(2)
-    found, again = (
+    computed, again = (
         solve.nonlinear(each, 1.0, start=orbit, rtol=1e-11, engine=engine)
         for each in (model, InUnits(model, 2.0 ** np.array([11, -11])))
     )
-    assert relative_error(again.at(PHASE), found.at(PHASE)) < 5e-14
-    np.testing.assert_allclose(again.multipliers, found.multipliers, rtol=0, atol=2e-14)
+    assert relative_error(again.at(PHASE), computed.at(PHASE)) < 5e-14
+    np.testing.assert_allclose(again.multipliers, computed.multipliers, rtol=0, atol=2e-14)

@@ -88,13 +88,13 @@ def test_motion_outside_the_model_range_gives_a_warning():
 
 def test_the_cam_from_rest_reaches_its_nonlinear_orbit():
     cam = solve.load("cam")
-    found, orbit = (
+    computed, orbit = (
         solve.transient(cam, "300 rpm", 8, nonlinear=True),
         solve.nonlinear(cam, "300 rpm", rtol=1e-6),
     )
-    assert found.reached in (2, 3)
-    q = orbit.at(found.nodes)
-    error = np.abs(found.motions[-1, 0] - q).max(axis=1) / np.abs(q).max(axis=1)
+    assert computed.reached in (2, 3)
+    q = orbit.at(computed.nodes)
+    error = np.abs(computed.motions[-1, 0] - q).max(axis=1) / np.abs(q).max(axis=1)
     assert error.max() < 1e-4
 
 

@@ -13,9 +13,9 @@ def test_states_at_stages_match_the_piecewise_polynomials(breaks):
     grid = Grid.uniform(12, 2 * np.pi, breaks)
     curve = Curve(grid.nodes, rng.standard_normal((2, grid.steps, 6)))
     c = np.array([0.0, 0.3, 0.8, 1.0])
-    found = curve.states(grid.stages(c).ravel())
+    computed = curve.states(grid.stages(c).ravel())
     for order in range(3):
-        for q, values in enumerate(found[order]):
+        for q, values in enumerate(computed[order]):
             for step, h in enumerate(grid.h):
                 piece = np.polynomial.Polynomial(curve.coefficients[q, step]).deriv(order)
                 expected = piece(c) / h**order

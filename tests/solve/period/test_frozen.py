@@ -19,11 +19,11 @@ def frozen_system(n, seed):
 
 @pytest.mark.parametrize("n", [2, 12])
 def test_ratios_to_the_inertia(n, monkeypatch):
-    found = {}
+    computed = {}
     for most in (0, 100):
         monkeypatch.setattr(pencils, "LOOPED", most)
-        found[most] = frozen_system(n, n)[0]._ratios()
-    for ours, theirs in zip(found[0], found[100], strict=True):
+        computed[most] = frozen_system(n, n)[0]._ratios()
+    for ours, theirs in zip(computed[0], computed[100], strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
 
 

@@ -57,16 +57,16 @@ def test_balancing_takes_units_back(seed, size):
     units = 10.0 ** random.uniform(-9, 9, size)
     matrices = random.uniform(0.1, 1.0, (3, size, size))
     matrices[1] = matrices[1] * units / units[:, None]
-    balanced, found = balance_matrices(matrices)
+    balanced, computed = balance_matrices(matrices)
     rows, columns = np.linalg.norm(balanced, axis=2), np.linalg.norm(balanced, axis=1)
     assert (np.maximum(rows / columns, columns / rows) <= 8).all()
-    assert (np.frexp(found)[0] == 0.5).all()
-    np.testing.assert_allclose(balanced, matrices * found[:, None, :] / found[:, :, None])
-    np.testing.assert_array_equal(balance_matrices(matrices[1:2])[1], found[1:2])
+    assert (np.frexp(computed)[0] == 0.5).all()
+    np.testing.assert_allclose(balanced, matrices * computed[:, None, :] / computed[:, :, None])
+    np.testing.assert_array_equal(balance_matrices(matrices[1:2])[1], computed[1:2])
 
 
 def test_balancing_leaves_zeros():
     for matrix in (np.zeros((3, 3)), [[0.0, 1.0], [0.0, 0.0]]):
-        balanced, found = balance_matrices(np.array(matrix))
+        balanced, computed = balance_matrices(np.array(matrix))
         np.testing.assert_array_equal(balanced, matrix)
-        np.testing.assert_array_equal(found, 1.0)
+        np.testing.assert_array_equal(computed, 1.0)

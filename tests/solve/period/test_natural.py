@@ -38,10 +38,10 @@ def test_frequencies_are_accurate_with_rigid_body_and_stiff_modes(seed):
         units = 10.0 ** draw.uniform(-3, 3, n)
         K[part, part] = units[:, None] * chain(10.0 ** draw.uniform(0, 8, n - 1)) * units
         M[part, part] = np.diag(units**2 * draw.uniform(0.1, 1.0, n))
-    found = eigenvalues(M[None], K[None])[0]
+    computed = eigenvalues(M[None], K[None])[0]
     truth = exact(M, K)
-    assert (found[:2] == 0).all()
-    np.testing.assert_allclose(found[2:], truth[2:], rtol=1e-7)
+    assert (computed[:2] == 0).all()
+    np.testing.assert_allclose(computed[2:], truth[2:], rtol=1e-7)
 
 
 @pytest.mark.parametrize("k1", [-3.0, -2.0, -0.5, 0.5, 3.0])
@@ -93,16 +93,16 @@ def test_equations_in_any_units_have_the_same_frequencies(seed):
 
 def test_positions_with_and_without_a_rigid_body_mode():
     held = chain([1.0]) + np.diag([3.0, 0.0])
-    found = eigenvalues(np.stack([np.eye(2)] * 3), np.stack([chain([1.0]), held, chain([2.0])]))
-    np.testing.assert_allclose(found[:, 0], [0.0, (5 - np.sqrt(13)) / 2, 0.0], rtol=1e-14, atol=0)
-    np.testing.assert_allclose(found[:, 1], [2.0, (5 + np.sqrt(13)) / 2, 4.0], rtol=1e-14)
+    computed = eigenvalues(np.stack([np.eye(2)] * 3), np.stack([chain([1.0]), held, chain([2.0])]))
+    np.testing.assert_allclose(computed[:, 0], [0.0, (5 - np.sqrt(13)) / 2, 0.0], rtol=1e-14, atol=0)
+    np.testing.assert_allclose(computed[:, 1], [2.0, (5 + np.sqrt(13)) / 2, 4.0], rtol=1e-14)
 
 
 def test_slopes_of_a_free_pair_and_of_equal_eigenvalues():
     """λ = 0, k (1/J1 + 1/J2); for two equal λ of diagonal matrices, the mean of both slopes."""
     J1, J2, k = 0.1, 0.2, 10.0
     by_K, by_M = np.array([chain([1.0]), 0 * chain([1.0])]), np.array([0 * np.eye(2), np.diag([1.0, 0.0])])
-    found = slopes(np.diag([J1, J2]), chain([k]), by_M, by_K)
-    np.testing.assert_allclose(found, [[0, 1 / J1 + 1 / J2], [0, -k / J1**2]], rtol=1e-12, atol=1e-9)
+    computed = slopes(np.diag([J1, J2]), chain([k]), by_M, by_K)
+    np.testing.assert_allclose(computed, [[0, 1 / J1 + 1 / J2], [0, -k / J1**2]], rtol=1e-12, atol=1e-9)
     equal = slopes(np.eye(3), np.diag([2.0, 2.0, 5.0]), np.zeros((1, 3, 3)), np.diag([1.0, 3.0, 7.0])[None])
     np.testing.assert_allclose(equal, [[2.0, 2.0, 7.0]], rtol=1e-14)

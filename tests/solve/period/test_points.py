@@ -101,10 +101,10 @@ def test_one_grid_compiled_differs_by_rounding(method, steps, points):
 def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points):
     points = points[np.arange(PLACE - 16, PLACE + 1)]
     rtol = 1e-2 if method.order <= 2 else 1e-5
-    asked = request(steps, rtol, engine, orbit=True)
+    requested = request(steps, rtol, engine, orbit=True)
 
-    def found(some, position):
-        for result in certified(some, method, asked):
+    def computed(some, position):
+        for result in certified(some, method, requested):
             if isinstance(result, Certified):
                 for at in np.flatnonzero(result.positions == position):
                     return result.steps, result.verdicts[at], result.warnings(int(at)), result.errors[at]
@@ -112,7 +112,7 @@ def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points)
                 return str(result.reason)
         raise AssertionError("a point without a result")
 
-    alone, among = found(points[np.array([16])], 0), found(points, 16)
+    alone, among = computed(points[np.array([16])], 0), computed(points, 16)
     if isinstance(alone, str):
         assert alone == among
         return

@@ -66,9 +66,9 @@ def exact_logarithms(factors):
         )
 
 
-def differences(found, exact):
+def differences(computed, exact):
     """|log ρ - log ρ*| of each found logarithm (N,) and its match, modulo 2πi; a found 0 is very far off."""
-    apart = found[:, None] - exact
+    apart = computed[:, None] - exact
     apart.imag = (apart.imag + np.pi) % (2 * np.pi) - np.pi
     distance = np.minimum(np.abs(apart), 1e9)
     rows, columns = linear_sum_assignment(distance)
@@ -96,9 +96,9 @@ def test_prescribed_spectra_are_found_down_to_1e_minus_300(m, seed):
     angles = rng.uniform(0.1, 3.0, rng.integers(0, (N - 1) // 2 + 1))
     exact = spectrum(logarithms, angles)
     exact[1 : 2 * len(angles) : 2].real = exact[0 : 2 * len(angles) : 2].real
-    found, errors = one(chain(rng, N, m, logarithms, angles, 1.0, 10.0))
-    assert (differences(found, exact) <= 1e-9 * np.maximum(1, np.abs(found))).all()
-    assert (np.diff(found.real) <= 0).all()
+    computed, errors = one(chain(rng, N, m, logarithms, angles, 1.0, 10.0))
+    assert (differences(computed, exact) <= 1e-9 * np.maximum(1, np.abs(computed))).all()
+    assert (np.diff(computed.real) <= 0).all()
     assert (errors < 1e-6).all()
 
 
@@ -133,8 +133,8 @@ def test_errors_keep_within_ten_times_their_estimates(kind):
     for _ in range(55):
         factors = member(rng, kind)
         exact, formed = exact_logarithms(factors), balanced_blocks(factors[None])
-        for found, errors in one(factors), one(formed.factors[0], rounding=formed.rounding):
-            true.append(np.minimum(differences(found, exact), 1.0))
+        for computed, errors in one(factors), one(formed.factors[0], rounding=formed.rounding):
+            true.append(np.minimum(differences(computed, exact), 1.0))
             estimated.append(errors)
     true, estimated = np.concatenate(true), np.concatenate(estimated)
     assert (true <= 10 * estimated).mean() >= 0.99
@@ -147,8 +147,8 @@ def test_exponents_zero_and_minus_24():
         return *(A[:, None, None] for A in (M, C, K)), np.zeros((len(phase), 1))
 
     formed = balanced_blocks(step_maps(system(matrices, 1), 800)[None])
-    found, errors = one(formed.factors[0], rounding=formed.rounding)
-    assert found / (2 * np.pi) == pytest.approx([0.0, -24.0], abs=1e-10)
+    computed, errors = one(formed.factors[0], rounding=formed.rounding)
+    assert computed / (2 * np.pi) == pytest.approx([0.0, -24.0], abs=1e-10)
     assert (errors < 1e-10).all()
 
 
@@ -161,8 +161,8 @@ def test_scaling_does_not_hide_instability():
     )
     formed = balanced_blocks(step_maps(given, 200)[None])
     assert (np.frexp(formed.units)[0] == 0.5).all()
-    found, errors = one(formed.factors[0], rounding=formed.rounding)
-    assert found.real / (2 * np.pi) == pytest.approx([0.1, 0.1, -0.05, -0.05], abs=1e-10)
+    computed, errors = one(formed.factors[0], rounding=formed.rounding)
+    assert computed.real / (2 * np.pi) == pytest.approx([0.1, 0.1, -0.05, -0.05], abs=1e-10)
     assert (errors < 1e-10).all()
 
 
@@ -171,9 +171,9 @@ def test_logarithms_sum_to_the_log_determinants(seed):
     rng = np.random.default_rng(seed)
     factors = rng.standard_normal((200, 5, 5))
     sign, logarithm = (part.sum() if k else part.prod() for k, part in enumerate(np.linalg.slogdet(factors)))
-    found, _ = one(factors)
-    assert found.sum().real == pytest.approx(logarithm, rel=1e-12)
-    assert np.exp(1j * found.imag.sum()) == pytest.approx(sign)
+    computed, _ = one(factors)
+    assert computed.sum().real == pytest.approx(logarithm, rel=1e-12)
+    assert np.exp(1j * computed.imag.sum()) == pytest.approx(sign)
 
 
 @pytest.mark.parametrize("damping", [0.1, 1.0, 5.0])
@@ -210,10 +210,10 @@ def test_undamped_multipliers_lie_on_the_circle():
     rng = np.random.default_rng(0)
     S, angles = bases(rng, 6, 50, 30.0), rng.uniform(0, 0.06, (3, 50))
     cores = np.array([block_diag(*(rotation(angle) for angle in step)) for step in angles.T])
-    found, errors = one(transformed(S, cores))
+    computed, errors = one(transformed(S, cores))
     turn = np.sort(angles.sum(axis=1))
-    assert np.abs(found.real).max() < 1e-11
-    assert np.sort(found.imag) == pytest.approx(np.concatenate((-turn[::-1], turn)), abs=1e-11)
+    assert np.abs(computed.real).max() < 1e-11
+    assert np.sort(computed.imag) == pytest.approx(np.concatenate((-turn[::-1], turn)), abs=1e-11)
     assert (errors < 1e-9).all()
 
 
@@ -222,10 +222,10 @@ def test_undamped_multipliers_lie_on_the_circle():
 )
 def test_real_multipliers_of_like_modulus(values):
     S = bases(np.random.default_rng(1), 6, 49, 30.0)
-    found, errors = one(transformed(S, np.broadcast_to(np.diag(values), S.shape)))
+    computed, errors = one(transformed(S, np.broadcast_to(np.diag(values), S.shape)))
     exact = 49 * np.log(np.abs(values)) + 1j * np.pi * (np.array(values) < 0)
-    assert differences(found, exact).max() < 1e-10
-    assert set(found.imag) <= {0.0, np.pi}
+    assert differences(computed, exact).max() < 1e-10
+    assert set(computed.imag) <= {0.0, np.pi}
     assert (errors < 1e-8).all()
 
 
@@ -234,9 +234,9 @@ def test_real_multipliers_of_like_modulus(values):
 def test_permutations_have_roots_of_unity(N, m):
     factors = np.tile(np.eye(N), (m, 1, 1))
     factors[-1] = np.roll(np.eye(N), 1, axis=0)
-    found, _ = one(factors)
-    assert np.exp(found) ** N == pytest.approx(np.ones(N), abs=1e-12)
-    assert sorted(found.imag % (2 * np.pi)) == pytest.approx(2 * np.pi * np.arange(N) / N, abs=1e-12)
+    computed, _ = one(factors)
+    assert np.exp(computed) ** N == pytest.approx(np.ones(N), abs=1e-12)
+    assert sorted(computed.imag % (2 * np.pi)) == pytest.approx(2 * np.pi * np.arange(N) / N, abs=1e-12)
 
 
 def test_reported_errors_cover_defective_multipliers():
@@ -244,8 +244,8 @@ def test_reported_errors_cover_defective_multipliers():
     for size, split in ((2, 1e-6), (3, 1e-3)):
         core = block_diag(0.5 * np.eye(size) + np.diag(np.ones(size - 1), 1), 0.1 * np.eye(4 - size))
         S = bases(rng, 4, 5, 3.0)
-        found, errors = one(transformed(S, np.broadcast_to(core, S.shape)))
-        true = np.abs(found[:size] - 5 * np.log(0.5))
+        computed, errors = one(transformed(S, np.broadcast_to(core, S.shape)))
+        true = np.abs(computed[:size] - 5 * np.log(0.5))
         assert (true <= 10 * errors[:size]).all()
         assert (errors[:size] < split).all()
         assert (errors[size:] < 1e-10).all()
@@ -255,16 +255,16 @@ def test_exact_zeros_and_singular_factors():
     rng = np.random.default_rng(3)
     factors = rng.standard_normal((5, 4, 4))
     factors[:, :, 3] = 0.0
-    found, errors = one(factors)
-    assert found[3] == -np.inf
+    computed, errors = one(factors)
+    assert computed[3] == -np.inf
     assert errors[3] == np.inf
     assert (errors[:3] < 1e-10).all()
     factors = rng.standard_normal((5, 4, 4))
     factors[2] = np.outer(*rng.standard_normal((2, 4)))
-    found, errors = one(factors)
+    computed, errors = one(factors)
     u, v = factors[2][:, 0], factors[2][0] / factors[2][0, 0]
     exact = np.log(complex(v @ factors[1] @ factors[0] @ factors[4] @ factors[3] @ u))
-    assert found[0] == pytest.approx(exact, abs=1e-12)
+    assert computed[0] == pytest.approx(exact, abs=1e-12)
     assert (errors[1:] == np.inf).all()
     nilpotent = np.diag(np.ones(3), 1)
     for factors in ([nilpotent], [np.eye(4), nilpotent, np.eye(4)], np.zeros((3, 4, 4))):

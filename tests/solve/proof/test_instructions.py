@@ -33,10 +33,10 @@ PIECES = {
 
 
 def evaluated(expression, number, outcomes=None):
-    (((_, _, value),),), found = Instructions.of(casadi.Function("f", [x], [expression]))(
+    (((_, _, value),),), computed = Instructions.of(casadi.Function("f", [x], [expression]))(
         [[number]], outcomes
     )
-    return value, found
+    return value, computed
 
 
 @pytest.mark.parametrize("name", [*SMOOTH, *PIECES])

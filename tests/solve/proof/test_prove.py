@@ -54,7 +54,7 @@ def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
 
 
 @pytest.mark.parametrize(
-    ("delta", "epsilon", "zeta", "said"),
+    ("delta", "epsilon", "zeta", "message"),
     [
         (1.0, 1.0, 0.0, "unstable"),
         (2.0, 1.0, 0.0, "stable"),
@@ -62,9 +62,9 @@ def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
         (0.9, 1.5, 0.02, "unstable"),
     ],
 )
-def test_the_trace_of_mathieusequation_of(delta, epsilon, zeta, said):
+def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, message):
     proof = prove(mathieu(delta=delta, epsilon=epsilon, zeta=zeta), 1.0, digits=25)
-    assert proof.verdict == said
+    assert proof.verdict == message
     trace = exact_trace(delta, epsilon, zeta)
     with precision(300):
         Phi = _enclosed(
@@ -175,10 +175,12 @@ def test_every_phase_of_a_period_is_covered():
     (at,) = [each for each in system.breaks if each]
     assert at < 1 < at + 1e-15
     with precision(300):
-        found = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, 60, 24.0)
-        for start, length, following in zip(found.starts, found.lengths, found.starts[1:], strict=False):
+        computed = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, 60, 24.0)
+        for start, length, following in zip(
+            computed.starts, computed.lengths, computed.starts[1:], strict=False
+        ):
             assert start + length == following
-        assert (found.starts[-1] + found.lengths[-1]).overlaps(found.period)
+        assert (computed.starts[-1] + computed.lengths[-1]).overlaps(computed.period)
 
 
 def test_bounds_of_an_orbit_hold_to_the_last_digit():

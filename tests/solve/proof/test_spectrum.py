@@ -39,18 +39,18 @@ def exact(places):
 
 def test_isolated_discs_contain_one_eigenvalue_each():
     with precision(500):
-        found = multipliers(with_eigenvalues(PLACES, 1e-100))
-        assert [each.count for each in found] == [1] * 7
+        computed = multipliers(with_eigenvalues(PLACES, 1e-100))
+        assert [each.count for each in computed] == [1] * 7
         for value in exact(PLACES):
-            near = [each for each in found if abs(each.center - value) <= each.radius]
+            near = [each for each in computed if abs(each.center - value) <= each.radius]
             assert len(near) == 1
-        assert found[-1].radius < 1e-20 * abs(found[-1].center)
+        assert computed[-1].radius < 1e-20 * abs(computed[-1].center)
 
 
 def test_real_eigenvalues_have_real_centers():
     with precision(300):
-        found = multipliers(with_eigenvalues(PLACES, 1e-60))
-        real = [each for each in found if each.isolated and each.center.imag.is_zero()]
+        computed = multipliers(with_eigenvalues(PLACES, 1e-60))
+        real = [each for each in computed if each.isolated and each.center.imag.is_zero()]
         assert len(real) >= 2
         assert any(abs(each.center - 0.5) <= each.radius for each in real)
 
@@ -58,19 +58,19 @@ def test_real_eigenvalues_have_real_centers():
 def test_a_disc_with_the_multiplier_of_another_is_not_isolated():
     """The second disc is wide and contains the first one, which scaling isolates."""
     with precision(100):
-        found = multipliers(arb_mat([[0, arb(0, 0.9)], [arb(0, 1e-3), arb(1, 0.199)]]))
-        assert [each.isolated for each in found] == [each.radius < 0.1 for each in found]
-        assert not all(each.isolated for each in found)
+        computed = multipliers(arb_mat([[0, arb(0, 0.9)], [arb(0, 1e-3), arb(1, 0.199)]]))
+        assert [each.isolated for each in computed] == [each.radius < 0.1 for each in computed]
+        assert not all(each.isolated for each in computed)
 
 
 def test_eigenvalues_below_the_width_share_a_disc():
     with precision(300):
-        found = multipliers(with_eigenvalues(PLACES, 1e-40))
-        counts = {each.count for each in found}
-        assert sum(each.count for each in found) == 7
+        computed = multipliers(with_eigenvalues(PLACES, 1e-40))
+        counts = {each.count for each in computed}
+        assert sum(each.count for each in computed) == 7
         assert counts == {1} or max(counts) <= 3
         for value in exact(PLACES):
-            assert any(abs(each.center - value) <= each.radius for each in found)
+            assert any(abs(each.center - value) <= each.radius for each in computed)
 
 
 @pytest.mark.parametrize("radius", [0.0, 1e-30])
@@ -80,14 +80,14 @@ def test_a_defective_pair_shares_a_disc(radius):
         jordan = arb_mat([[0.5, 1, 0], [0, 0.5, 0], [0, 0, -0.25]])
         Phi = X * jordan * X.inv()
         Phi = arb_mat([[entry + arb(0, radius) for entry in row] for row in Phi.table()])
-        found = multipliers(Phi)
-        pair = next(each for each in found if each.count > 1)
+        computed = multipliers(Phi)
+        pair = next(each for each in computed if each.count > 1)
         assert abs(pair.center - 0.5) <= pair.radius
-        assert sum(each.count for each in found) == 3
+        assert sum(each.count for each in computed) == 3
 
 
 @pytest.mark.parametrize(
-    ("places", "conservative", "said"),
+    ("places", "conservative", "message"),
     [
         ([(0.9, 0.3)], False, "asymptotically stable"),
         ([(1.0000000001, 0.0), (0.2, 0.0)], False, "unstable"),
@@ -96,17 +96,17 @@ def test_a_defective_pair_shares_a_disc(radius):
         ([(-1.0, 0.0), (0.2, 0.0)], False, "undetermined"),
     ],
 )
-def test_verdicts(places, conservative, said):
+def test_verdicts(places, conservative, message):
     with precision(120):
         Phi = with_eigenvalues(places, 1e-25)
-        assert VERDICTS[verdict(Phi, multipliers(Phi), conservative)] == said
+        assert VERDICTS[verdict(Phi, multipliers(Phi), conservative)] == message
 
 
 def test_a_norm_or_a_trace_decides_where_discs_do_not():
     """Discs of a nearly defective matrix are wider than the distance from the unit circle."""
     with precision(53):
-        for value, said in ((0.99, "asymptotically stable"), (1.01, "unstable")):
+        for value, message in ((0.99, "asymptotically stable"), (1.01, "unstable")):
             Phi = arb_mat([[value, 1], [1e-12, value]])
             Phi = arb_mat([[entry + arb(0, 1e-10) for entry in row] for row in Phi.table()])
-            found = multipliers(Phi)
-            assert VERDICTS[verdict(Phi, found, False)] == said
+            computed = multipliers(Phi)
+            assert VERDICTS[verdict(Phi, computed, False)] == message

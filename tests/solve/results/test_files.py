@@ -165,8 +165,8 @@ def test_full_disk_is_reported_and_leaves_no_file(tiny, name, capsys):
     command = ["periodic", "gear_pair", "--method", "radau", "--steps", "3000"]
     assert run([*command, flag, str(tiny / name)]) == 2
     # Code is compiled once for a machine, which may be now.
-    said = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling ")]
-    assert said == [f"solve: '{tiny / name}' cannot be written (No space left on device); nothing was"]
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling ")]
+    assert lines == [f"solve: '{tiny / name}' cannot be written (No space left on device); nothing was"]
     assert list(tiny.iterdir()) == []
 
 

@@ -249,10 +249,10 @@ def test_the_examples_run(tmp_path, monkeypatch):
     exec(second, namespace)
     phase = np.linspace(0.0, 1.0, 3)
     K = cam().at(phase, 10.0)[2]
-    found = namespace["Stiffness"](cam(), phase, np.linalg.eigvalsh(K)[:, -1])
-    found.save("stiffness.npz")
-    assert solve.open("stiffness.npz").record() == found.record()
-    assert "phase (°)" in repr(found)
+    computed = namespace["Stiffness"](cam(), phase, np.linalg.eigvalsh(K)[:, -1])
+    computed.save("stiffness.npz")
+    assert solve.open("stiffness.npz").record() == computed.record()
+    assert "phase (°)" in repr(computed)
 
 
 def test_a_notebook_shows_a_result_once(monkeypatch):

@@ -48,8 +48,8 @@ def test_linearised_orbit_summary_states_the_linearisation_error():
 def test_bands_are_named_and_the_rest_counted():
     system = oscillator(0.2)
     one = [Band(speed, speed + 0.5, "+1", 1.1) for speed in range(1, 7)]
-    said = Bands(one[:1], system, (1.0, 9.0), 0.1).summary
-    assert said.endswith(f"from {30 / math.pi:.5g} to {45 / math.pi:.5g} rpm.")
+    message = Bands(one[:1], system, (1.0, 9.0), 0.1).summary
+    assert message.endswith(f"from {30 / math.pi:.5g} to {45 / math.pi:.5g} rpm.")
     assert Bands(one, system, (1.0, 9.0), 0.1).summary.endswith("rpm and 2 more.")
     assert Bands([], system, (1.0, 9.0), 0.1).summary.startswith("No unstable band found")
 

@@ -98,11 +98,11 @@ def test_bands_of_three_nearly_equal_modes_are_separated():
     ((first,), (second,), (third,)) = (
         solve.bands(shaken(w[[i]], share[[i]]), [98.0, 103.0]) for i in range(3)
     )
-    found = [
+    computed = [
         (band.low, band.high) for band in solve.bands(shaken(w, share), [60.0, 260.0]) if band.kind == "+1"
     ]
     alone = [(min(first.low, second.low), max(first.high, second.high)), (third.low, third.high)]
-    assert np.ravel(found) == pytest.approx(np.ravel(alone), rel=1e-6)
+    assert np.ravel(computed) == pytest.approx(np.ravel(alone), rel=1e-6)
 
 
 def test_damping_removes_a_weak_band():

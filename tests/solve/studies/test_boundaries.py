@@ -97,6 +97,6 @@ def test_a_stable_stretch_ends_where_a_third_multiplier_leaves(back):
         return StabilitySamples.from_multipliers(points, stable, ~stable, rho.astype(complex))
 
     known = evaluate(np.array([[0.0], [1.0]]))
-    (found,) = BoundarySearch(evaluate, np.array([1.0]), 1e-9).crossings(Lines(known, np.zeros(2), 0))
-    np.testing.assert_allclose(np.sort(found.place), [back, 0.7], atol=1e-9)
-    assert [KINDS[kind] for kind in found.kind] == ["+1", "+1"]
+    (computed,) = BoundarySearch(evaluate, np.array([1.0]), 1e-9).crossings(Lines(known, np.zeros(2), 0))
+    np.testing.assert_allclose(np.sort(computed.place), [back, 0.7], atol=1e-9)
+    assert [KINDS[kind] for kind in computed.kind] == ["+1", "+1"]

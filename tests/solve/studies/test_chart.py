@@ -34,14 +34,14 @@ def test_boundaries_are_characteristic_values(undamped):
 
 
 def test_every_characteristic_curve_is_found_with_its_kind(undamped):
-    found = {}
+    computed = {}
     for curve in undamped.boundaries:
         # Where kinds change along a chain, the pieces share a point: each counts from its second on.
         for place in distances(curve.points[1:]).argmin(axis=0):
-            found.setdefault(int(place), set()).add(curve.name)
+            computed.setdefault(int(place), set()).add(curve.name)
     # a_0 a_1 a_2 a_3 … b_1 b_2 b_3: those of even order have period T, the odd ones 2T.
     even, odd = {"+1"}, {"-1"}
-    assert found == {0: even, 1: odd, 2: even, 3: odd, 5: odd, 6: even, 7: odd}
+    assert computed == {0: even, 1: odd, 2: even, 3: odd, 5: odd, 6: even, 7: odd}
 
 
 def test_tongues_thinner_than_a_cell_are_followed(undamped):
@@ -217,10 +217,10 @@ def test_axes_may_be_texts_as_on_the_command_line():
     k1, speeds = np.array([8e4, 9e4]), np.pi / 30 * np.array([100.0, 150.0, 200.0])
     numbers = solve.chart(model, {"k1": k1}, {"speed": speeds}, boundaries=False)
     half = solve.chart(model, {"k1": "8e4:9e4:2"}, {"speed": "100 150 200 rpm"}, boundaries=False)
-    for found in (texts, half):
-        np.testing.assert_array_equal(found.x, numbers.x)
-        np.testing.assert_allclose(found.y, numbers.y, rtol=1e-15)
-        np.testing.assert_allclose(found.spectral_radius, numbers.spectral_radius, rtol=1e-10)
+    for computed in (texts, half):
+        np.testing.assert_array_equal(computed.x, numbers.x)
+        np.testing.assert_allclose(computed.y, numbers.y, rtol=1e-15)
+        np.testing.assert_allclose(computed.spectral_radius, numbers.spectral_radius, rtol=1e-10)
 
 
 def test_chart_quantity_matches_single_solutions():
@@ -250,8 +250,8 @@ def test_orbit_chart_warns_where_the_linear_model_fails():
     orbits = [solve.periodic(cam.varied({"k1": k1}), speed) for k1 in (7e4, 8e4) for speed in (50.0, 60.0)]
     largest = max(orbit.statistics("q1").max_abs for orbit in orbits)
     chart = solve.chart(cam, speeds, stiff, boundaries=False, of="q3.max_abs")
-    said = f"at some points the linearisation is not to be trusted: max|q1| = {largest:.3g} rad, beyond 0.05"
-    assert said in chart.warnings
+    text = f"at some points the linearisation is not to be trusted: max|q1| = {largest:.3g} rad, beyond 0.05"
+    assert text in chart.warnings
     assert solve.chart(cam, speeds, stiff, boundaries=False, of="rho1.re").warnings == []
 
 

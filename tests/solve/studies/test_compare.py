@@ -50,11 +50,11 @@ def rows(comparison, at, method=None):
 
 
 def test_errors_at_equal_steps_are_the_true_ones(comparison):
-    found = rows(comparison, "equal steps")
-    assert [(row.method, row.steps) for row in found] == [
+    computed = rows(comparison, "equal steps")
+    assert [(row.method, row.steps) for row in computed] == [
         (method, steps) for method in ("radau", "newmark", "rk4") for steps in (50, 200)
     ]
-    for row in found:
+    for row in computed:
         if row.method == "radau" and row.steps == 200:
             assert max(row.orbit_error, row.multiplier_error) < 1e-10
             continue

@@ -27,7 +27,7 @@ def oscillators():
 
 
 @pytest.fixture(scope="module")
-def found():
+def computed():
     return solve.critical_speeds(oscillators(), np.linspace(2.2, 12.0, 30), figure="rms", orders=5)
 
 
@@ -37,8 +37,8 @@ def rms(speed):
     return np.sqrt((size**2).sum() / 2)
 
 
-def test_the_response_is_largest_where_its_closed_form_is(found):
-    rows = {row.order: row for row in found.rows if row.mode == 1}
+def test_the_response_is_largest_where_its_closed_form_is(computed):
+    rows = {row.order: row for row in computed.rows if row.mode == 1}
     for order in range(1, 5):
         near = FREQUENCIES[0] / order
         truth = minimize_scalar(lambda w: -rms(w), bounds=(0.95 * near, 1.05 * near), method="bounded")
@@ -46,9 +46,9 @@ def test_the_response_is_largest_where_its_closed_form_is(found):
         assert rows[order].response.height == pytest.approx(rms(truth.x), rel=1e-7)
 
 
-def test_multipliers_turn_with_the_damped_frequency(found):
+def test_multipliers_turn_with_the_damped_frequency(computed):
     decay, turn = ZETA * FREQUENCIES[0], FREQUENCIES[0] * np.sqrt(1 - ZETA**2)
-    rows = {row.order: row for row in found.rows if row.mode == 1}
+    rows = {row.order: row for row in computed.rows if row.mode == 1}
     for order in range(1, 5):
         near = turn / order
 
@@ -59,12 +59,12 @@ def test_multipliers_turn_with_the_damped_frequency(found):
         assert rows[order].multiplier.speed == pytest.approx(truth.x, rel=1e-4)
 
 
-def test_divisions_and_combinations_are_exact(found):
-    divided = {(row.mode, row.order): row.division for row in found.rows if row.division}
+def test_divisions_and_combinations_are_exact(computed):
+    divided = {(row.mode, row.order): row.division for row in computed.rows if row.division}
     assert {order for mode, order in divided if mode == 1} == {1, 2, 3, 4}
     for (mode, order), speed in divided.items():
         assert speed == pytest.approx(FREQUENCIES[mode - 1] / order, rel=1e-12)
-    every = combinations(MeanFrequencies(found.system, found.speeds), 5)
+    every = combinations(MeanFrequencies(computed.system, computed.speeds), 5)
     principal = [one.order for one in every if one.modes == (1, 1)]
     assert principal == [3, 5]
     for one in every:
@@ -73,9 +73,9 @@ def test_divisions_and_combinations_are_exact(found):
         assert one.speed == pytest.approx(exact, rel=1e-12)
 
 
-def test_constant_matrices_have_no_combination_resonances(found):
-    assert found.combinations == []
-    assert found.constant_matrices
+def test_constant_matrices_have_no_combination_resonances(computed):
+    assert computed.combinations == []
+    assert computed.constant_matrices
 
 
 def test_a_range_may_be_one_text():
@@ -98,12 +98,12 @@ def test_bad_input():
         solve.critical_speeds(system, [3.0, 4.0], orders=0)
 
 
-def test_the_picture_has_response_multiplier_and_campbell_diagram(found):
-    response, multiplier, campbell = found.plot().axes
+def test_the_picture_has_response_multiplier_and_campbell_diagram(computed):
+    response, multiplier, campbell = computed.plot().axes
     assert response.get_ylabel().startswith("rms q1")
     assert "multiplier" in multiplier.get_ylabel()
     assert "frequency (Hz)" in campbell.get_ylabel()
-    shown = [axes.get_ylabel() for axes in found.plot(campbell=True).axes]
+    shown = [axes.get_ylabel() for axes in computed.plot(campbell=True).axes]
     assert shown == [response.get_ylabel(), campbell.get_ylabel()]
     for axes in (response, multiplier, campbell):
         marked = [line for line in axes.get_lines() if line.get_marker() in {"v", "o"}]
@@ -144,8 +144,8 @@ def test_imaginary_frozen_frequencies_give_a_warning():
     assert any("means and divisions are meaningless" in text for text in critical.warnings)
 
 
-def test_the_curve_goes_through_the_maxima_that_are_marked(found):
-    for axes in found.plot().axes[:2]:
+def test_the_curve_goes_through_the_maxima_that_are_marked(computed):
+    for axes in computed.plot().axes[:2]:
         marks = [line for line in axes.get_lines() if line.get_marker() == "v"]
         points = set(zip(*axes.get_lines()[0].get_data(), strict=True))
         assert marks
@@ -307,8 +307,8 @@ def test_both_edges_are_found_where_another_mode_leads(shaken, other):
     system = solve.PeriodicSystem(matrices, ["p", "q"])
     (band,) = (each for each in solve.bands(system, np.linspace(98.5, 101.0, 31)) if each.kind == "+1")
     critical = solve.critical_speeds(system, [30.0, 160.0], orders=1)
-    found = [row.response.speed for row in critical.rows if row.response and row.unbounded]
-    assert found == pytest.approx([band.high, band.low], rel=2e-5)
+    computed = [row.response.speed for row in critical.rows if row.response and row.unbounded]
+    assert computed == pytest.approx([band.high, band.low], rel=2e-5)
 
 
 @pytest.mark.parametrize(
@@ -343,13 +343,13 @@ def test_unstable_ranges_of_two_nearly_equal_modes_are_separated(frequencies, sh
     edges = edges if ranges == 2 else [edges[0], edges[-1]]
     both = shaken(w, share, turn)
     critical = solve.critical_speeds(both, [30.0, 160.0], orders=1)
-    found = [row.response.speed for row in critical.rows if row.response and row.unbounded]
-    assert found == pytest.approx(edges, rel=3e-5)
+    computed = [row.response.speed for row in critical.rows if row.response and row.unbounded]
+    assert computed == pytest.approx(edges, rel=3e-5)
     assert np.ravel([range_[:2] for range_ in critical.unstable_ranges]) == pytest.approx(
         edges[::-1], rel=3e-5
     )
-    found = solve.bands(both, [30.0, 160.0])
-    assert np.ravel([(band.low, band.high) for band in found]) == pytest.approx(edges[::-1], rel=1e-6)
+    computed = solve.bands(both, [30.0, 160.0])
+    assert np.ravel([(band.low, band.high) for band in computed]) == pytest.approx(edges[::-1], rel=1e-6)
 
 
 def test_neighbouring_unstable_resonances_are_separate_ranges():
@@ -392,15 +392,15 @@ def test_a_speed_with_a_singular_inertia_leaves_the_others():
     assert "M is singular" in critical.notes[-1]
 
 
-def test_a_table_of_all_columns_fits_a_line_of_80(found):
+def test_a_table_of_all_columns_fits_a_line_of_80(computed):
     speed = 337.0
     row = Critical(
         Maximum(speed, 0.0213), Maximum(speed, -0.79), speed, 1, 2, speed, radius=Maximum(speed, 1.2)
     )
-    (heading,) = [line for line in repr(replace(found, rows=[row])).splitlines() if "at rest  " in line]
+    (heading,) = [line for line in repr(replace(computed, rows=[row])).splitlines() if "at rest  " in line]
     assert heading.split()[-2:] == ["mode", "k"]
     assert len(heading) <= 80
 
 
-def test_empty_result_states_that_nothing_was_found(found):
-    assert "no maximum and no division up to order 5 found from" in repr(replace(found, rows=[]))
+def test_empty_result_states_that_nothing_was_found(computed):
+    assert "no maximum and no division up to order 5 found from" in repr(replace(computed, rows=[]))

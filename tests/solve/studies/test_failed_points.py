@@ -24,33 +24,33 @@ def holed(delta, epsilon):
 
 
 @pytest.fixture(scope="module")
-def found():
+def gapped_chart():
     x, y = {"delta": np.linspace(0.2, 4.7, 31)}, {"epsilon": np.linspace(0.5, 2.5, 9)}
     return solve.chart(holed, x, y, 1.0)
 
 
-def test_chart_marks_failed_points(found):
-    hole = np.broadcast_to((found.x > LOW) & (found.x < HIGH), found.shape)
-    np.testing.assert_array_equal(np.isnan(found.stable), hole)
-    np.testing.assert_array_equal(np.isnan(found.spectral_radius), hole)
-    np.testing.assert_array_equal(found.verdicts == "failed", hole)
-    assert not found.kinds[hole].any()
-    assert len(found.failures) == hole.sum()
-    assert "NaN or infinite" in found.failures[0, int(np.flatnonzero(hole[0])[0])]
+def test_chart_marks_failed_points(gapped_chart):
+    hole = np.broadcast_to((gapped_chart.x > LOW) & (gapped_chart.x < HIGH), gapped_chart.shape)
+    np.testing.assert_array_equal(np.isnan(gapped_chart.stable), hole)
+    np.testing.assert_array_equal(np.isnan(gapped_chart.spectral_radius), hole)
+    np.testing.assert_array_equal(gapped_chart.verdicts == "failed", hole)
+    assert not gapped_chart.kinds[hole].any()
+    assert len(gapped_chart.failures) == hole.sum()
+    assert "NaN or infinite" in gapped_chart.failures[0, int(np.flatnonzero(hole[0])[0])]
 
 
-def test_no_boundary_is_drawn_at_failed_points(found):
+def test_no_boundary_is_drawn_at_failed_points(gapped_chart):
     """The tongue of order 1 ends inside the hole for large epsilon: its right edge is not seen there."""
-    for curve in found.boundaries:
+    for curve in gapped_chart.boundaries:
         delta, q = curve.points[:, 0], curve.points[:, 1] / 2
         assert not ((delta > LOW) & (delta < HIGH)).any()
         truth = [mathieu_a(0, q), mathieu_a(1, q), mathieu_b(1, q), mathieu_a(2, q), mathieu_b(2, q)]
         assert np.abs(np.array(truth) - delta).min(axis=0).max() < 1e-6
-    assert {curve.name for curve in found.boundaries} == {"+1", "-1"}
+    assert {curve.name for curve in gapped_chart.boundaries} == {"+1", "-1"}
 
 
-def test_a_cut_through_the_hole(found):
-    cut = found.cut(y=1.0)
+def test_a_cut_through_the_hole(gapped_chart):
+    cut = gapped_chart.cut(y=1.0)
     hole = (cut.values > LOW) & (cut.values < HIGH)
     np.testing.assert_array_equal(np.isnan(cut.stable), hole)
     np.testing.assert_array_equal(np.isnan(cut.spectral_radius), hole)
@@ -59,8 +59,8 @@ def test_a_cut_through_the_hole(found):
     assert [at for at, _ in cut.crossings] == pytest.approx(edges, abs=1e-7)
 
 
-def test_the_picture_of_a_chart_with_holes(found):
-    assert found.plot().axes
+def test_the_picture_of_a_chart_with_holes(gapped_chart):
+    assert gapped_chart.plot().axes
 
 
 def test_chart_without_any_result_is_refused():
@@ -194,11 +194,11 @@ def test_failed_speeds_at_the_ends_are_omitted(speeds):
     """The unstable band and the maximum of the response lie where there are matrices, and are found as if
     there were some everywhere; the note says where there are none."""
     system, whole = known_between(1.55, 5.1), known_between(-1.0, 9.0)
-    found, every = solve.bands(system, speeds), solve.bands(whole, speeds)
-    assert [band.kind for band in found] == [band.kind for band in every] == ["+1", "-1"]
-    for band, other in zip(found, every, strict=True):
+    gapped_chart, every = solve.bands(system, speeds), solve.bands(whole, speeds)
+    assert [band.kind for band in gapped_chart] == [band.kind for band in every] == ["+1", "-1"]
+    for band, other in zip(gapped_chart, every, strict=True):
         assert (band.low, band.high) == pytest.approx((other.low, other.high), rel=1e-6)
-    (note,) = found.notes
+    (note,) = gapped_chart.notes
     critical = solve.critical_speeds(system, speeds, orders=4)
     peaks = [row.radius.speed for row in critical.rows if row.radius]
     reference = [

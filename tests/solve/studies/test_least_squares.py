@@ -127,7 +127,7 @@ def test_a_poor_fit_of_few_values_is_reported(tmp_path):
     size = float(3 / abs(20 * np.sqrt(1 - 0.95**2) - 1 + 0.5j))
     rows = [f"1,1,{size!r}", f"1,1,{1.01 * size!r}"]
     file = tmp_path / "orders.csv"
-    for more, said in (((), 0), ([f"2,1,{0.2 * size!r}", f"3,1,{0.1 * size!r}"], 1)):
+    for more, expected in (((), 0), ([f"2,1,{0.2 * size!r}", f"3,1,{0.1 * size!r}"], 1)):
         file.write_text("\n".join(["order (1),speed (rad/s),q (m)", *rows, *more]))
         fitted = solve.fit(solve.load(softening(), **NUMBERS, a=0.9), file, ["a"])
-        assert sum("values are too few to distinguish noise" in text for text in fitted.warnings) == said
+        assert sum("values are too few to distinguish noise" in text for text in fitted.warnings) == expected

@@ -98,12 +98,12 @@ def test_the_tongues_of_modes_that_cross_belong_to_them(coupling):
     critical = solve.critical_speeds(
         oscillators(0.5, coupling, (0.02, 0.02)), np.linspace(1.6, 2.6, 41), orders=4
     )
-    found = {
+    computed = {
         row.combination.modes: row.radius.speed for row in critical.rows if row.radius and row.combination
     }
-    assert set(found) == {(1, 1), (2, 2)} | ({(2, 1)} if coupling else set())
+    assert set(computed) == {(1, 1), (2, 2)} | ({(2, 1)} if coupling else set())
     for mode, middle in ((1, 1.0), (2, 1.44)):
-        assert found[mode, mode] == pytest.approx(2 * mean_root(middle, 0.5), rel=0.01)
+        assert computed[mode, mode] == pytest.approx(2 * mean_root(middle, 0.5), rel=0.01)
 
 
 def turning_frame():

@@ -49,8 +49,8 @@ def test_combination_resonance_explains_the_multiplier_maximum():
     assert critical.speeds[at] == pytest.approx(10.0)
     assert rate == pytest.approx(-0.25 + np.sqrt(0.05**2 + 1.8**2 / 144), rel=0.05)
     assert "2+1" in critical._repr_html_()
-    (found,) = [each for each in critical.record()["rows"] if each["combination"]]
-    assert found["combination"]["modes"] == [2, 1]
+    (computed,) = [each for each in critical.record()["rows"] if each["combination"]]
+    assert computed["combination"]["modes"] == [2, 1]
     table = critical.to_pandas()
     assert list(table["explained_by"][table["mode"].isna() & (table["explained_by"] != "")]) == ["2+1, k = 1"]
 
@@ -111,9 +111,9 @@ def test_without_damping_each_maximum_of_the_multiplier_is_a_division():
     all moduli 1 the dominant multiplier is no single one."""
     frequencies = np.array([1.0, 1.7])
     critical = solve.critical_speeds(coupled(frequencies, 0.0, 0.0), np.linspace(0.4, 2.0, 90), orders=4)
-    found = {(row.mode, row.order): row.multiplier.speed for row in critical.rows if row.multiplier}
-    assert set(found) == {(2, 1), (1, 1), (2, 2), (2, 3), (1, 2), (2, 4)}
-    for (mode, order), speed in found.items():
+    computed = {(row.mode, row.order): row.multiplier.speed for row in critical.rows if row.multiplier}
+    assert set(computed) == {(2, 1), (1, 1), (2, 2), (2, 3), (1, 2), (2, 4)}
+    for (mode, order), speed in computed.items():
         assert speed == pytest.approx(frequencies[mode - 1] / order, rel=1e-4)
     assert not [row for row in critical.rows if row.radius]
 

@@ -38,8 +38,8 @@ def test_matrices_between_speeds_follow_from_three(options):
     model = solve.load("four_bar", options=options)
     family, phase = SystemFamily(model, ["speed", "L4"]), np.linspace(0.0, 6.0, 7)
     points = np.array([[w, L4] for L4 in (0.53, 0.547) for w in (20.0, 23.0, 31.0, 38.0, 40.0)])
-    found = family.entries(phase, points)
-    for (speed, L4), entries in zip(points, found, strict=True):
+    computed = family.entries(phase, points)
+    for (speed, L4), entries in zip(points, computed, strict=True):
         system = solve.load("four_bar", options=options, L4=L4)
         parts = [part.reshape(7, -1) for part in system.in_phase(phase, speed)]
         start = 0
@@ -68,21 +68,21 @@ def test_a_chart_over_speed_and_a_length(four_bar):
 def test_only_the_outputs_that_are_kept_are_calculated(four_bar, monkeypatch):
     from solve.beams import structure
 
-    asked = set()
+    calls = set()
 
     def recorded(state, kind, *place):
-        asked.add(kind)
+        calls.add(kind)
         return quantity(state, kind, *place)
 
     quantity = structure.quantity
     monkeypatch.setattr(structure, "quantity", recorded)
     kept = ["follower_midpoint_deflection", "strain_energy"]
     sweep = solve.sweep(four_bar, [20.0], rtol=1e-3, quantities=kept)
-    assert asked == {"deflection", "strain_energy"}
+    assert calls == {"deflection", "strain_energy"}
     assert list(sweep.points[0].statistics) == kept
     orbit = solve.periodic(four_bar, 20.0, rtol=1e-3)
-    asked.clear()
+    calls.clear()
     assert orbit.statistics("strain_energy").max > 0
-    assert asked == {"strain_energy"}
+    assert calls == {"strain_energy"}
     with pytest.raises(KeyError):
         four_bar.output_values(orbit.phase, 20.0, orbit.q, orbit.qd, orbit.qdd)["energy"]

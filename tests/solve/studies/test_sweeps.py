@@ -27,39 +27,39 @@ def amplitude(zeta, speed):
 
 
 @pytest.fixture(scope="module")
-def found():
+def oscillator_sweeps():
     return sweeps({str(z): oscillator(z) for z in (0.05, 0.2)}, SPEEDS, ["q"], "zeta")
 
 
-def test_responses(found):
+def test_responses(oscillator_sweeps):
     expected = np.array([amplitude(zeta, SPEEDS) for zeta in (0.05, 0.2)])
-    assert found.figures("q") == pytest.approx(expected, rel=1e-6)
-    assert found.figures("q", "rms") == pytest.approx(expected / np.sqrt(2), rel=1e-6)
+    assert oscillator_sweeps.figures("q") == pytest.approx(expected, rel=1e-6)
+    assert oscillator_sweeps.figures("q", "rms") == pytest.approx(expected / np.sqrt(2), rel=1e-6)
 
 
-def test_peak_of_the_first_curve_lists_all_responses(found):
-    (peak,) = found.extremes("q")
+def test_peak_of_the_first_curve_lists_all_responses(oscillator_sweeps):
+    (peak,) = oscillator_sweeps.extremes("q")
     assert (peak.speed, peak.kind) == (pytest.approx(2.0), "peak")
     assert peak.responses == pytest.approx([amplitude(zeta, 2.0) for zeta in (0.05, 0.2)], rel=1e-6)
 
 
 def test_a_speed_without_a_result_is_neither_peak_nor_quiet():
     """Without damping there is no solution at resonance, 2 rad/s."""
-    found = sweeps({"0": oscillator(0.0)}, [1.2, 1.5, 2.0, 2.5, 3.0], ["q"])
-    assert np.isnan(found.figures("q")[0]).tolist() == [False, False, True, False, False]
-    assert [(extreme.speed, extreme.kind) for extreme in found.extremes("q")] == [(1.5, "peak")]
+    oscillator_sweeps = sweeps({"0": oscillator(0.0)}, [1.2, 1.5, 2.0, 2.5, 3.0], ["q"])
+    assert np.isnan(oscillator_sweeps.figures("q")[0]).tolist() == [False, False, True, False, False]
+    assert [(extreme.speed, extreme.kind) for extreme in oscillator_sweeps.extremes("q")] == [(1.5, "peak")]
 
 
-def test_the_picture_has_a_curve_a_system(found):
-    figure = found.plot(["q"])
+def test_the_picture_has_a_curve_a_system(oscillator_sweeps):
+    figure = oscillator_sweeps.plot(["q"])
     assert [line.get_label() for line in figure.axes[0].get_lines()] == ["0.05", "0.2"]
     assert figure.legends[0].get_title().get_text() == "zeta"
 
 
 def test_one_name_may_be_a_text():
-    found = sweeps({"as it is": solve.load("manipulator")}, [3.0, 4.0], "q1")
-    assert found.quantities == ("q1",)
-    assert len(found.plot("q1").axes) == len(found.plot().axes) == 1
+    oscillator_sweeps = sweeps({"as it is": solve.load("manipulator")}, [3.0, 4.0], "q1")
+    assert oscillator_sweeps.quantities == ("q1",)
+    assert len(oscillator_sweeps.plot("q1").axes) == len(oscillator_sweeps.plot().axes) == 1
 
 
 def test_progress_covers_the_points_of_all_curves():
@@ -80,9 +80,9 @@ def test_variants_of_a_parameter_and_of_an_option():
 
 def test_variants_that_differ_in_the_seventh_digit_are_all_there():
     values = [0.7, 0.7000001, 0.7000002]
-    found = variants(solve.load("coupler"), "l3", values)
-    assert [each.parameters["l3"] for each in found.values()] == values
-    assert [float(label) for label in found] == values
+    oscillator_sweeps = variants(solve.load("coupler"), "l3", values)
+    assert [each.parameters["l3"] for each in oscillator_sweeps.values()] == values
+    assert [float(label) for label in oscillator_sweeps] == values
 
 
 @pytest.mark.parametrize(

@@ -241,8 +241,8 @@ def test_the_page_moves_in_a_browser(mathieu, tmp_path):
     if browser.CHROMIUM is None:
         pytest.skip("no Chromium is installed")
     mathieu.save(tmp_path / "moving.html")
-    shown, said = browser.run(tmp_path / "moving.html", "--dump-dom", "--virtual-time-budget=100")
-    assert re.findall(r".*CONSOLE.*", said) == []
+    shown, message = browser.run(tmp_path / "moving.html", "--dump-dom", "--virtual-time-budget=100")
+    assert re.findall(r".*CONSOLE.*", message) == []
     assert re.search(r'<text id="label"[^>]*>φ = ', shown)
     assert len(re.findall(r'<path class="mover"[^>]* transform="matrix', shown)) > 3
 

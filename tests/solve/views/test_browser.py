@@ -32,8 +32,8 @@ def page(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_console_is_empty(page):
-    _, said = browser.run(page, "--dump-dom")
-    assert re.findall(r".*CONSOLE.*", said) == []
+    _, message = browser.run(page, "--dump-dom")
+    assert re.findall(r".*CONSOLE.*", message) == []
 
 
 @pytest.mark.slow
@@ -41,9 +41,9 @@ def test_the_console_is_empty(page):
 def test_browser_shows_equations_and_pictures_within_the_page_width(page, width):
     # The page itself allows no script.
     text = re.sub(r'<meta http-equiv="Content-Security-Policy".*?>', "", page.read_text("utf-8"))
-    asked = page.with_name(f"asked{width}.html")
-    asked.write_text(text.replace("</body>", _ASKED), encoding="utf-8")
-    shown, _ = browser.run(asked, "--dump-dom", f"--window-size={width},800")
+    requested = page.with_name(f"asked{width}.html")
+    requested.write_text(text.replace("</body>", _ASKED), encoding="utf-8")
+    shown, _ = browser.run(requested, "--dump-dom", f"--window-size={width},800")
     match = re.search(r'data-found="([^"]*)"', shown)
     assert match
     equations, space, tall, wide, over, bars = match[1].replace("&quot;", '"').strip("[]").split(",")

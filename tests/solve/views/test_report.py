@@ -226,10 +226,10 @@ def test_warning_names_its_orbit(undrawn, capsys, tmp_path):
     report = Report(cam, parts, [], 1e-2)
     items = ["".join(each.itertext()) for each in parsed(report.html).iter(HTML + "li")]
     deliver_page(report, tmp_path / "cam.html")
-    said = capsys.readouterr().err
+    message = capsys.readouterr().err
     for orbit in ("linear orbit", "nonlinear orbit"):
         (item,) = [each for each in items if "lifts off" in each and each.endswith(f"({orbit})")]
-        assert f"warning: {item}\n" in said
+        assert f"warning: {item}\n" in message
 
 
 def test_notes_are_shown_once(undrawn):

@@ -51,14 +51,14 @@ def test_legend_and_axis_show_speed_and_unit(coupler):
 
 
 def test_a_period_that_is_half_a_turn_ends_at_180_degrees():
-    found = orbits("1 rad/s", "2 rad/s", delta=3.0, epsilon=0.5, zeta=0.1)
-    drawn = curves(turn_figure(found, found[0].coordinates[0]))
+    computed = orbits("1 rad/s", "2 rad/s", delta=3.0, epsilon=0.5, zeta=0.1)
+    drawn = curves(turn_figure(computed, computed[0].coordinates[0]))
     assert {values[0, -1] for values in drawn.values()} == {180.0}
 
 
 def test_no_two_of_twelve_curves_look_alike():
-    found = orbits(*(f"{rpm} rpm" for rpm in range(600, 1800, 100)), model="coupler")
-    (axes,) = turn_figure(found, "q1").axes
+    computed = orbits(*(f"{rpm} rpm" for rpm in range(600, 1800, 100)), model="coupler")
+    (axes,) = turn_figure(computed, "q1").axes
     lines = [line for line in axes.lines if not line.get_label().startswith("_")]
     assert len({tuple(np.atleast_1d(line.get_color())) for line in lines}) == 12
     neighbours = [line.is_dashed() for line in lines]
@@ -66,8 +66,8 @@ def test_no_two_of_twelve_curves_look_alike():
 
 
 def test_speeds_that_are_nearly_equal_have_a_curve_each():
-    found = orbits("600 rpm", "600.0002 rpm", "600.0004 rpm", model="coupler")
-    assert list(curves(turn_figure(found, "midpoint_deflection"))) == ["600", "600.0002", "600.0004"]
+    computed = orbits("600 rpm", "600.0002 rpm", "600.0004 rpm", model="coupler")
+    assert list(curves(turn_figure(computed, "midpoint_deflection"))) == ["600", "600.0002", "600.0004"]
 
 
 def test_the_command_draws_a_curve_for_values_that_are_nearly_equal(tmp_path):
