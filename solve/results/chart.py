@@ -130,8 +130,8 @@ class ProvedBoxes:
 
 
 @dataclass(frozen=True)
-class Chart(Result):
-    """Stability at ny × nx points over two quantities, from `solve.chart`.
+class ChartPoints(Result):
+    """Stability at the ny × nx points of a chart.
 
     Attributes
     ----------
@@ -143,22 +143,6 @@ class Chart(Result):
         The model, or the first system that could be built.
     results : PointResults
         Results of the points, row by row.
-    boundaries : sequence of BoundaryCurve
-        Curves between stable and unstable regions.
-    at : callable
-        Function of x and y that returns the `Stability` at any point.
-    solve_cut : callable
-        Function of the axis (0 or 1) and a value that returns the `Cut` there.
-    notes : sequence of str
-        Notes on the selection of the engine.
-    cuts : sequence of Cut
-        Stability along lines.
-    of, values : Named, (ny, nx) array
-        Requested quantity and its values; NaN where it has none.
-    beyond : sequence of str
-        Sentences on points without an orbit, and on orbits beyond the bounds of the model.
-    proved : ProvedBoxes
-        Boxes with proved verdicts, if these were requested.
     """
 
     x_name: str
@@ -167,15 +151,6 @@ class Chart(Result):
     y: Array
     system: PeriodicSystem
     results: PointResults
-    boundaries: Sequence[BoundaryCurve]
-    at: Callable[[float, float], Stability] = field(metadata=NOT_STORED)
-    solve_cut: Callable[[int, float], Cut] = field(metadata=NOT_STORED)
-    notes: Sequence[str] = ()
-    cuts: Sequence[Cut] = ()
-    of: Named | None = None
-    values: Array | None = None
-    beyond: Sequence[str] = ()
-    proved: ProvedBoxes | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -216,6 +191,47 @@ class Chart(Result):
     def failures(self) -> dict[tuple[int, int], str]:
         """Reasons by row and column."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
+
+    def span(self, name: str, values: Array) -> str:
+        """Text of the range of values of a quantity."""
+        unit = self.system.unit_of(name)
+        low, high = values.min(), values.max()
+        return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")
+
+
+@dataclass(frozen=True)
+class Chart(ChartPoints):
+    """Stability at ny × nx points over two quantities, from `solve.chart`.
+
+    Attributes
+    ----------
+    boundaries : sequence of BoundaryCurve
+        Curves between stable and unstable regions.
+    at : callable
+        Function of x and y that returns the `Stability` at any point.
+    solve_cut : callable
+        Function of the axis (0 or 1) and a value that returns the `Cut` there.
+    notes : sequence of str
+        Notes on the selection of the engine.
+    cuts : sequence of Cut
+        Stability along lines.
+    of, values : Named, (ny, nx) array
+        Requested quantity and its values; NaN where it has none.
+    beyond : sequence of str
+        Sentences on points without an orbit, and on orbits beyond the bounds of the model.
+    proved : ProvedBoxes
+        Boxes with proved verdicts, if these were requested.
+    """
+
+    boundaries: Sequence[BoundaryCurve]
+    at: Callable[[float, float], Stability] = field(metadata=NOT_STORED)
+    solve_cut: Callable[[int, float], Cut] = field(metadata=NOT_STORED)
+    notes: Sequence[str] = ()
+    cuts: Sequence[Cut] = ()
+    of: Named | None = None
+    values: Array | None = None
+    beyond: Sequence[str] = ()
+    proved: ProvedBoxes | None = None
 
     @stored_property
     def warnings(self) -> list[str]:
@@ -277,7 +293,10 @@ class Chart(Result):
     def header_rows(self) -> HeaderRows:
         """Quantities, the requested values, and the fraction of stable points."""
         radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
-        share, open_ = 100 * float(known.sum()) / max(known.size, 1), int(self.results.undetermined.sum())
+        share, open_ = (
+            100 * float(known.sum()) / max(known.size, 1),
+            int((self.results.verdicts == UNDETERMINED).sum()),
+        )
         rows = [("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))]
         if self.of is not None and self.values is not None:
             low, high = np.nanmin(self.values), np.nanmax(self.values)
@@ -316,12 +335,6 @@ class Chart(Result):
 
     def _range(self, name: str, values: Array) -> str:
         return f"{greek(name)} {self.span(name, values)} ({len(values)})"
-
-    def span(self, name: str, values: Array) -> str:
-        """Text of the range of values of a quantity."""
-        unit = self.system.unit_of(name)
-        low, high = values.min(), values.max()
-        return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")
 
     def _labels(self, name: str) -> tuple[str, str]:
         """Unit and meaning of a quantity."""

@@ -110,7 +110,47 @@ _NOWHERE = Maximum(math.nan, math.nan)
 
 
 @dataclass(frozen=True)
-class CriticalSpeeds(Result):
+class SolvedSpeeds(Result):
+    """Response, dominant multiplier and natural frequencies at P speeds.
+
+    Attributes
+    ----------
+    speeds : (P,) array
+        Solved speeds in rad/s, ascending.
+    response, real_part, radius : (P,) array
+        Response; real part and modulus of the dominant multiplier.
+    unstable, imaginary : (P,) array of bool
+        Whether the motion is unstable; whether a frequency is imaginary or complex at some position.
+    frequencies : (P, n) array
+        Mean natural frequencies in rad/s.
+    """
+
+    system: PeriodicSystem
+    speeds: Array
+    response: Array
+    real_part: Array
+    radius: Array
+    unstable: Array
+    imaginary: Array
+    frequencies: Array
+
+    @property
+    def decimals(self) -> str:
+        """Number format of speeds: three decimals, but at most seven digits, the accuracy of the speeds."""
+        before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
+        return f".{min(3, max(0, 6 - before))}f"
+
+    @property
+    def unstable_ranges(self) -> list[tuple[float, float, float]]:
+        """Ranges of unstable speeds: first and last speed (rad/s), largest |ρ|."""
+        return [
+            (*self.speeds[[first, last]].tolist(), float(self.radius[first : last + 1].max()))
+            for first, last in runs(self.unstable)
+        ]
+
+
+@dataclass(frozen=True)
+class CriticalSpeeds(SolvedSpeeds):
     """Critical speeds in a range of speeds, from `solve.critical_speeds`.
 
     Attributes
@@ -121,14 +161,6 @@ class CriticalSpeeds(Result):
         Critical speeds, descending.
     combinations : sequence of Combination
         Combination resonances (ω̄i ± ω̄j)/k.
-    speeds : (P,) array
-        Solved speeds in rad/s, ascending.
-    response, real_part, radius : (P,) array
-        Response; real part and modulus of the dominant multiplier.
-    unstable, imaginary : (P,) array of bool
-        Whether the motion is unstable; whether a frequency is imaginary or complex at some position.
-    frequencies : (P, n) array
-        Mean natural frequencies in rad/s.
     orders : int
         Highest order of divisions and combinations.
     notes : sequence of str
@@ -137,19 +169,11 @@ class CriticalSpeeds(Result):
         Whether M, C and K are constant over the period, so that no combination resonance is excited.
     """
 
-    system: PeriodicSystem
     quantity: str
     figure: str
     rows: Sequence[Critical]
     combinations: Sequence[Combination]
-    speeds: Array
-    response: Array
-    real_part: Array
-    radius: Array
-    unstable: Array
-    frequencies: Array
     orders: int
-    imaginary: Array
     notes: Sequence[str] = ()
     constant_matrices: bool = False
 
@@ -182,20 +206,6 @@ class CriticalSpeeds(Result):
                 f"{unit.spans([(speeds[0], speeds[-1])])}: means and divisions are meaningless there"
             )
         return sentences
-
-    @property
-    def decimals(self) -> str:
-        """Number format of speeds: three decimals, but at most seven digits, the accuracy of the speeds."""
-        before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
-        return f".{min(3, max(0, 6 - before))}f"
-
-    @property
-    def unstable_ranges(self) -> list[tuple[float, float, float]]:
-        """Ranges of unstable speeds: first and last speed (rad/s), largest |ρ|."""
-        return [
-            (*self.speeds[[first, last]].tolist(), float(self.radius[first : last + 1].max()))
-            for first, last in runs(self.unstable)
-        ]
 
     @property
     def summary(self) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.errors import NoResultError
-from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
+from solve.period.multipliers import UNIT_CIRCLE
 from solve.period.quantities import FIGURES
 from solve.period.rigid_body import before_rigid
 from solve.results.serialization import serializable
@@ -148,14 +148,6 @@ class PointResults:
         return np.full(len(self), np.nan) if none else np.abs(self.multipliers[:, 0])
 
     @property
-    def leading(self) -> Array:
-        """Whether each multiplier (P, N) is the largest within the errors; False for failed points."""
-        modulus, radius = np.abs(self.multipliers), self.spectral_radius[:, None]
-        with np.errstate(invalid="ignore"):
-            least = radius * (1 - 2 * self.errors[:, 1:] - UNIT_CIRCLE)
-        return (modulus >= np.where(np.isnan(least), radius, least)) & ~self.failed[:, None]
-
-    @property
     def failed(self) -> Array:
         """Whether each point (P,) has no result."""
         return self.verdicts == FAILED
@@ -167,7 +159,7 @@ class PointResults:
             raise NoResultError(f"none of the {len(self)} points gives a result: {reason}")
 
     @property
-    def outside(self) -> Array:
+    def _outside(self) -> Array:
         """Whether a multiplier lies outside the unit circle by more than its error (P,)."""
         radius = self.spectral_radius
         # For multipliers that underflow the error may be infinite, and the product with 0 is NaN.
@@ -175,27 +167,9 @@ class PointResults:
             return ~self.failed & (radius - self.errors[:, 1] * radius > 1 + UNIT_CIRCLE)
 
     @property
-    def undetermined(self) -> Array:
-        """Whether the verdict (P,) is undetermined."""
-        return self.verdicts == UNDETERMINED
-
-    @property
     def kinds(self) -> Array:
         """Kind (P,) of the multiplier outside the unit circle, one of KINDS, or an empty text."""
-        return np.where(self.outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
-
-    def of_some(self, points: Array, kept: Kept) -> "PointResults":
-        """Results of points at indices (k,), with fewer quantities and without spectra."""
-        selection = PointResults.blank(len(points), self.multipliers.shape[1] // 2, kept)
-        quantities = [self.kept.names.index(name) for name in kept.names]
-        for name in _ARRAYS:
-            if name not in ("figures", "amplitudes"):
-                getattr(selection, name)[:] = getattr(self, name)[points]
-        selection.figures[:] = self.figures[points][:, quantities]
-        for number, point in enumerate(points.tolist()):
-            if point in self.failures:
-                selection.failures[number] = self.failures[point]
-        return selection
+        return np.where(self._outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
     def insert(self, index: Array, part: "PointResults") -> None:
         """Insert the results of the points at the indices."""
@@ -203,6 +177,20 @@ class PointResults:
             getattr(self, name)[index] = getattr(part, name)
         self.warnings.update({int(index[point]): texts for point, texts in part.warnings.items()})
         self.failures.update({int(index[point]): text for point, text in part.failures.items()})
+
+
+def selected(results: PointResults, points: Array, kept: Kept) -> PointResults:
+    """Results of points at indices (k,), with fewer quantities and without spectra."""
+    selection = PointResults.blank(len(points), results.multipliers.shape[1] // 2, kept)
+    quantities = [results.kept.names.index(name) for name in kept.names]
+    for name in _ARRAYS:
+        if name not in ("figures", "amplitudes"):
+            getattr(selection, name)[:] = getattr(results, name)[points]
+    selection.figures[:] = results.figures[points][:, quantities]
+    for number, point in enumerate(points.tolist()):
+        if point in results.failures:
+            selection.failures[number] = results.failures[point]
+    return selection
 
 
 def kinds_of(multipliers: Array) -> Array:

@@ -127,8 +127,28 @@ class NonlinearOrbit(Orbit):
         return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
 
 
+class NoStability:
+    """Values of a mechanism without coordinates in place of those of `Orbit`: nothing vibrates."""
+
+    method = described = "prescribed motion"
+    steps = _STEPS
+    samples = LEAST_SAMPLES
+    verdict = ""
+    stable = None
+    spectral_radius = distance_from_one = condition = liouville = np.nan
+    error_estimate = ErrorEstimate(_ROUNDOFF, np.nan)
+    residual = 0.0
+    linearisation_error = reduction_error = None
+    rigid_body_modes = ()
+    unresolved = 0
+    multipliers = exponents = np.zeros(0, dtype=complex)
+    multiplier_errors = np.zeros(0)
+    modes = ()
+    _figures = np.zeros((0, 7))
+
+
 @dataclass(frozen=True)
-class RigidOrbit(Orbit):
+class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     """Prescribed motion of a mechanism without coordinates: outputs over a period, without multipliers,
     exponents and verdict."""
 
@@ -139,21 +159,8 @@ class RigidOrbit(Orbit):
         no_solution: Any = None
         return cls(system, speed, no_solution, no_solution)
 
-    method = described = "prescribed motion"  # type: ignore[assignment]
-    steps = _STEPS  # type: ignore[assignment]
-    samples = LEAST_SAMPLES  # type: ignore[assignment]
-    verdict = ""  # type: ignore[assignment]
-    stable = None  # type: ignore[assignment]
-    spectral_radius = distance_from_one = condition = liouville = np.nan  # type: ignore[assignment]
-    error_estimate = ErrorEstimate(_ROUNDOFF, np.nan)  # type: ignore[assignment]
-    residual = 0.0  # type: ignore[assignment]
-    curve = linearisation_error = reduction_error = None  # type: ignore[assignment]
-    rigid_body_modes = ()  # type: ignore[assignment]
-    unresolved = 0  # type: ignore[assignment]
-    multipliers = exponents = np.zeros(0, dtype=complex)  # type: ignore[assignment]
-    multiplier_errors = np.zeros(0)  # type: ignore[assignment]
-    modes = notes = ()  # type: ignore[assignment]
-    _figures = np.zeros((0, 7))  # type: ignore[assignment]
+    curve = None  # type: ignore[assignment]
+    notes = ()  # type: ignore[assignment]
 
     @property
     def phase(self) -> Array:

@@ -304,12 +304,6 @@ class Sweep(Result):
         return {**self.parameters, SPEED: self.speeds}
 
     @property
-    def shown(self) -> Sequence[str]:
-        """Stored coordinates, or the outputs if there are none."""
-        kept = self.results.kept.names
-        return [name for name in kept if name in self.system.coordinates] or kept
-
-    @property
     def columns(self) -> Columns:
         """Row per point."""
         system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)

@@ -39,8 +39,8 @@ _REMEDIES = {
 
 
 @dataclass(frozen=True)
-class Transient(Result):
-    """Motion over a number of periods ("turns"), from `solve.transient`.
+class TransientMotion(Result):
+    """Motion over a number of periods ("turns"), with the statistics of each.
 
     Attributes
     ----------
@@ -52,14 +52,6 @@ class Transient(Result):
         q, dq/ds, d²q/ds² at the nodes.
     between : float
         Interpolation error between the nodes, relative to the largest of each coordinate and its rates.
-    orbit : Orbit or None
-        Orbit for comparison.
-    rtol : float
-        Relative distance at which the orbit counts as reached.
-    nonlinear : bool
-        Whether the equations are nonlinear.
-    notes : sequence of str
-        Sentences on what is doubtful about the integration.
     """
 
     system: PeriodicSystem
@@ -67,10 +59,6 @@ class Transient(Result):
     nodes: Array
     motions: Array
     between: float
-    orbit: Orbit | None
-    rtol: float
-    nonlinear: bool
-    notes: Sequence[str] = ()
 
     @property
     def turns(self) -> int:
@@ -216,6 +204,28 @@ class Transient(Result):
     def peaks(self) -> Array:
         """max|q| of each period (turns, n)."""
         return self._figures[:, : self.system.n, 2]
+
+
+@dataclass(frozen=True)
+class Transient(TransientMotion):
+    """Motion over a number of periods, compared with an orbit, from `solve.transient`.
+
+    Attributes
+    ----------
+    orbit : Orbit or None
+        Orbit for comparison.
+    rtol : float
+        Relative distance at which the orbit counts as reached.
+    nonlinear : bool
+        Whether the equations are nonlinear.
+    notes : sequence of str
+        Sentences on what is doubtful about the integration.
+    """
+
+    orbit: Orbit | None
+    rtol: float
+    nonlinear: bool
+    notes: Sequence[str] = ()
 
     @cached_property
     def distances(self) -> Array:

@@ -10,9 +10,9 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import Batch
 from solve.batch.gathering import gathered
-from solve.period.multipliers import UNSTABLE
+from solve.period.multipliers import UNIT_CIRCLE, UNSTABLE
 from solve.results.critical_speeds import Maximum
-from solve.results.points import FIGURES, Kept, PointResults
+from solve.results.points import FIGURES, Kept, PointResults, selected
 from solve.results.sweep import Sweep
 from solve.studies.boundaries import BoundarySearch
 from solve.studies.constant_coefficients import ConstantCoefficients
@@ -50,13 +50,21 @@ def radius(results: PointResults) -> Array:
 
 def real_part(results: PointResults) -> Array:
     """Largest real part (P,) of the multipliers that are dominant within their errors."""
-    largest = np.where(results.leading, np.real(results.multipliers), -np.inf).max(axis=1)
+    largest = np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).max(axis=1)
     return np.where(results.failed, np.nan, largest)
+
+
+def _is_dominant(results: PointResults) -> Array:
+    """Whether each multiplier (P, N) is the largest within the errors; False for failed points."""
+    modulus, radius = np.abs(results.multipliers), results.spectral_radius[:, None]
+    with np.errstate(invalid="ignore"):
+        least = radius * (1 - 2 * results.errors[:, 1:] - UNIT_CIRCLE)
+    return (modulus >= np.where(np.isnan(least), radius, least)) & ~results.failed[:, None]
 
 
 def _leading(results: PointResults) -> Array:
     """Positions (P,) of the dominant multipliers with the largest real part."""
-    return np.where(results.leading, np.real(results.multipliers), -np.inf).argmax(axis=1)
+    return np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).argmax(axis=1)
 
 
 def _coalescence(results: PointResults) -> Array:
@@ -96,7 +104,7 @@ class CriticalSearch:
         others = np.setdiff1d(np.arange(len(speeds)), known)
         results = PointResults.blank(len(speeds), self.system.n, self.kept)
         results.insert(others, gathered(self.batch, speeds[others, None], self.kept))
-        results.insert(known, self.sweep.results.of_some(places, self.kept))
+        results.insert(known, selected(self.sweep.results, places, self.kept))
         return results
 
     def solve_multipliers(self, speeds: Array) -> PointResults:

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.batch.gathering import gathered
-from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.multipliers import UNDETERMINED, UNIT_CIRCLE
 from solve.results.points import Kept, PointResults, kinds_of
 from solve.terminal import progress
 
@@ -49,9 +49,9 @@ class StabilitySamples:
     @classmethod
     def from_results(cls, points: Array, results: PointResults) -> "StabilitySamples":
         """Samples from solved points."""
-        failed, outside = results.failed, results.outside
+        failed, outside = results.failed, results.kinds != ""
         multipliers = np.where(failed[:, None], 0.0, results.multipliers)
-        stable = ~(failed | outside | results.undetermined)
+        stable = ~(failed | outside | (results.verdicts == UNDETERMINED))
         return cls.from_multipliers(points, stable, outside, multipliers)
 
     def __len__(self) -> int:

@@ -54,10 +54,16 @@ Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: lower and upper edge (rad/s), kind."""
 
 
+def _drawn(sweep: Sweep) -> Sequence[str]:
+    """Stored coordinates, or the outputs if there are none."""
+    kept = sweep.results.kept.names
+    return [name for name in kept if name in sweep.system.coordinates] or kept
+
+
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
     """Response over speed and spectral radius; see `Sweep.plot`."""
-    names = sweep.system.known_quantities(names or sweep.shown)
+    names = sweep.system.known_quantities(names or _drawn(sweep))
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.vibrates else None
     return response_figure(sweep.system, sweep.varied, responses, radius, figure, sweep.unstable)
@@ -67,7 +73,7 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
     """Row per point with the largest moduli of the named quantities, by default the coordinates, as far as
     they fit."""
-    names = names or sweep.shown
+    names = names or _drawn(sweep)
     units = sweep.system.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
     widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
