@@ -69,7 +69,7 @@ def _require(statement: _Statement, known: Dimensions) -> None:
     except UnitError as error:
         if METRE not in statement.own:
             raise
-        raise UnitError(f"{error}; a size that is not a parameter is a number times metre") from None
+        raise UnitError(f"{error}; write a length that is not a parameter as a number times metre") from None
 
 
 def _require_equations(mechanism: MechanismStatement) -> None:

@@ -129,7 +129,7 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Where a wave's frequency vanishes for some mode numbers only, its formula is 0/0 there."""
+    """Raise an error if a wave's frequency vanishes for some mode numbers only: its formula is 0/0 there."""
     if half_waves == 0:
         return
     for each in numbers:

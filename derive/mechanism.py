@@ -323,7 +323,9 @@ class MechanismStatement(Quantities):
             raise DeclarationError(f"sketch {name} is declared twice")
         others = {each.unit for each in self.declared_sketches} - {unit}
         if others:
-            raise DeclarationError(f'sketch {name} is in "{unit}", others in "{others.pop()}"; give them one')
+            raise DeclarationError(
+                f'sketch {name} is in "{unit}", others in "{others.pop()}"; give all the same unit'
+            )
         local = self.declared_field.local if self.declared_field else set()
         self.declared_sketches.append(sketch_of(name, points, unit, local))
         for number in self.declared_sketches[-1].numbers:

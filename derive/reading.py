@@ -41,7 +41,7 @@ _LETTERS = {
 class Equation:
     """An equation for a name, or for equal entries of a matrix.
 
-    unit: of a named subexpression, otherwise "".
+    unit: unit of a named subexpression, otherwise "".
     """
 
     left: tuple[sympy.Symbol, ...]

@@ -275,9 +275,7 @@ class StructureStatement(MechanismStatement):
             within = f"a node within link {link}" if link in self.links and number.isdigit() else ""
             twice = "the ends of two links" if ends.count(name) > 1 else ""
             if within or twice:
-                raise DeclarationError(
-                    f'"{name}" would name the freedoms of {within or twice} too; rename a link or a joint'
-                )
+                raise DeclarationError(f'"{name}" also names {within or twice}; rename a link or a joint')
 
     def _elastic(self, joint: str, links: tuple[str, ...], x: Any, y: Any, turn: Any) -> Elastic:
         return Elastic(joint, self._links_at(joint, links), *map(sympy.sympify, (x, y, turn)))

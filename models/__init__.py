@@ -1,1 +1,1 @@
-"""What each mechanism is, one a folder; `derive` and `solve` find them by path, never by name."""
+"""Mechanisms, one per folder. `derive` and `solve` find them by path."""

@@ -363,7 +363,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
     """Elements of a structure of beams. Raises ValueOutOfBoundsError for other systems."""
     if system.structure is None:
         raise ValueOutOfBoundsError(
-            f"{system.name} has no links to draw; ask a structure of beams for its mode shapes"
+            f"{system.name} has no links to draw; mode shapes require a structure of beams"
         )
     return system.structure
 

@@ -19,10 +19,9 @@ _PASSING = re.compile(r"compiling |(?:solve|derive): \d.* so far")
 
 
 def printed(command: str, folder: Path) -> str:
-    """What the command prints in the folder, errors and warnings included, but not that it compiles once, nor
-    how far it is on a slow machine.
+    """Output of a command in the folder, with errors and warnings, without notes on compilation and progress.
 
-    Raises RuntimeError where it ends neither well nor in a refusal.
+    Raises RuntimeError if its exit status is neither 0 nor 2.
     """
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
     environment = {**os.environ, "PATH": path, "MPLBACKEND": "Agg", "COLUMNS": "80"}

@@ -1,1 +1,1 @@
-"""Plane structures of beams in general: their matrices, exact dynamic stiffness and frequencies."""
+"""Plane structures of beams: matrices, exact dynamic stiffness and natural frequencies."""

@@ -37,8 +37,8 @@ class Properties:
     """Properties of links and joints.
 
     Of the links: length (m), E (Pa), EA (N), EI (N m²), mu (kg/m), height (m). mass (kg): of the joints.
-    damping_ratio: of every mode. spring, dashpot: to the ground (N/m, N m, N s/m, N m s), one value for each
-    degree of freedom on which they act.
+    damping_ratio: that of every mode. spring, dashpot: constants of supports on the ground (N/m, N m, N s/m,
+    N m s), one value for each degree of freedom on which they act.
     """
 
     length: Array

@@ -254,9 +254,9 @@ class Freedoms:
 class Member:
     """Link with its elements.
 
-    number: of the link. start, end: numbers of its joints. indices (elements, k): degrees of freedom in the
-    structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): of each element. E (Pa), height
-    (m): of the link.
+    number: index of the link. start, end: indices of its joints. indices (elements, k): degrees of freedom in
+    the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): of each element. E (Pa),
+    height (m): of the link.
     """
 
     number: int

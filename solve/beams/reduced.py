@@ -256,7 +256,7 @@ class ReducedStructure(StructureModel):
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:
-        """None, since those of the motion are for all degrees of freedom."""
+        """No terms: those of the motion belong to all degrees of freedom."""
         return
 
     @property

@@ -1,1 +1,1 @@
-"""Refinement and error estimates: each rule once, over points."""
+"""Grid refinement and error estimates."""

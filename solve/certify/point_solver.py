@@ -86,7 +86,7 @@ class PointSolver:
         return lambda rows, sizes: self.modes[positions[rows]].load_scale(sizes)
 
     def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
-        """Differences (k, 2) of solutions of points at positions (k,) from better ones."""
+        """Differences (k, 2) between the solutions of points at positions (k,) and more accurate ones."""
         return differences(coarse, fine, self.load_scale(positions), self.request.engine)
 
     @cached_property

@@ -42,9 +42,9 @@ def deliver_result(
 ) -> None:
     """Write and print the output that the flags request. Standard output contains only tables or JSON.
 
-    record, report, figure: by default of the result. beside: further pictures and texts by file.
-    choices: texts of --set and --option. notes: printed before the warnings. Raises ContradictionError at the
-    end if the proof contradicts the result.
+    record, report, figure: functions that return them; by default the methods of the result. beside:
+    functions that return further pictures and texts, by file. choices: texts of --set and --option. notes:
+    printed before the warnings. Raises ContradictionError at the end if the proof contradicts the result.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 class Flag(NamedTuple):
     """Description of a flag for `--help`.
 
-    form: of its value; none for a Boolean flag. default: text for a default that is chosen later. read:
-    function that reads the value, if it is neither a number nor a text.
+    form: placeholder of its value; None for a Boolean flag. default: text for a default that is chosen later.
+    read: function that reads the value, if it is neither a number nor a text.
     """
 
     help: str

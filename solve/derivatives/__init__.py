@@ -1,1 +1,1 @@
-"""How orbits and multipliers change with parameters and the speed, exactly, on the grid that solved them."""
+"""Exact derivatives of orbits and multipliers by parameters and the speed, on the grid of the solution."""

@@ -192,8 +192,8 @@ class GridDerivatives:
         return derivatives
 
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
-        """Derivatives (r,) of a quantity of a multiplier, or the sums of the moduli of their terms. Raises
-        NoDerivativeError."""
+        """Derivatives (r,) of a quantity of a multiplier; with `sizes` the sums of the moduli of their terms.
+        Raises NoDerivativeError."""
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"
@@ -245,6 +245,6 @@ def _require_simple(solved: Stability, at: int, quantity: Named) -> None:
     rivals &= ~solved.spectrum.rigid[: len(multipliers)]
     if quantity.subject == RADIUS and (rivals & (multipliers != rho) & (multipliers != np.conj(rho))).any():
         raise NoDerivativeError(
-            f"{quantity.text} has no derivative: two multipliers have the same modulus; ask for rho1.abs and "
+            f"{quantity.text} has no derivative: two multipliers have the same modulus; request rho1.abs and "
             "rho2.abs"
         )

@@ -105,8 +105,8 @@ class PeriodicProblem:
         return (self._weights.T @ (self._step_powers * y.reshape(m, 2, -1))).reshape(m, -1, c)
 
     def end_state_gradient(self, weights: Array) -> Array:
-        """Derivatives (m, s n, c) by the loads at the stages of sums with weights (m, 2n, c) over the states
-        at the ends of the steps."""
+        """Gradients (m, s n, c) of weighted sums of the states at the ends of the steps, with respect to the
+        loads at the stages. weights: (m, 2n, c)."""
         return self._systems.pulled(self._end_states_transposed(weights))
 
     @property

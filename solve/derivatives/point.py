@@ -116,7 +116,7 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
     orbit."""
     if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(
-            f"periods is {periods!r}, which is of nonlinear orbits; ask for nonlinear ones, or leave it out"
+            f"periods is {periods!r}, which requires nonlinear=True; add it, or leave periods out"
         )
     return 1 if periods is None else periods
 

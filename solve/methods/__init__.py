@@ -1,1 +1,1 @@
-"""Methods that turn one period into a map, one a file."""
+"""Discretisation methods, one per file."""

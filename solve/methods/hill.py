@@ -140,7 +140,7 @@ def boundaries(
     """
     grid = np.asarray(values, dtype=float)
     if len(grid) < 2 or not (np.diff(grid) > 0).all():
-        raise ValueOutOfBoundsError(f"values are {list(values)[:6]}; give two or more that rise")
+        raise ValueOutOfBoundsError(f"values are {list(values)[:6]}; give at least two ascending values")
     tolerance = rtol * float(grid[-1] - grid[0])
     orders, before = _FIRST_ORDERS, np.empty(0)
     while True:

@@ -62,7 +62,7 @@ class Domain:
         period: float,
     ):
         """function: generated function of the margins; sampler: evaluates it at phases, speeds and free
-        parameters; rows: of DOMAIN."""
+        parameters; rows: selected conditions of DOMAIN."""
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"

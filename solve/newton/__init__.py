@@ -1,1 +1,1 @@
-"""The nonlinear orbit: a loop of linear periodic problems, and ways to where it converges."""
+"""Nonlinear orbits by Newton's method, a sequence of linear ones, and strategies for its start."""

@@ -118,7 +118,7 @@ def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
     ((method, _),) = chosen_for(rule, OnePoint(system.along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
-            f"method is {method.name}; a nonlinear orbit takes radau, gauss, or auto, which chooses"
+            f"method is {method.name}; nonlinear orbits support radau, gauss and auto"
         )
     return method
 

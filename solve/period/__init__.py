@@ -1,1 +1,1 @@
-"""What one period is: grid, curve, statistics, period map, multipliers; with a leading axis of points."""
+"""One period: grid, curve, statistics, period map and multipliers, with a leading axis of points."""

@@ -206,7 +206,7 @@ def _transformed(values: Array, counts: tuple[int, int]) -> tuple[Array, Array]:
 
 
 def _analysis(count: int) -> Matrix:
-    """From values at the Chebyshev points to coefficients, (count, count)."""
+    """Matrix (count, count) that maps values at the Chebyshev points to Chebyshev coefficients."""
     return arb_mat(
         [
             [

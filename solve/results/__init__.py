@@ -1,1 +1,1 @@
-"""How results leave the program: tables, JSON, pictures and files."""
+"""Results as data: columns, values, warnings and files."""

@@ -129,7 +129,7 @@ def speeds_of(
 @dataclass(frozen=True)
 class FileContents:
     """Content of a result's files. columns: of the table, for .csv and .nc. others: further columns of .nc.
-    metadata: JSON object. arrays: of .npz and .mat, by default the columns."""
+    metadata: JSON object. arrays: arrays in .npz and .mat, by default the columns."""
 
     columns: Columns
     others: Columns

@@ -1,1 +1,1 @@
-"""Studies made of several solutions, one a file."""
+"""Studies that consist of many solutions, one per file."""

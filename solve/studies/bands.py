@@ -188,7 +188,7 @@ def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
     """Message on the ascending speeds without a result, with the reason of the first. Raises NoResultError if
     no speed has one."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
-    reason = "multipliers are within their error of the unit circle; ask for a smaller rtol"
+    reason = "multipliers are within their error of the unit circle; give a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
     if known.failed.all():
         raise NoResultError(failed)

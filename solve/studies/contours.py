@@ -17,8 +17,11 @@ as a tongue. A choice."""
 
 @dataclass(frozen=True)
 class Crossings:
-    """Points on lines of a grid where stability changes: the line of each (c,), its place along the line
-    (c,), and which multiplier leaves the unit circle (c,), a position in KINDS."""
+    """Points on the lines of a grid at which stability changes.
+
+    line (c,): index of the line. place (c,): coordinate along it. kind (c,): index in KINDS of the multiplier
+    that leaves the unit circle.
+    """
 
     line: Array
     place: Array
@@ -32,9 +35,12 @@ def contours(
     columns: Crossings,
     is_stable: Callable[[Array], Array],
 ) -> list[BoundaryCurve]:
-    """Boundaries on the grid of the axes x (nx,), y (ny,), from stable (ny, nx), NaN where unknown, and the
-    crossings of its rows and columns. is_stable, a function of points (k, 2), decides where a cell allows two
-    topologies. Cells with an unknown corner have no boundary."""
+    """Stability boundaries through the cells of a grid.
+
+    axes: x (nx,) and y (ny,). stable: 1, 0 or NaN (ny, nx). rows, columns: crossings on grid lines.
+    is_stable: function of points (k, 2), called where the corners of a cell allow two topologies. Cells with
+    a NaN at a corner have no boundary.
+    """
     rims = _Rims(axes, rows, columns)
     i, j = rims.cells
     corners = np.array([stable[j, i], stable[j, i + 1], stable[j + 1, i], stable[j + 1, i + 1]])

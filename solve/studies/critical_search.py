@@ -77,8 +77,9 @@ def _coalescence(results: PointResults) -> Array:
 class CriticalSearch:
     """Solver at speeds and search for maxima between them.
 
-    multipliers: the batch without orbits; rotation: of the multipliers over speed; constant: evaluation for
-    constant matrices; sweep: known solutions with the same figure; orders: highest order of divisions.
+    multipliers: the batch without orbits; rotation: rotation of the multipliers over speed; constant:
+    evaluation for constant matrices; sweep: known solutions with the same figure; orders: highest order of
+    divisions.
     """
 
     batch: Batch

@@ -1,5 +1,5 @@
-"""Floating-point operations of four ways to a periodic solution, as the thesis counts them (Table 6.1 and
-the formula above Table 6.3): n coordinates, N steps a period, Newmark's method.
+"""Numbers of floating-point operations of four methods for a periodic solution, as counted in the thesis
+(Table 6.1 and the formula above Table 6.3): n coordinates, N steps per period, Newmark's method.
 
 `stored`: whether the matrices of all steps are kept. The counts are the thesis' models of
 algorithms that form and invert those matrices; they are not counts of this package's own code.
@@ -7,21 +7,21 @@ algorithms that form and invert those matrices; they are not counts of this pack
 
 
 def time_marching(N: int, n: int, cycles: int, stored: bool = True) -> int:
-    """Marching from rest for as many cycles as the transient takes."""
+    """Operations of marching from rest over the cycles of the transient."""
     if stored:
         return N * (22 * n**3 + (29 + 4 * cycles) * n**2 + (3 + 2 * cycles) * n)
     return N * cycles * (22 * n**3 + 33 * n**2 + 5 * n)
 
 
 def algorithm_1(N: int, n: int, stored: bool = True) -> int:
-    """The transition matrix and two cycles (thesis 6.5)."""
+    """Operations of the transition matrix and two cycles (thesis 6.5)."""
     if stored:
         return N * (38 * n**3 + 37 * n**2 + 7 * n) + 16 * n**3 + 8 * n**2
     return N * (78 * n**3 + 77 * n**2 + 10 * n) - 14 * n**3 - 21 * n**2 - 3 * n
 
 
 def algorithm_2(N: int, n: int, stored: bool = True) -> int:
-    """The closed form with the inverse of every step's matrix (thesis 6.6)."""
+    """Operations of the closed form with the inverse of every step's matrix (thesis 6.6)."""
     if stored:
         return N * (62 * n**3 + 37 * n**2 + 9 * n) + 8 * n**3 + 8 * n**2 + 2 * n
     return N * (102 * n**3 + 87 * n**2 + 10 * n) - 14 * n**3 - 21 * n**2 - n

@@ -70,10 +70,10 @@ class Brackets:
 
 
 class Trials:
-    """Solutions at speeds in brackets, on one grid per bracket that suffices for its speeds. Errors are those
-    of the ends of the bracket; a second grid, to estimate them again, would only cost time.
+    """Solver at speeds within brackets. Each bracket has one grid, the finest of its ends and middle.
 
-    results: solutions at speeds of which those at `places` (k, 3) are the brackets.
+    Errors are the largest ones of the ends and the middle. They are not estimated again by a second grid.
+    results: known solutions; `places` (k, 3): positions of the brackets among them.
     """
 
     def __init__(self, batch: Batch, kept: Kept, results: PointResults, places: Array):

@@ -79,7 +79,7 @@ class StabilitySamples:
 
     @property
     def failed(self) -> Array:
-        """Where neither stability nor instability is established (k,)."""
+        """Whether neither stability nor instability is established (k,)."""
         return ~(self.stable | self.unstable)
 
     @property

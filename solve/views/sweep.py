@@ -164,7 +164,7 @@ def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
 
 
 def moving(varied: Mapping[str, Array]) -> list[str]:
-    """Those of the quantities, values (P,) by name, that vary, the last of them if none does."""
+    """Names of the quantities that vary, from values (P,) by name; the last quantity if none does."""
     return [name for name, values in varied.items() if np.ptp(values) > 0] or [*varied][-1:]
 
 
@@ -193,7 +193,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
             "of the others"
         )
     if amplitudes.shape[1] < 2:
-        raise ValueOutOfBoundsError("no harmonics above the mean were kept; ask the sweep for some")
+        raise ValueOutOfBoundsError("no harmonics above the mean are stored; give the sweep harmonics=60")
     order = np.argsort(varied[along])
     x, label = system.unit_of(along).of(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T

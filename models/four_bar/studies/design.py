@@ -130,7 +130,7 @@ class DesignResult(Outcome, Result):
             ("moving", needed.moving, "with L4 changing"),
             ("returning", needed.returning, "with L4 changing and returning"),
         ):
-            meaning = f"part of the allowable stress to reach the speed {how}"
+            meaning = f"ratio to the allowable stress that is needed to reach the speed {how}"
             columns[f"least_ratio_{name}"] = Column(ratio, "1", meaning, axes=axes)
         return columns
 
@@ -157,8 +157,8 @@ printout.register(DesignResult)(design_report)
 def carry_out(design: Design, target: float | None = None, duration: float = 60.0) -> DesignResult:
     """Carry out the design method for a target speed.
 
-    target: rad/s, by default chosen by the method; duration: of the slowest run-up, s. Raises DesignError
-    for a target outside the map.
+    target: rad/s, by default chosen by the method; duration: duration of the slowest run-up in s. Raises
+    DesignError for a target outside the map.
     """
     stresses, rate = design.map, design.rate
     if target is None:

@@ -57,8 +57,8 @@ serializable(Linkage)
 class RigidMotion(Result):
     """Motion and forces of a rigid linkage.
 
-    speed: of the crank (rad/s), None without forces. position: crank angle t1 (rad) to report, None for a
-    full revolution. points: coupler points X + iY (m) whose paths are traced. Raises LinkageError where the
+    speed: speed of the crank (rad/s), None without forces. position: crank angle t1 (rad) to report, None for
+    a full revolution. points: coupler points X + iY (m) whose paths are traced. Raises LinkageError where the
     crank cannot turn fully and no position is given, or the position is out of reach.
     """
 

@@ -123,7 +123,7 @@ def test_questions_that_make_no_sense_are_refused():
     with pytest.raises(ValueOutOfBoundsError, match=r"multiplier is 0; allowed: 1 .* or -1"):
         determinant(mathieu(1.0, 0.1), 1.0, 8, multiplier=0)
     for values in ([1.0], [1.0, 0.5], [1.0, 1.0]):
-        with pytest.raises(ValueOutOfBoundsError, match="give two or more that rise"):
+        with pytest.raises(ValueOutOfBoundsError, match="give at least two ascending values"):
             boundaries(lambda delta: (mathieu(delta, 0.1), 1.0), values)
 
 
