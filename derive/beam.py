@@ -148,7 +148,7 @@ def _element(element: Element) -> dict[str, str]:
 
 def _coefficients(functions: sympy.Matrix) -> sympy.Matrix:
     """Coefficients of polynomials in ξ, one row each, lowest power first."""
-    rows = [sympy.Poly(each, XI).all_coeffs()[::-1] for each in functions]
+    rows = [sympy.Poly(function, XI).all_coeffs()[::-1] for function in functions]
     width = max(map(len, rows))
     return sympy.Matrix([row + [sympy.S.Zero] * (width - len(row)) for row in rows])
 

@@ -75,7 +75,7 @@ def _require(statement: _Statement, known: Dimensions) -> None:
 def _require_equations(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError for a mechanism without results, or with conflicting declarations."""
     energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *mechanism.forces)
-    moved = any(each != 0 for each in energies) and not mechanism.no_drive_torque
+    moved = any(energy != 0 for energy in energies) and not mechanism.no_drive_torque
     if not (mechanism.declared_coordinates or mechanism.declared_outputs or moved):
         raise DeclarationError(
             f"{mechanism.name} has no coordinates; declare one with coordinates(...), or for a rigid "
@@ -94,7 +94,9 @@ def _require_equations(mechanism: MechanismStatement) -> None:
         raise DeclarationError(
             f"energies in {mechanism.energy} give no drive torque in N m; call decline_drive_torque(reason)"
         )
-    if not mechanism.no_drive_torque and "drive_torque" in {each.name for each in mechanism.declared_outputs}:
+    if not mechanism.no_drive_torque and "drive_torque" in {
+        output.name for output in mechanism.declared_outputs
+    }:
         raise DeclarationError(
             'the output "drive_torque" follows from the energies; '
             "give yours another name, or call decline_drive_torque(reason)"
@@ -102,7 +104,7 @@ def _require_equations(mechanism: MechanismStatement) -> None:
 
 
 def _statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
-    moving = [each.symbol for each in mechanism.declared_coordinates]
+    moving = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
     rates, accelerations = {q.rate for q in moving}, {q.rate.rate for q in moving}
     motion = {*moving} | rates | accelerations
     local = mechanism.declared_field.local if mechanism.declared_field else set()
@@ -119,10 +121,10 @@ def _statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
         what = f"virtual work of {short(force)} along {short(along)}"
         yield _Statement(what, sympy.Mul(force, along), mechanism.energy, never)
         yield _Statement(f"displacement {short(along)}", along, None, never | rates)
-    for each in mechanism.declared_coordinates:
-        if each.symbol in mechanism.fundamental_motion:
-            desired = mechanism.fundamental_motion[each.symbol]
-            yield _Statement(f"fundamental motion of {each.symbol}", desired, each.unit, motion)
+    for coordinate in mechanism.declared_coordinates:
+        if coordinate.symbol in mechanism.fundamental_motion:
+            desired = mechanism.fundamental_motion[coordinate.symbol]
+            yield _Statement(f"fundamental motion of {coordinate.symbol}", desired, coordinate.unit, motion)
     for ratio in mechanism.damping_ratios:
         yield _Statement("damping ratio", ratio, "1", motion | local | points | {PHASE, SPEED})
     for output in mechanism.declared_outputs:
@@ -130,7 +132,7 @@ def _statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
 
 
 def _sketches(mechanism: MechanismStatement) -> Iterator[_Statement]:
-    moving = [each.symbol for each in mechanism.declared_coordinates]
+    moving = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
     local = mechanism.declared_field.symbols if mechanism.declared_field else []
     never = {s for q in (*moving, *local) for s in q.motion[1:]}
     if mechanism.declared_field:
@@ -142,14 +144,14 @@ def _sketches(mechanism: MechanismStatement) -> Iterator[_Statement]:
 
 
 def _kinematic_statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
-    moving = [each.symbol for each in mechanism.declared_coordinates]
+    moving = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
     motion = {s for q in moving for s in q.motion}
     for loop in mechanism.declared_loops:
         for equation in loop.closure:
             yield _Statement(f"loop of {loop}", equation, None, motion | {PHASE, SPEED})
     for condition in mechanism.conditions:
         yield _Statement(f"condition {condition.text}", condition.margin, None)
-    parameters = {each.symbol for each in mechanism.declared_parameters}
+    parameters = {parameter.symbol for parameter in mechanism.declared_parameters}
     yield _Statement("period", _period(mechanism), "rad", motion | parameters | {PHASE, SPEED})
 
 
@@ -190,9 +192,9 @@ def _require_last_piece(statement: _Statement) -> None:
 def dimensions(mechanism: MechanismStatement) -> dict[sympy.Symbol, Dimension]:
     """Physical dimensions of all symbols of a mechanism."""
     known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND, ACCELERATION: ONE / SECOND**2}
-    known |= {each.symbol: parse(each.unit) for each in mechanism.declared_parameters}
+    known |= {parameter.symbol: parse(parameter.unit) for parameter in mechanism.declared_parameters}
     known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
-    moving = {each.symbol: parse(each.unit) for each in mechanism.declared_coordinates}
+    moving = {coordinate.symbol: parse(coordinate.unit) for coordinate in mechanism.declared_coordinates}
     if mechanism.declared_field:
         length = dimension_of("length", mechanism.declared_field.length, known)
         moving |= mechanism.declared_field.dimensions(length, parse(mechanism.energy))
@@ -225,10 +227,10 @@ def _require_known(statement: _Statement, known: Dimensions) -> None:
 
 
 def _require_use(mechanism: MechanismStatement, expressions: list[sympy.Expr]) -> None:
-    symbols = set().union(*(each.free_symbols for each in expressions))
-    for series in set().union(*(each.atoms(PeriodicFunction) for each in expressions)):
+    symbols = set().union(*(expression.free_symbols for expression in expressions))
+    for series in set().union(*(expression.atoms(PeriodicFunction) for expression in expressions)):
         symbols |= set(type(series).coefficients())
-    for unknown in set().union(*(each.atoms(LoopFunction) for each in expressions)):
+    for unknown in set().union(*(expression.atoms(LoopFunction) for expression in expressions)):
         symbols |= set(unknown.loop.parameters)
     for parameter in mechanism.declared_parameters:
         if parameter.symbol not in symbols:

@@ -55,7 +55,7 @@ def bound_of(name: str, text: str) -> str:
     'integer, >= 1'
     """
     clauses = [re.fullmatch(_CLAUSE, part) for part in str(text).split(",")] if text != "" else []
-    parts = [each[1] or f"{each[2]} {each[3]}" for each in clauses if each]
+    parts = [clause[1] or f"{clause[2]} {clause[3]}" for clause in clauses if clause]
     if len(parts) < len(clauses):
         raise DeclarationError(
             f'{name}: the bound "{text}" is not understood; give "> 0", ">= 0", "< 1" or "integer, >= 1"'
@@ -200,7 +200,7 @@ class Sketch:
 
     def at(self, replace: Callable[[Any], Any]) -> sympy.Matrix:
         """The transformed coordinates as a column, in the coherent unit."""
-        return sympy.Matrix([replace(each).xreplace({METRE: sympy.S.One}) for each in self.numbers])
+        return sympy.Matrix([replace(number).xreplace({METRE: sympy.S.One}) for number in self.numbers])
 
 
 def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any]) -> Sketch:
@@ -210,7 +210,7 @@ def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any])
     """
     try:
         pairs = [
-            tuple(sympy.sympify(scalar(name, number), strict=True) for number in each) for each in points
+            tuple(sympy.sympify(scalar(name, number), strict=True) for number in point) for point in points
         ]
     except (TypeError, sympy.SympifyError):
         pairs = []

@@ -133,7 +133,7 @@ def vanishes(expression: Any) -> bool:
     symbols = in_order(expression)
     numbers = Numbers([expression], symbols)
     values = [numbers(point) for point in arbitrary_points(symbols)]
-    return all(each is not None and abs(each[0]) < 1e-40 for each in values)
+    return all(value is not None and abs(value[0]) < 1e-40 for value in values)
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
@@ -259,7 +259,7 @@ def _passage(zero: Any, switch: Any) -> Passage:
             if sympy.expand(zero - value - factor * wrapped) == 0 and _free(value, factor, turn):
                 targets = f"({MathPrinter().doprint(-value / factor)},)"
                 return _linear(angle, targets, turn, zero, switch)
-        for angle in {each.args[0] for each in zero.atoms(sympy.sin, sympy.cos)}:
+        for angle in {atom.args[0] for atom in zero.atoms(sympy.sin, sympy.cos)}:
             parts = [zero.coeff(function(angle), 1) for function in (sympy.cos, sympy.sin)]
             rest = sympy.expand(zero - parts[0] * sympy.cos(angle) - parts[1] * sympy.sin(angle))
             if _free(*parts, rest):
@@ -276,7 +276,7 @@ def _linear(angle: Any, targets: str, turn: Any, zero: Any, switch: Any) -> Pass
 
 
 def _free(*expressions: Any) -> bool:
-    return not any(each.atoms(Moving) for each in expressions)
+    return not any(expression.atoms(Moving) for expression in expressions)
 
 
 def _unknown(switch: Any) -> UnsupportedExpressionError:
@@ -300,7 +300,7 @@ def _branches(switch: Any) -> Iterator[Any]:
 
 def _alternatives(node: Any) -> list[Any]:
     if isinstance(node, sympy.Piecewise):
-        return [each.args[0] for each in node.args]
+        return [argument.args[0] for argument in node.args]
     if isinstance(node, sympy.Max | sympy.Min):
         return list(node.args)
     if isinstance(node, sympy.Abs):

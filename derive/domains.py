@@ -101,7 +101,7 @@ def limit(part: Any, rest: Mapping[Any, Any]) -> Any:
     """Expression evaluated at the values `rest` of symbols, with the limits of log(0) and 1/0."""
     if not part.args:
         return part.xreplace(rest)
-    args = [limit(each, rest) for each in part.args]
+    args = [limit(argument, rest) for argument in part.args]
     if isinstance(part, sympy.log) and args[0] == 0:
         return -sympy.oo
     if isinstance(part, sympy.Pow) and args[0] == 0 and args[1].is_negative:
@@ -127,8 +127,8 @@ def gate(factor: Any) -> Any:
     if isinstance(base, sympy.Heaviside):
         return arguments[0] > 0
     if isinstance(base, sympy.Max | sympy.Min) and sympy.S.Zero in arguments:
-        others = [each for each in arguments if each != 0]
-        return sympy.Or(*(each > 0 if isinstance(base, sympy.Max) else each < 0 for each in others))
+        others = [argument for argument in arguments if argument != 0]
+        return sympy.Or(*(other > 0 if isinstance(base, sympy.Max) else other < 0 for other in others))
     return None
 
 
@@ -159,7 +159,7 @@ def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[An
         for value, condition in branches(part.args):
             yield from _guarded(value, guards if condition == sympy.true else (*guards, condition))
         return
-    gates = [gate(each) for each in part.args] if isinstance(part, sympy.Mul) else []
+    gates = [gate(argument) for argument in part.args] if isinstance(part, sympy.Mul) else []
     conditions = tuple(each for each in gates if each is not None)
     for position, each in enumerate(part.args):
         free = not conditions or gates[position] is not None
@@ -198,7 +198,7 @@ def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any
         if not part.has(Selected):
             return substituted(part, rest)
         if not isinstance(part, Selected):
-            return rebuilt(part, [value(each) for each in part.args])
+            return rebuilt(part, [value(argument) for argument in part.args])
         condition, taken, otherwise = map(value, part.args)
         if not is_finite(condition):
             condition = limit(part.args[0], {**rest, **signs})
@@ -224,8 +224,8 @@ def is_finite(expression: Any) -> bool:
 def margin_of(condition: Any) -> Any:
     """Expression that is positive where inequalities hold strictly; None for other conditions."""
     if isinstance(condition, sympy.And | sympy.Or):
-        margins: Sequence[Any] = [margin_of(each) for each in condition.args]
-        if any(each is None for each in margins):
+        margins: Sequence[Any] = [margin_of(argument) for argument in condition.args]
+        if any(margin is None for margin in margins):
             return None
         return (sympy.Min if isinstance(condition, sympy.And) else sympy.Max)(*margins)
     return condition.gts - condition.lts if hasattr(condition, "gts") else None
@@ -253,24 +253,28 @@ class _Selection:
         if isinstance(part, sympy.Max | sympy.Min):
             return self._extreme(part)
         if isinstance(part, sympy.Mul):
-            gates = {each: condition for each in arguments if (condition := gate(each)) is not None}
+            gates = {
+                argument: condition for argument in arguments if (condition := gate(argument)) is not None
+            }
             if any(map(self._is_singular, arguments)):
                 if gates:
                     return self._product(part, gates)
-                whole: Any = next((each for each in arguments if isinstance(each, sympy.Piecewise)), None)
+                whole: Any = next(
+                    (argument for argument in arguments if isinstance(argument, sympy.Piecewise)), None
+                )
                 if whole is not None:
-                    rest = sympy.Mul(*(each for each in arguments if each is not whole))
+                    rest = sympy.Mul(*(argument for argument in arguments if argument is not whole))
                     return self._pieces([(value * rest, condition) for value, condition in whole.args], part)
         if isinstance(part, sympy.Mul | sympy.Add) and part.has(*STEPS):
             split = self._split(part)
             if split is not None:
                 return split
-        args = [self.of(each) for each in arguments]
+        args = [self.of(argument) for argument in arguments]
         return part if args == list(arguments) else part.func(*args)
 
     def _product(self, product: sympy.Mul, gates: Mapping[Any, Any]) -> Any:
         # Max(0, x) is x where its condition holds.
-        factors = [_opened(each) if each in gates else each for each in product.args]
+        factors = [_opened(argument) if argument in gates else argument for argument in product.args]
         value, condition = sympy.Mul(*map(self.of, factors)), sympy.And(*gates.values())
         return Selected(condition, self._finite(value, condition), sympy.S.Zero)
 
@@ -279,10 +283,10 @@ class _Selection:
 
         None if there is none.
         """
-        terms = [each for each in sympy.Add.make_args(part) if self._is_singular(each)]
+        terms = [argument for argument in sympy.Add.make_args(part) if self._is_singular(argument)]
         singular, others = (
             sympy.Add(*terms),
-            [each for each in sympy.Add.make_args(part) if each not in terms],
+            [argument for argument in sympy.Add.make_args(part) if argument not in terms],
         )
         inner: set[Any] = {node.args[0] for node in singular.atoms(*STEPS)} if terms else set()
         for x in sorted(inner, key=sympy.default_sort_key):
@@ -334,7 +338,7 @@ class _Selection:
         """Value under a condition, made finite where the condition does not hold."""
         if not self.safe or isinstance(part, Selected) or not part.args or condition == sympy.true:
             return part
-        args, needed = [self._finite(each, condition) for each in part.args], need(part)
+        args, needed = [self._finite(argument, condition) for argument in part.args], need(part)
         if needed is not None and self._may_fail(part):
             args[0] = Selected(condition, args[0], sympy.Integer(needed.safe))
         return part if args == list(part.args) else part.func(*args)
@@ -344,5 +348,5 @@ def _opened(factor: Any) -> Any:
     base, exponent = factor.as_base_exp()
     if isinstance(base, sympy.Heaviside):
         return sympy.S.One
-    others = [each for each in base.args if each != 0]
+    others = [argument for argument in base.args if argument != 0]
     return others[0] ** exponent if len(others) == 1 else factor

@@ -100,7 +100,7 @@ class Equations:
     def of_states(self) -> dict[str, dict[str, Any]]:
         """Results at varying speed of each function of a state, by name."""
         residual = {} if self.residual is None else {"residual": {"r": self.residual}}
-        return {**residual, "outputs": {each.name: each.expression for each in self.outputs}}
+        return {**residual, "outputs": {output.name: output.expression for output in self.outputs}}
 
 
 def derive_equations(mechanism: MechanismStatement) -> Equations:
@@ -119,8 +119,8 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
             reason = f"it would hold impulses: {error}"
     for each in mechanism.declared_outputs:
         outputs.append(_in_its_unit(each, from_fundamental(mechanism, each.expression)))
-    linearised, expressions = linearise(mechanism, r), [each.expression for each in outputs]
-    moving = [s for each in mechanism.declared_coordinates for s in each.symbol.motion]
+    linearised, expressions = linearise(mechanism, r), [output.expression for output in outputs]
+    moving = [s for coordinate in mechanism.declared_coordinates for s in coordinate.symbol.motion]
     return Equations(
         linearised._asdict(),
         varying if mechanism.declared_coordinates else None,
@@ -139,7 +139,7 @@ def _field_equations(mechanism: MechanismStatement, deflection: Field) -> Equati
     outputs = [] if mechanism.no_drive_torque else [_torque(projection.drive_torque)]
     for each in mechanism.declared_outputs:
         outputs.append(_in_its_unit(each, each.expression.xreplace(projection.tensions)))
-    options = [each.name for each in mechanism.declared_options]
+    options = [option.name for option in mechanism.declared_options]
     functions = field_functions(deflection, options_text(mechanism), options)
     tools = field_tools(projection)
     linearised = [sympy.sympify(each) for each in projection.linearised.values()]
@@ -176,7 +176,7 @@ def module_text(
             report(sentence)
         step("code")
         texts, counts = functions_text(mechanism, _functions(mechanism, equations))
-    options = [each.name for each in mechanism.declared_options]
+    options = [option.name for option in mechanism.declared_options]
     texts += [varying_text(name, options_text(mechanism), options) for name in equations.of_states]
     texts += equations.functions
     if equations.passages:
@@ -238,9 +238,9 @@ def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
     """Texts of the functions, preceded by those of their loops, and the operations of each."""
-    orders = loop_orders([matrix for each in functions for matrix in each.matrices])
+    orders = loop_orders([matrix for function in functions for matrix in function.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
-    printed = {each.name: function_text(mechanism, each, orders) for each in functions}
+    printed = {function.name: function_text(mechanism, function, orders) for function in functions}
     counts = {
         name: count + sum(n for loop, (_, n) in loops.items() if f"{loop}(" in text)
         for name, (text, count) in printed.items()
@@ -300,7 +300,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
     def drawn(number: Any) -> Any:
         return steady(from_fundamental(mechanism, number.xreplace(still)))
 
-    lines = {each.name: each.at(drawn) for each in mechanism.declared_sketches}
+    lines = {sketche.name: sketche.at(drawn) for sketche in mechanism.declared_sketches}
     doc = (
         "x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."
     )
@@ -311,7 +311,7 @@ def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFuncti
     """Function of the conditions, if there are any."""
     if not conditions:
         return []
-    margins = sympy.Matrix([each.margin for each in conditions])
+    margins = sympy.Matrix([condition.margin for condition in conditions])
     doc = "One number for each of CONDITIONS, positive where it holds."
     return [GeneratedFunction("conditions", doc, ("phase", "p"), {"margins": margins})]
 
@@ -332,22 +332,24 @@ def constants(
     conditions: Sequence[Condition],
 ) -> str:
     """Constants of a generated module, without its hashes."""
-    names = {each.symbol.name for each in mechanism.declared_parameters}
+    names = {parameter.symbol.name for parameter in mechanism.declared_parameters}
     rows = {
         "COORDINATES": [
-            (each.symbol.name, each.unit, each.meaning) for each in mechanism.declared_coordinates
+            (coordinate.symbol.name, coordinate.unit, coordinate.meaning)
+            for coordinate in mechanism.declared_coordinates
         ],
         "PARAMETERS": [
-            (each.symbol.name, each.unit, each.meaning, each.bound) for each in mechanism.declared_parameters
+            (parameter.symbol.name, parameter.unit, parameter.meaning, parameter.bound)
+            for parameter in mechanism.declared_parameters
         ],
-        "OPTIONS": [(each.name, each.values, each.default) for each in mechanism.declared_options],
-        "OUTPUTS": [(each.name, each.unit, each.meaning) for each in outputs],
+        "OPTIONS": [(option.name, option.values, option.default) for option in mechanism.declared_options],
+        "OUTPUTS": [(output.name, output.unit, output.meaning) for output in outputs],
         "LIMITS": mechanism.limits,
     }
     if conditions:
         rows["CONDITIONS"] = [
-            (each.text, each.meaning, tuple(name for name in each.parameters if name in names))
-            for each in conditions
+            (condition.text, condition.meaning, tuple(name for name in condition.parameters if name in names))
+            for condition in conditions
         ]
     if mechanism.declared_series:
         rows["SERIES"] = [_series(each) for each in mechanism.declared_series]
@@ -355,7 +357,9 @@ def constants(
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]
     if mechanism.declared_sketches:
-        rows["SKETCH"] = [(each.name, each.unit, each.kind) for each in mechanism.declared_sketches]
+        rows["SKETCH"] = [
+            (sketche.name, sketche.unit, sketche.kind) for sketche in mechanism.declared_sketches
+        ]
     lines = [f"NAME = {literal(mechanism.name)}", f"TITLE = {literal(mechanism.title)}"]
     for name, tuples in rows.items():
         lines += tuple_lines(name, [*map(literal, tuples)])

@@ -74,7 +74,7 @@ def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
 
     Coordinates with a fundamental motion q̄(φ) are relative to it: q → q̄(φ) + q.
     """
-    return _in_parts([_row(mechanism, each.symbol) for each in mechanism.declared_coordinates])
+    return _in_parts([_row(mechanism, coordinate.symbol) for coordinate in mechanism.declared_coordinates])
 
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
@@ -99,7 +99,7 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
     on motions of the linear equations. residual: the rows of the coordinates; none if they are incomplete.
     """
     torque = _row(mechanism, PHASE)
-    accelerations = [each.symbol.rate.rate for each in mechanism.declared_coordinates]
+    accelerations = [coordinate.symbol.rate.rate for coordinate in mechanism.declared_coordinates]
     for row in residual:
         without = gathered(steady(torque - row))
         if steady(torque).has(*accelerations) and not without.has(*accelerations):
@@ -155,7 +155,7 @@ def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearis
         none = sympy.zeros(0, 0)
         return Linearised(none, none, none, sympy.zeros(0, 1))
     signs = signs_of(mechanism.declared_parameters)
-    matrices = expanded(residual, [each.symbol for each in mechanism.declared_coordinates], signs)
+    matrices = expanded(residual, [coordinate.symbol for coordinate in mechanism.declared_coordinates], signs)
     _require_expansion(mechanism, matrices)
     linearised = Linearised(*simplified(matrices))
     _require_inertia(mechanism, linearised.M)
@@ -179,7 +179,9 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
     """Conditions on the parameters under which the expansion exists."""
     if not mechanism.declared_coordinates:
         return []
-    jacobian, moving = _jacobian(residual, [each.symbol for each in mechanism.declared_coordinates])
+    jacobian, moving = _jacobian(
+        residual, [coordinate.symbol for coordinate in mechanism.declared_coordinates]
+    )
     signs = signs_of(mechanism.declared_parameters)
     conditions = [
         *open_clearances(residual, jacobian, moving, signs),
@@ -196,7 +198,7 @@ def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix
 
 
 def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> None:
-    names = [each.symbol.name for each in mechanism.declared_coordinates]
+    names = [coordinate.symbol.name for coordinate in mechanism.declared_coordinates]
     for symbol, matrix in matrices._asdict().items():
         for row, name in enumerate(names):
             if not is_finite(matrix.row(row)):
@@ -214,7 +216,7 @@ def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}
     massless = M.xreplace(point).evalf(60).nullspace(iszerofunc=lambda entry: abs(entry) < 1e-40)
     if massless:
-        names = [each.symbol.name for each in mechanism.declared_coordinates]
+        names = [coordinate.symbol.name for coordinate in mechanism.declared_coordinates]
         without = [name for name, share in zip(names, massless[0], strict=True) if abs(share) > 1e-20]
         raise SingularMassError(
             f"the kinetic energy gives no inertia to {' with '.join(without)}: M is singular; "

@@ -62,7 +62,8 @@ def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sy
     """Integral over 0 … 1, for all mode numbers up to `most` that differ. Energies and outputs of all fields
     of a shape have the same ones."""
     numbers = [
-        dict(zip(symbols, each, strict=True)) for each in permutations(range(1, most + 1), len(symbols))
+        dict(zip(symbols, permutation, strict=True))
+        for permutation in permutations(range(1, most + 1), len(symbols))
     ]
     total = sympy.S.Zero
     for (power, half_waves), factor in _waves(function).items():
@@ -132,9 +133,9 @@ def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, 
     """Raise an error if a wave's frequency vanishes for some mode numbers only: its formula is 0/0 there."""
     if half_waves == 0:
         return
-    for each in numbers:
-        if half_waves.xreplace({symbol: sympy.Integer(n) for symbol, n in each.items()}) == 0:
-            named = ", ".join(f"{symbol} = {n}" for symbol, n in each.items())
+    for number in numbers:
+        if half_waves.xreplace({symbol: sympy.Integer(n) for symbol, n in number.items()}) == 0:
+            named = ", ".join(f"{symbol} = {n}" for symbol, n in number.items())
             raise UnsupportedExpressionError(
                 "mode functions cannot be integrated for all mode numbers at once: frequencies meet at "
                 f"{named}; give mode k a single frequency of its own, above 0"

@@ -90,14 +90,14 @@ def tuple_lines(name: str, entries: Sequence[str]) -> list[str]:
 
 def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> str:
     """Text of the constant BREAKS, or of a function of speed and parameters if the phases depend on them."""
-    symbols = set().union(*(each.symbols for each in passages))
-    phases = ["0.0", *(each.text for each in passages)]
+    symbols = set().union(*(passage.symbols for passage in passages))
+    phases = ["0.0", *(passage.text for passage in passages)]
     if not symbols:
         return "\n".join(tuple_lines("BREAKS", phases))
-    names = [each.symbol.name for each in mechanism.declared_parameters]
+    names = [parameter.symbol.name for parameter in mechanism.declared_parameters]
     body = [
         '"""Phases at which the matrices jump or have kinks, some of them more than once."""',
-        *(_option_line(each) for each in mechanism.declared_options if symbols & {*each.indicators}),
+        *(_option_line(option) for option in mechanism.declared_options if symbols & {*option.indicators}),
         f"{_wrapped(names)} = p" if names else "",
         *in_si(mechanism),
         "return [",
@@ -127,7 +127,7 @@ def varying_text(name: str, given: str, options: Iterable[str]) -> str:
 
     given: text of the function's parameters; options: names of the module's options.
     """
-    passed = ", ".join(f"{each}={each}" for each in options)
+    passed = ", ".join(f"{option}={option}" for option in options)
     return f'''\
 def {name}_varying({given}):
     """The same as `{name}` where the speed varies."""
@@ -136,20 +136,20 @@ def {name}_varying({given}):
 
 def options_text(mechanism: MechanismStatement) -> str:
     """Text of the options with their defaults, as parameters of a function."""
-    options = [f"{each.name}={json.dumps(each.default)}" for each in mechanism.declared_options]
+    options = [f"{option.name}={json.dumps(option.default)}" for option in mechanism.declared_options]
     return ", ".join(["*", *options]) if options else ""
 
 
 def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
     """Lines of the option indicators, and of the inputs split into scalars."""
-    moving = [each.symbol for each in mechanism.declared_coordinates]
+    moving = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
     names = {
         "q": [q.name for q in moving],
         "qd": [q.rate.name for q in moving],
         "qdd": [q.rate.rate.name for q in moving],
-        "p": [each.symbol.name for each in mechanism.declared_parameters],
+        "p": [parameter.symbol.name for parameter in mechanism.declared_parameters],
     }
-    lines = [_option_line(each) for each in mechanism.declared_options]
+    lines = [_option_line(option) for option in mechanism.declared_options]
     for name in inputs:
         size = f", {len(names[name])}" if name in names else ""
         if mechanism.declared_field and name in ("q", "qd", "qdd"):
@@ -164,14 +164,14 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
     """Lines that convert parameters whose unit is not coherent SI."""
-    sizes = {each.symbol.name: size(each.unit) for each in mechanism.declared_parameters}
+    sizes = {parameter.symbol.name: size(parameter.unit) for parameter in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 
 
 def _option_line(option: Option) -> str:
     if not option.indicators:
         return f'{option.name} = _count("{option.name}", {option.name})'
-    return f'{_listed(each.name for each in option.indicators)} = _choice("{option.name}", {option.name})'
+    return f'{_listed(indicator.name for indicator in option.indicators)} = _choice("{option.name}", {option.name})'
 
 
 def _wrapped(names: Sequence[str]) -> str:

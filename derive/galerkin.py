@@ -120,7 +120,7 @@ def _require_free_names(mechanism: MechanismStatement, projection: Projection) -
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
     """The terms outside integrals, and the density of the integrals."""
     energy = counted(sympy.sympify(energy))
-    marks = {each: sympy.Dummy() for each in energy.atoms(FieldIntegral)}
+    marks = {atom: sympy.Dummy() for atom in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
     density = sympy.Add(*(marked.diff(mark) * each.density for each, mark in marks.items()))
     if density.has(*marks.values(), FieldIntegral):
@@ -199,7 +199,7 @@ def _torque(projection: Projection, density: Energies) -> Any:
             column = _moment_terms(projection, row[a], a)
             moments = sorted(column.free_symbols & set(projection.moments), key=str)
             terms.append(
-                column.xreplace({each: _weighted_moment(projection, each, times) for each in moments})
+                column.xreplace({moment: _weighted_moment(projection, moment, times) for moment in moments})
             )
     return sympy.Add(*terms)
 

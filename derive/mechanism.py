@@ -294,7 +294,7 @@ class MechanismStatement(Quantities):
 
         In generated functions these coordinates are relative to the fundamental motion.
         """
-        symbols = {each.symbol.name: each.symbol for each in self.declared_coordinates}
+        symbols = {coordinate.symbol.name: coordinate.symbol for coordinate in self.declared_coordinates}
         for name, motion in motions.items():
             self._require_coordinate(name, "fundamental motion")
             self.fundamental_motion[symbols[name]] = sympy.sympify(motion)
@@ -319,9 +319,9 @@ class MechanismStatement(Quantities):
         """
         require_result(name)
         require_coherent(f"sketch {name}", unit)
-        if name in {each.name for each in self.declared_sketches}:
+        if name in {sketche.name for sketche in self.declared_sketches}:
             raise DeclarationError(f"sketch {name} is declared twice")
-        others = {each.unit for each in self.declared_sketches} - {unit}
+        others = {sketche.unit for sketche in self.declared_sketches} - {unit}
         if others:
             raise DeclarationError(
                 f'sketch {name} is in "{unit}", others in "{others.pop()}"; give all the same unit'
@@ -372,14 +372,14 @@ class MechanismStatement(Quantities):
         given: Any = self.damping_ratio
         ratios = given if isinstance(given, tuple | list) else (given,)
         try:
-            expressions = tuple(sympy.sympify(each, strict=True) for each in ratios)
+            expressions = tuple(sympy.sympify(ratio, strict=True) for ratio in ratios)
         except sympy.SympifyError:
             expressions = ()
-        if not expressions or not all(isinstance(each, sympy.Expr) for each in expressions):
+        if not expressions or not all(isinstance(expression, sympy.Expr) for expression in expressions):
             raise DeclarationError(
                 f"damping_ratio is {given!r}; give a number or an expression, or one a mode in a list"
             )
-        return expressions if any(each != 0 for each in expressions) else ()
+        return expressions if any(expression != 0 for expression in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
         """Remove the drive torque from the outputs, with the reason why the energies do not give it."""
@@ -392,5 +392,7 @@ class MechanismStatement(Quantities):
         return loop.at(loop.arguments)
 
     def _condition(self, text: str, meaning: str, margin: Any, symbols: set[Any]) -> None:
-        concerned = [each.symbol.name for each in self.declared_parameters if each.symbol in symbols]
+        concerned = [
+            parameter.symbol.name for parameter in self.declared_parameters if parameter.symbol in symbols
+        ]
         self.conditions.append(Condition(text, meaning, margin, tuple(concerned)))

@@ -164,9 +164,9 @@ def series_calls(
 
 def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
     """Operations of the recurrences of the values, including trigonometric calls."""
-    arguments = {(type(each), each.args[0]) for each in values}
+    arguments = {(type(value), value.args[0]) for value in values}
     harmonics = [len(series.first) for series, _ in arguments]
-    return sum(2 + 6 * count for count in harmonics) + sum(5 * len(each.first) for each in values)
+    return sum(2 + 6 * count for count in harmonics) + sum(5 * len(value.first) for value in values)
 
 
 def _inner_series_first(key: tuple[type[PeriodicFunction], sympy.Expr]) -> tuple:
@@ -236,7 +236,7 @@ def loop_calls(
     printer, lines = CasadiPrinter(), []
     values: dict[Any, Any] = {}
     unknowns = set().union(*(matrix.atoms(LoopFunction) for matrix in matrices))
-    calls = {(each.loop.name, each.arguments): each.loop for each in unknowns}
+    calls = {(unknown.loop.name, unknown.arguments): unknown.loop for unknown in unknowns}
     for (name, arguments), loop in sorted(calls.items(), key=_inner_first):
         named = [_named(loop, arguments, order, taken) for order in wanted[loop]]
         symbols = ", ".join(symbol.name for each in named for symbol in each.values())
@@ -286,4 +286,4 @@ def _named(loop: Loop, arguments: Sequence[Any], order: Order, taken: set[str]) 
     """Symbols such as phi3_1_0 of the unknowns' derivatives of this order."""
     suffix = "".join(f"_{times}" for times in order)
     functions = loop.at(arguments, order)
-    return {each: unused_symbol(type(each).__name__ + suffix, taken) for each in functions}
+    return {function: unused_symbol(type(function).__name__ + suffix, taken) for function in functions}

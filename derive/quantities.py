@@ -269,12 +269,12 @@ class Quantities:
 
     def names(self) -> set[str]:
         """Names in use, including derivatives of coordinates and option values."""
-        moving = [each.symbol for each in self.declared_coordinates]
+        moving = [coordinate.symbol for coordinate in self.declared_coordinates]
         moving += self.declared_field.symbols if self.declared_field else []
         taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
         taken |= {symbol.name for q in moving for symbol in q.motion}
-        taken |= {each.symbol.name for each in self.declared_parameters}
-        taken |= {each.name for each in self.declared_outputs}
+        taken |= {parameter.symbol.name for parameter in self.declared_parameters}
+        taken |= {output.name for output in self.declared_outputs}
         for option in self.declared_options:
             taken |= {option.name, *(indicator.name for indicator in option.indicators)}
         return taken
@@ -316,7 +316,7 @@ class Quantities:
             )
 
     def _require_coordinate(self, name: str, what: str) -> None:
-        names = [each.symbol.name for each in self.declared_coordinates]
+        names = [coordinate.symbol.name for coordinate in self.declared_coordinates]
         if name not in names:
             raise DeclarationError(
                 f"{what}: {name} is not a coordinate; declared: {', '.join(names) or 'none'}"

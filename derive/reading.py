@@ -75,7 +75,7 @@ def links(structure: StructureStatement) -> list[Equation]:
 
 def with_numbers(expression: Any, numbers: Mapping[sympy.Symbol, Any]) -> Any:
     """The expression with numbers in place of parameters, except in the arguments of a loop's unknowns."""
-    kept = {each: each for each in expression.atoms(LoopFunction)}
+    kept = {atom: atom for atom in expression.atoms(LoopFunction)}
     return expression.xreplace({**{each: sympy.Float(x) for each, x in numbers.items()}, **kept})
 
 
@@ -172,7 +172,7 @@ def mathml(equations: Iterable[Equation], projection: Projection | None = None) 
     names = {PHASE: "<mi>&#x3C6;</mi>", SPEED: "<mi>&#x3A9;</mi>"}
     printer = _Printer(names | (_integrals(projection) if projection else {}))
     return tuple(
-        f"<math><mrow>{'<mo>=</mo>'.join(_sides(printer, each))}</mrow></math>" for each in equations
+        f"<math><mrow>{'<mo>=</mo>'.join(_sides(printer, equation))}</mrow></math>" for equation in equations
     )
 
 

@@ -50,7 +50,9 @@ def equations(
         found = read(mechanism, derived.linearised)
         names |= _integrals(derived.projection) if derived.projection else {}
         comments += _comments(mechanism, numbers)
-    lines = [line for each in comments for line in textwrap.wrap(f"% {each}", WIDTH, subsequent_indent="% ")]
+    lines = [
+        line for comment in comments for line in textwrap.wrap(f"% {comment}", WIDTH, subsequent_indent="% ")
+    ]
     return "\n".join([*lines, *(line for each in _numbered(found, numbers) for line in _lines(each, names))])
 
 
@@ -87,7 +89,11 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
     if mechanism.declared_field:
         vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
     else:
-        vector = "q = (" + ", ".join(latex(each.symbol) for each in mechanism.declared_coordinates) + ")"
+        vector = (
+            "q = ("
+            + ", ".join(latex(coordinate.symbol) for coordinate in mechanism.declared_coordinates)
+            + ")"
+        )
     return [
         r"M \ddot q + C \dot q + K q = d, \varphi = \Omega t, primes: d/d\varphi; entries not given are 0",
         vector,
@@ -131,7 +137,7 @@ def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
     """Lines of an equation, with the unit of a named subexpression as a comment."""
     text = " = ".join([*map(latex, equation.left), latex(equation.right, names)])
     first, *others = _folded(text, WIDTH)
-    lines = [first, *(_INDENT + each for each in others)]
+    lines = [first, *(_INDENT + other for other in others)]
     unit = f" % {equation.unit}" if equation.unit else ""
     return (
         [*lines[:-1], lines[-1] + unit]
@@ -210,7 +216,7 @@ def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[s
         raise CaseError(f"{path} cannot be read as a case file: {_cause(error)}") from None
     if case not in cases:
         raise CaseError(f'{path} has no case "{case}"; it has: {", ".join(cases)}')
-    declared = {each.symbol.name: each for each in mechanism.declared_parameters}
+    declared = {parameter.symbol.name: parameter for parameter in mechanism.declared_parameters}
     numbers = {}
     for name, entry in {**shared, **cases[case]}.items():
         for member, value in _members(name, entry):

@@ -143,12 +143,12 @@ class StructureStatement(MechanismStatement):
     @property
     def links(self) -> dict[str, Link]:
         """Links by name, in the order of their declaration."""
-        return {each.name: each for each in self.declared_links}
+        return {link.name: link for link in self.declared_links}
 
     @property
     def joints(self) -> list[str]:
         """Joints in the order of the declared links."""
-        return list(dict.fromkeys(joint for each in self.declared_links for joint in (each.start, each.end)))
+        return list(dict.fromkeys(joint for link in self.declared_links for joint in (link.start, link.end)))
 
     def support(self, joint: str) -> None:
         """Fix the position of a joint; its links rotate freely about it."""
@@ -220,7 +220,7 @@ class StructureStatement(MechanismStatement):
     @property
     def moves(self) -> bool:
         """Whether any link rotates with the phase."""
-        return any(PHASE in each.angle.free_symbols for each in self.declared_links)
+        return any(PHASE in link.angle.free_symbols for link in self.declared_links)
 
     def numbers(self) -> Iterator[tuple[str, sympy.Expr, str, Set[sympy.Symbol]]]:
         """Description, expression, unit and forbidden symbols of every expression of the statement."""
@@ -282,7 +282,7 @@ class StructureStatement(MechanismStatement):
 
     def _links_at(self, joint: str, chosen: tuple[str, ...]) -> tuple[str, ...]:
         self._require_joint(joint)
-        there = [each.name for each in self.declared_links if joint in (each.start, each.end)]
+        there = [link.name for link in self.declared_links if joint in (link.start, link.end)]
         for name in chosen:
             if name not in there:
                 raise DeclarationError(f"no link {name} at joint {joint}; there: {', '.join(there)}")

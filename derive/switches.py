@@ -152,7 +152,7 @@ def _whole_turns(node: Wrapped) -> Any:
 
 def place_of(switch: Any, expressions: Iterable[Any]) -> str:
     """Text of the location of a switch of expressions."""
-    for node in set().union(*(each.atoms(Wrapped) for each in expressions)):
+    for node in set().union(*(expression.atoms(Wrapped) for expression in expressions)):
         if _whole_turns(node) in (switch, -switch):
             angle, turn = node.args
             return f"{short(angle)} = 0 modulo {short(turn)}"
@@ -233,7 +233,7 @@ def places(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[An
 
 def in_order(*expressions: Any) -> list[Any]:
     """Symbols of expressions, ordered by length of the name and name."""
-    symbols = set().union(*(each.free_symbols for each in expressions))
+    symbols = set().union(*(expression.free_symbols for expression in expressions))
     return sorted(symbols, key=lambda symbol: (len(symbol.name), symbol.name))
 
 
@@ -243,7 +243,7 @@ class Numbers:
     def __init__(self, expressions: Iterable[Any], symbols: Sequence[Any], exact: bool = True):
         """exact: to `_DIGITS` digits, otherwise in floating point, which is faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
-        made = [_stood_in(sympy.sympify(each)) for each in expressions]
+        made = [_stood_in(sympy.sympify(expression)) for expression in expressions]
         self._undefined = any(each.has(sympy.zoo, sympy.nan) for each in made)
         if self._undefined:
             return

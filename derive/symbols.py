@@ -103,7 +103,7 @@ def counted(expression: Any) -> Any:
 def _compared(expression: Any) -> Iterable[Any]:
     """Expressions whose signs select the branch of a step, kink or piecewise function."""
     if isinstance(expression, sympy.Piecewise):
-        return set().union(*(each.args[1].atoms(Relational) for each in expression.args))
+        return set().union(*(argument.args[1].atoms(Relational) for argument in expression.args))
     return expression.args
 
 

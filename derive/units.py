@@ -171,7 +171,7 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
 
 def _pieces(what: str, expression: sympy.Piecewise, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
     """Common dimension of the pieces; the sides of each condition must have a common dimension too."""
-    compared, given = expression.atoms(Relational), [each.args[0] for each in expression.args]
+    compared, given = expression.atoms(Relational), [argument.args[0] for argument in expression.args]
     pieces = sympy.Tuple(*given)
     *_, common = (
         _common(what, each, [dimension_of(what, part, known) for part in each.args])

@@ -62,12 +62,12 @@ def demands(mechanism: MechanismStatement) -> list[Demand]:
 
 def conditions(mechanism: MechanismStatement) -> list[Condition]:
     """Declared conditions, evaluated in the fundamental motion, that do not depend on the speed."""
-    return [each for each in _conditions(mechanism) if not each.margin.has(SPEED)]
+    return [condition for condition in _conditions(mechanism) if not condition.margin.has(SPEED)]
 
 
 def _conditions(mechanism: MechanismStatement) -> Iterator[Condition]:
-    for each in mechanism.conditions:
-        yield replace(each, margin=at_desired_motion(_about_fundamental(mechanism, each.margin)))
+    for condition in mechanism.conditions:
+        yield replace(condition, margin=at_desired_motion(_about_fundamental(mechanism, condition.margin)))
 
 
 def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
@@ -89,7 +89,7 @@ def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
 
 def _known(mechanism: MechanismStatement) -> set[Any]:
     options = {symbol for option in mechanism.declared_options for symbol in option.indicators}
-    return {PHASE, SPEED, *options, *(each.symbol for each in mechanism.declared_parameters)}
+    return {PHASE, SPEED, *options, *(parameter.symbol for parameter in mechanism.declared_parameters)}
 
 
 class _Printer(StrPrinter):
@@ -146,15 +146,21 @@ def _one_sided(function: Any) -> str:
 
 def _names(mechanism: MechanismStatement, expressions: Iterable[Any]) -> list[str]:
     """Names of the parameters and series in the expressions, in the order of declaration."""
-    given = [sympy.sympify(each) for each in expressions]
+    given = [sympy.sympify(expression) for expression in expressions]
     symbols = set().union(*(each.free_symbols for each in given))
     series = set().union(*({type(part) for part in each.atoms(PeriodicFunction)} for each in given))
-    names = [each.symbol.name for each in mechanism.declared_parameters if each.symbol in symbols]
+    names = [
+        parameter.symbol.name for parameter in mechanism.declared_parameters if parameter.symbol in symbols
+    ]
     return names + [each.__name__ for each in mechanism.declared_series if each in series]
 
 
 def _steps(mechanism: MechanismStatement, energies: Iterable[Any]) -> list[Any]:
     """Steps and kinks that depend on coordinates or their rates."""
-    moving = {s for each in mechanism.declared_coordinates for s in (each.symbol, each.symbol.rate)}
-    nodes = dict.fromkeys(node for each in energies for node in outermost(each))
+    moving = {
+        s
+        for coordinate in mechanism.declared_coordinates
+        for s in (coordinate.symbol, coordinate.symbol.rate)
+    }
+    nodes = dict.fromkeys(node for energy in energies for node in outermost(energy))
     return sorted((node for node in nodes if switches(node, moving)), key=sympy.default_sort_key)

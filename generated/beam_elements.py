@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "365bf0da4d2da694d5a7cbc7fa44da8f6b16dfe174d9290be63dd444d6bb9020"
-DERIVE_SHA256 = "8aa1b59c4dd0dd3cc904e7e326d89d8bc76c94b9d5e443875f29d0efbed60cf3"
+MECHANISM_SHA256 = "3586729caa5b3d9f2e2fb5433be3ed0638cd86c4045691e4f4109a7710109203"
+DERIVE_SHA256 = "17268196e023d72931ee078c58f37e190dbb4598a12f2166846896de06b4e38d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bfe61e93b2c356c54fe17ad3b1c5b3d4331372ad7b42a7cb1cb55c855e915bef"
+FILE_SHA256 = "d077c2ab38ff4c10236dc14519e74c9186342b0c74320144fadb6847bf224745"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

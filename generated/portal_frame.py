@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "8aa1b59c4dd0dd3cc904e7e326d89d8bc76c94b9d5e443875f29d0efbed60cf3"
+DERIVE_SHA256 = "17268196e023d72931ee078c58f37e190dbb4598a12f2166846896de06b4e38d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "36a3497e908f0b64c1a32795e698fb3fcdfdd80aa6d5aa88a8259a59f6aaa40c"
+FILE_SHA256 = "b4fc1c7f040d1ca9040a1c34a5bde59e8afd6f72f7a272aba6ab6a44175192bf"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
