@@ -20,7 +20,8 @@ _LINE_SEARCH, _MAX_STALLED = 5, 2
 ends: extrema merged or vanished, or the gain is within the error of the values. Choices."""
 
 _CORRECTIONS = 3
-"""Corrections after which equations hold to round-off: each doubles the digits, of which SLSQP gives 4 to 6."""
+"""Corrections after which equations hold to round-off: each doubles the digits, of which SLSQP gives 4 to
+6."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,10 @@ _WINDOW = np.linspace(-1.0, 1.0, 33)
 """Places in the window in which an extremum is found again, in halves of its width. The window ends half way
 to the neighbouring extremum."""
 
+_ZOOMS, _ZOOM = 2, 16
+"""Number of times that a window is searched, and reduction of its width: one gives derivatives of extrema to
+2e-4, two to 1e-7, in the test of an oscillator."""
+
 _WIDEST = 1 / 16
 """Largest half width of a window, in periods. A choice."""
 
@@ -85,10 +89,11 @@ class Extrema:
 
     def _found(self, x: Array) -> tuple[Array, Array]:
         """Phases and values (k,) of the maxima in the windows, or at an end of a window without one."""
-        point = self.design.points(x)[self.at]
-        phases = self.phases[:, None] + self.widths[:, None] * _WINDOW
-        values = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
-        found = _refined(values, values.argmax(axis=1), phases)
+        point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
+        for _ in range(_ZOOMS):
+            phases = found[:, None] + widths[:, None] * _WINDOW
+            values = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
+            found, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
         return found, self.sides * point.signal(self.name, found)
 
 
