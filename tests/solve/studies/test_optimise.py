@@ -11,7 +11,7 @@ from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
 from solve.period.named import Named
 from solve.studies.design_points import Design
-from solve.studies.tracked import Extrema, tracked
+from solve.studies.tracked import tracked
 
 MASS, DAMPING, STIFFNESS = 2.0, 0.3, 9.0
 
