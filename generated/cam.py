@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
+MECHANISM_SHA256 = "49ffc17d32c04436deb133f0bd7564f20408154a5574d6b371ac9186aade50a9"
 DERIVE_SHA256 = "17268196e023d72931ee078c58f37e190dbb4598a12f2166846896de06b4e38d"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "eef38123bd7ac03031307e17126723dbc08a799dce9225ed42f9827482e111d8"
+FILE_SHA256 = "2e4f4efb7a3b75f1425d8212250f7b90b9c4b5a4b803588b9a47aad9f1f67688"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -75,6 +75,7 @@ OUTPUTS = (
     ("shaft_torque", "N m", "torque in the shaft, positive where the cam leads"),
     ("contact_force", "N", "follower against cam, compression positive"),
     ("output_displacement", "m", "position y3 of the output link"),
+    ("lift", "m", "lift U(φ) of the cam at the desired motion"),
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
@@ -91,7 +92,7 @@ SKETCH = (
 )
 VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi
-OPERATIONS = {"linearised": 355, "residual": 321, "outputs": 144}
+OPERATIONS = {"linearised": 355, "residual": 321, "outputs": 278}
 
 
 def _fourier(angle, mean, cosine, sine, orders):
@@ -295,6 +296,12 @@ def outputs():
         Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     [U_0] = _fourier(
+        phase, 0.0,
+        (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
+        (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
+        [-1],
+    )
+    [U_0_] = _fourier(
         q1 + phase, 0.0,
         (a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,),
         (b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12,),
@@ -308,10 +315,11 @@ def outputs():
             casadi.SX(-x0),
             casadi.SX(x0),
             casadi.SX(-q2*k2 - q2d*c2),
-            casadi.SX(q2 + q3 + U_0),
+            casadi.SX(q2 + q3 + U_0_),
+            casadi.SX(U_0),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
-        ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
+        ["drive_torque", "shaft_torque", "contact_force", "output_displacement", "lift"],
     )
 
 
@@ -340,9 +348,10 @@ def outputs_accelerated():
             casadi.SX(0),
             casadi.SX(0),
             casadi.SX(0),
+            casadi.SX(0),
         ],
         ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
-        ["drive_torque", "shaft_torque", "contact_force", "output_displacement"],
+        ["drive_torque", "shaft_torque", "contact_force", "output_displacement", "lift"],
     )
 
 

@@ -25,6 +25,7 @@ from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
 from solve.results.frequencies import Frequencies, Variation
+from solve.results.optimum import Optimum
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
 from solve.results.sensitivities import Sensitivities, SensitivitiesOver
@@ -42,6 +43,7 @@ from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
 from solve.studies.frequencies import frequencies, frequencies_over
+from solve.studies.optimise import optimise
 from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, validity, variants
 from solve.system import PeriodicSystem
@@ -63,6 +65,7 @@ __all__ = [
     "Model",
     "Newmark",
     "NonlinearOrbit",
+    "Optimum",
     "Orbit",
     "PeriodicCurves",
     "PeriodicSystem",
@@ -97,6 +100,7 @@ __all__ = [
     "load",
     "nonlinear",
     "open",
+    "optimise",
     "periodic",
     "prove",
     "report",

@@ -46,6 +46,7 @@ def mechanism() -> Mechanism:
     cam.output("contact_force", contact_force, "N", "follower against cam, compression positive")
     cam.limit("contact_force", ">= 0", beyond="the follower lifts off the cam")
     cam.output("output_displacement", y3, "m", "position y3 of the output link")
+    cam.output("lift", U(cam.phase), "m", "lift U(φ) of the cam at the desired motion")
     cam.trust(q1=0.05)
 
     radius, around = 0.5 * cam.metre, cam.around

@@ -75,6 +75,7 @@ COMMANDS = {
     "transient": "Start-up from any state until the periodic vibration is reached; run-up to a speed.",
     "sensitivity": "Derivatives of quantities by parameters and the speed, at one speed or many.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
+    "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",
     "branch": "Branch of nonlinear orbits over the speed, followed through its turning points.",
     "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
     "report": "Everything about a model on one page of HTML.",
@@ -85,7 +86,7 @@ COMMANDS = {
 MODULES = {
     **dict.fromkeys(("periodic", "floquet", "compare", "transient"), "one_speed"),
     **dict.fromkeys(("sweep", "chart", "bands", "critical", "branch", "validity"), "many_speeds"),
-    **dict.fromkeys(("sensitivity", "fit", "frequencies"), "parameters"),
+    **dict.fromkeys(("sensitivity", "fit", "optimise", "frequencies"), "parameters"),
     **dict.fromkeys(("report", "animate", "export"), "documents"),
 }
 SOLVE = Program(

@@ -1,4 +1,4 @@
-"""Commands on parameters and natural frequencies: `sensitivity`, `fit` and `frequencies`."""
+"""Commands on parameters and natural frequencies: `sensitivity`, `fit`, `optimise` and `frequencies`."""
 
 from typing import Annotated
 
@@ -70,6 +70,54 @@ def fit(
     model = problem.loaded()
     omega = speed.speed or model.case_speed
     result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
+    further = {} if case is None else {case: lambda: result.toml}
+    deliver_result(results, result, problem.choices, beside=further)
+
+
+def optimise(
+    problem: Problem,
+    speed: Speed,
+    speeds: Speeds,
+    accuracy: Accuracy,
+    results: Results,
+    minimise: Annotated[
+        str | None, Flag("Quantity, such as q3.max_abs or spectral_radius.", "QUANTITY")
+    ] = None,
+    free: Annotated[str | None, Flag("Free parameters, separated by commas.", "a1,a3")] = None,
+    bounds: Annotated[
+        list[str] | None, Flag("Bounds of a free parameter, unit optional; repeatable.", '"NAME=A:B unit"')
+    ] = None,
+    keep: Annotated[
+        list[str] | None, Flag("Figure or curve that does not change; repeatable.", '"NAME@A:B deg"')
+    ] = None,
+    subject: Annotated[
+        list[str] | None, Flag("Bound of a quantity; repeatable.", '"QUANTITY < NUMBER"')
+    ] = None,
+    starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
+    prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
+    toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
+) -> None:
+    """Optimum of parameters: least vibration over speeds, stable, within bounds."""
+    if speed.speed is not None and speeds.speeds is not None:
+        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
+    if minimise is None or free is None:
+        missing = "--minimise QUANTITY" if minimise is None else "--free NAME,NAME"
+        raise MissingValueError(f"an optimum requires a quantity and free parameters; add {missing}")
+    case = None if toml is None else checked(toml, [".toml"], "case")
+    names, limits = [name.strip() for name in free.split(",") if name.strip()], _bounds(bounds)
+    if missing := [name for name in names if name not in limits]:
+        raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
+    if others := [name for name in limits if name not in names]:
+        raise ValueOutOfBoundsError(
+            f"bounds are given for {others[0]}, which is not free; free it, or drop them"
+        )
+    model = problem.loaded()
+    given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
+    ranges = {name: limits[name] for name in names}
+    requirements = keep or (), subject or (), starts
+    result = solve.optimise(
+        model, minimise, ranges, given, *requirements, method=accuracy.rule, rtol=accuracy.rtol, prove=prove
+    )
     further = {} if case is None else {case: lambda: result.toml}
     deliver_result(results, result, problem.choices, beside=further)
 

@@ -1,5 +1,6 @@
 """Case files in TOML: the numbers of a model with their units and sources."""
 
+import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -10,6 +11,7 @@ from typing import Any
 
 from solve.arguments import require_size
 from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError, cause
+from solve.labels import Labels
 from solve.model.tables import Fit, Series, fitted, series_of
 from solve.units import conversion
 
@@ -264,3 +266,16 @@ def _require_known_keys(table: Mapping[str, Any], allowed: set[str], kind: str) 
     for key in table:
         if key not in allowed:
             raise UnknownNameError(kind, key, allowed)
+
+
+def case_text(name: str, title: str, system: Labels, sources: Mapping[str, str]) -> str:
+    """Case file with the parameters of a system, every number with its unit and source; sources: of some
+    parameters by name."""
+    unchanged = f"as in case {system.case}" if system.case else "as given"
+    lines = [f"[case.{name}]", f"title = {json.dumps(title)}", f"[case.{name}.parameters]"]
+    for parameter, value in system.parameters.items():
+        unit, source = system.parameter_labels[parameter][0], sources.get(parameter, unchanged)
+        lines.append(
+            f"{parameter} = {{ value = {value!r}, unit = {json.dumps(unit)}, source = {json.dumps(source)} }}"
+        )
+    return "\n".join(lines) + "\n"

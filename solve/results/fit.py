@@ -1,6 +1,5 @@
 """Fit of a model to measurements: parameters with intervals, and differences by channel."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.model.cases import case_text
 from solve.results.contents import Column, Columns, HeaderRows
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
@@ -143,17 +143,8 @@ class Fitted(Result):
     @property
     def toml(self) -> str:
         """Case file of the fitted model, every number with its unit and source."""
-        unchanged = f"as in case {self.system.case}" if self.system.case else "as given"
-        lines = [
-            "[case.fitted]",
-            f"title = {json.dumps(f'fitted to {self.data}')}",
-            "[case.fitted.parameters]",
-        ]
-        for name, value in self.system.parameters.items():
-            source = unchanged
-            if name in self.parameters:
-                _, low, high = self.parameters[name]
-                source = f"fitted to {self.data}; 95 % interval {low:.6g} to {high:.6g}"
-            unit = json.dumps(self.system.parameter_labels[name][0])
-            lines.append(f"{name} = {{ value = {value!r}, unit = {unit}, source = {json.dumps(source)} }}")
-        return "\n".join(lines) + "\n"
+        sources = {
+            name: f"fitted to {self.data}; 95 % interval {interval.low:.6g} to {interval.high:.6g}"
+            for name, interval in self.parameters.items()
+        }
+        return case_text("fitted", f"fitted to {self.data}", self.system, sources)

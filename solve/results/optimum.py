@@ -1,0 +1,158 @@
+"""Optimum of a design: free parameters, objective before and after, requirements, and curves."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.model.cases import case_text
+from solve.results.contents import Column, Columns, HeaderRows, speeds_of
+from solve.results.formatting import measured
+from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
+from solve.system import PeriodicSystem
+
+AT_BOUND = 1e-6
+"""Distance from a bound, relative to the range, within which a parameter counts as lying on it. A choice."""
+
+
+@serializable
+class Requirement(NamedTuple):
+    """Value of a requirement at the optimum, over all speeds the worst, and its bound."""
+
+    name: str
+    value: float
+    bound: float
+
+
+@serializable
+class FreeParameter(NamedTuple):
+    """A free parameter before and at the optimum, and its bounds, in the model's unit."""
+
+    before: float
+    value: float
+    low: float
+    high: float
+
+    @property
+    def at_bound(self) -> str:
+        """ "low" or "high" if the optimum lies on this bound, else an empty text."""
+        margin = AT_BOUND * (self.high - self.low)
+        if self.value - self.low <= margin:
+            return "low"
+        return "high" if self.high - self.value <= margin else ""
+
+
+@dataclass(frozen=True)
+class Optimum(Result):
+    """Optimum of a model's parameters, from `solve.optimise`.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        Model with the optimal parameters.
+    minimised : str
+        Quantity whose largest value over the speeds is minimised.
+    unit : str
+        Its unit.
+    parameters : mapping of str to FreeParameter
+        Free parameters by name.
+    objective, before : float
+        Largest value over the speeds at the optimum and before.
+    constraints : sequence of Requirement
+        Requirements with their worst values.
+    speeds : (k,) array
+        Speeds in rad/s.
+    values, values_before : (k,) array
+        Minimised quantity at these speeds.
+    phase, curve, curve_before : (m,) array
+        Curve of the quantity's coordinate or output at the speed of its largest value; empty without one.
+    confirmed : mapping of str to object
+        Largest value and verdicts of the nonlinear orbits, and proofs; empty if there are none.
+    doubts : sequence of str
+        Sentences on what is doubtful.
+    solutions : int
+        Number of solutions that were computed.
+    """
+
+    system: PeriodicSystem
+    minimised: str
+    unit: str
+    parameters: Mapping[str, FreeParameter]
+    objective: float
+    before: float
+    constraints: Sequence[Requirement]
+    speeds: Array
+    values: Array
+    values_before: Array
+    phase: Array
+    curve: Array
+    curve_before: Array
+    confirmed: Mapping[str, Any]
+    doubts: Sequence[str] = ()
+    solutions: int = 0
+
+    @property
+    def free(self) -> Mapping[str, float]:
+        """Optimal values by name, in the model's units."""
+        return {name: parameter.value for name, parameter in self.parameters.items()}
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful."""
+        return [*self._reduction, *self.doubts]
+
+    @property
+    def summary(self) -> str:
+        """Sentence on the reduction of the objective."""
+        change = f", by {100 * (1 - self.objective / self.before):.3g} %" if self.before else ""
+        return (
+            f"{self.minimised} falls from {measured(self.before, self.unit)} to "
+            f"{measured(self.objective, self.unit)}{change}."
+        )
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        return {
+            "free": self.free,
+            "minimised": self.minimised,
+            "objective": self.objective,
+            "before": self.before,
+            "start": {name: parameter.before for name, parameter in self.parameters.items()},
+            "constraints": [requirement._asdict() for requirement in self.constraints],
+            "confirmed": self.confirmed,
+            "speeds": self.speeds,
+            "solutions": self.solutions,
+        }
+
+    @property
+    def columns(self) -> Columns:
+        """Row per speed."""
+        meaning = self.minimised
+        return {
+            "speed": speeds_of(self.system, self.speeds, heading="speed ({})"),
+            "before": Column(self.values_before, self.unit, f"{meaning} before", "before", "{:.6g}".format),
+            "optimum": Column(
+                self.values, self.unit, f"{meaning} at the optimum", "optimum", "{:.6g}".format
+            ),
+        }
+
+    def header_rows(self) -> HeaderRows:
+        rows = [("minimised", f"{self.minimised}, largest over {len(self.speeds)} speeds")]
+        return rows if len(self.speeds) > 1 else [("minimised", self.minimised)]
+
+    @property
+    def worst(self) -> int:
+        """Position of the speed with the largest value at the optimum."""
+        return int(np.argmax(self.values))
+
+    @property
+    def toml(self) -> str:
+        """Case file of the optimal model, every number with its unit and source."""
+        sources = {
+            name: f"optimum of {self.minimised}; bounds {each.low:.6g} to {each.high:.6g}"
+            for name, each in self.parameters.items()
+        }
+        return case_text("optimum", f"least {self.minimised}", self.system, sources)

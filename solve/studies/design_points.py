@@ -1,0 +1,113 @@
+"""Solutions of a model with varied parameters at several speeds, with exact derivatives, for optimisation."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
+from solve.errors import NoDerivativeError
+from solve.methods.choice import Rule
+from solve.methods.collocation import Collocated
+from solve.model.model import Model
+from solve.period.named import RADIUS, Named, Solved
+from solve.results.orbit import Orbit
+from solve.results.stability import Stability
+from solve.single import floquet, periodic
+
+
+@dataclass(frozen=True, eq=False)
+class DesignPoint:
+    """Solution at one speed, with derivatives by the r free parameters."""
+
+    solved: Stability
+    names: Sequence[str]
+
+    @cached_property
+    def _grid(self) -> GridDerivatives:
+        rule = cast(Collocated, self.solved.certified.method)
+        dependence = dependence_of(self.solved, self.names)
+        return GridDerivatives(self.solved, rule, self.solved.steps, dependence, self.names)
+
+    @property
+    def orbit(self) -> Orbit:
+        """The solution, if it is an orbit."""
+        return cast(Orbit, self.solved)
+
+    def signal(self, name: str, phase: Array) -> Array:
+        """Values (k,) of a coordinate or output."""
+        return self.orbit.signal(name)(phase)
+
+    def signal_slopes(self, name: str, phase: Array) -> Array:
+        """Derivatives (k, r) of a coordinate or output at fixed phases."""
+        return self._grid.forward.signal(name, phase).T
+
+    def value(self, quantity: Named) -> float:
+        """Value of a real quantity."""
+        return float(np.real(quantity.value(cast(Solved, self.solved))))
+
+    def slopes(self, quantity: Named) -> Array:
+        """Derivatives (r,) of a real quantity; of one with several, such as a modulus that two multipliers
+        share, those of the first. Raises NoDerivativeError."""
+        (slopes,) = self._grid.slopes([quantity])
+        if not isinstance(slopes, NoDerivativeError):
+            return np.real(slopes)
+        if quantity.subject != RADIUS:
+            raise slopes
+        radius = self.solved.spectral_radius
+        return radius * np.real(self._grid.log_multiplier_derivatives(0, modulus=True))
+
+
+@dataclass(eq=False)
+class Design:
+    """A model whose free parameters vary between bounds: x (r,) runs from 0 to 1.
+
+    orbits: whether quantities of orbits are needed, or only multipliers. solutions: number of solutions.
+    """
+
+    model: Model
+    names: Sequence[str]
+    low: Array
+    high: Array
+    speeds: list[float]
+    method: str | Rule
+    rtol: float
+    orbits: bool
+    solutions: int = 0
+    _last: tuple[bytes, list[DesignPoint]] = (b"", [])
+
+    @property
+    def start(self) -> Array:
+        """x (r,) of the model."""
+        values = np.array([self.model.parameters[name] for name in self.names])
+        return (values - self.low) / (self.high - self.low)
+
+    def parameters(self, x: Array) -> Mapping[str, float]:
+        """Free parameters by name, in the model's units."""
+        # Rounding must not leave the bounds.
+        values = np.clip(self.low + x * (self.high - self.low), self.low, self.high)
+        return dict(zip(self.names, values.tolist(), strict=True))
+
+    def varied(self, x: Array) -> Model:
+        """Model with the free parameters of x."""
+        return self.model.varied(self.parameters(x))
+
+    def points(self, x: Array) -> list[DesignPoint]:
+        """Solutions at the speeds; the latest are kept."""
+        key = x.tobytes()
+        if key != self._last[0] or len(self._last[1]) != len(self.speeds):
+            self._last = key, self.at(x, self.speeds)
+        return self._last[1]
+
+    def at(self, x: Array, speeds: Sequence[float]) -> list[DesignPoint]:
+        """Solutions at other speeds."""
+        model, solve = self.varied(x), periodic if self.orbits else floquet
+        self.solutions += len(speeds)
+        return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
+
+    def slopes(self, by_parameters: Array) -> Array:
+        """Derivatives (…, r) by x of derivatives by the parameters."""
+        return by_parameters * (self.high - self.low)

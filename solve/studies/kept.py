@@ -1,0 +1,129 @@
+"""Kept quantities of a design: their values at the start, changes, and the equations that they give."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.named import Named
+from solve.studies.design_points import Design, DesignPoint
+from solve.studies.minimax import Equations, Limited
+from solve.studies.requirements import Kept
+from solve.studies.tracked import Curve, Differences, Single, Tracked, equal_extrema
+
+
+@dataclass(eq=False)
+class KeptValues:
+    """Kept quantities with their values (k,) at the start, for each speed of a design.
+
+    before: values by speed and quantity.
+    """
+
+    design: Design
+    kept: Sequence[Kept]
+    before: list[list[Array]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.before = [self._values(point) for point in self.design.points(self.design.start)]
+
+    def insert(self, at: int, point: DesignPoint) -> None:
+        """Insert the values of the start at a further speed."""
+        self.before.insert(at, self._values(point))
+
+    def changes(self, points: Sequence[DesignPoint]) -> list[tuple[Kept, float, float]]:
+        """Each quantity with its largest change over the speeds, and what is allowed."""
+        return [
+            (
+                each,
+                max(
+                    float(np.abs(_values_of(point, each) - before[place]).max())
+                    for point, before in zip(points, self.before, strict=True)
+                ),
+                min(each.allowed(before[place]) for before in self.before),
+            )
+            for place, each in enumerate(self.kept)
+        ]
+
+    def limits(self) -> list[Limited]:
+        """Limits of the changes of quantities with a tolerance."""
+        limits = []
+        for at in range(len(self.before)):
+            for place, each in enumerate(self.kept):
+                if each.tolerance is not None:
+                    smooth = self.smooth(at, place)
+                    change = _Change(smooth, smooth.values(self.design.start))
+                    limits.append(Limited(change, each.tolerance, each.tolerance))
+        return limits
+
+    def smooth(self, at: int, place: int) -> Tracked:
+        """Values of a quantity at a speed with derivatives: of the curve, or of each extremum that is the
+        figure at the start."""
+        each, design = self.kept[place], self.design
+        if each.phases is not None:
+            return Curve(design, at, each.name, each.phases)
+        if not {*each.figures} <= {"max", "min"}:
+            return Single(design, at, Named.of(design.model, f"{each.name}.{each.figures[0]}"))
+        sides = (1.0 if figure == "max" else -1.0 for figure in each.figures)
+        return Differences([equal_extrema(design, design.start, at, each.name, side) for side in sides])
+
+    def equations(self) -> Equations | None:
+        """Equations of the quantities without tolerance.
+
+        They are combinations of changes, by the singular value decomposition of their derivatives at the
+        start, relative to what is allowed. Combinations that no parameters within the bounds change by more
+        are left out: several speeds, or neighbouring phases, give the same equation.
+        """
+        chosen = [
+            (at, place)
+            for at in range(len(self.before))
+            for place, each in enumerate(self.kept)
+            if each.tolerance is None
+        ]
+        if not chosen:
+            return None
+        smooth = [self.smooth(*each) for each in chosen]
+        start = [each.values(self.design.start) for each in smooth]
+        allowed = [self.kept[place].allowed(self.before[at][place]) for at, place in chosen]
+        scales = 1 / np.repeat(allowed, [len(values) for values in start])
+
+        def slopes(x: Array) -> Array:
+            return scales[:, None] * np.concatenate([each.slopes(x) for each in smooth])
+
+        def residuals(x: Array) -> Array:
+            changes = [each.values(x) - values for each, values in zip(smooth, start, strict=True)]
+            return scales * np.concatenate(changes)
+
+        directions, sizes, _ = np.linalg.svd(slopes(self.design.start), full_matrices=False)
+        moved = sizes > 1.0
+        # Divided by the singular values, the equations have derivatives of 1.
+        weights = (directions[:, moved] / sizes[moved]).T
+        return Equations(lambda x: weights @ residuals(x), lambda x: weights @ slopes(x))
+
+    def _values(self, point: DesignPoint) -> list[Array]:
+        return [_values_of(point, each) for each in self.kept]
+
+
+@dataclass(frozen=True)
+class _Change:
+    """Changes of a kept quantity from its values (k,) before, in both directions, (2 k,)."""
+
+    smooth: Tracked
+    before: Array
+
+    def values(self, x: Array) -> Array:
+        change = self.smooth.values(x) - self.before
+        return np.concatenate((change, -change))
+
+    def slopes(self, x: Array) -> Array:
+        slopes = self.smooth.slopes(x)
+        return np.concatenate((slopes, -slopes))
+
+
+def _values_of(point: DesignPoint, each: Kept) -> Array:
+    """Values (k,) of a kept quantity."""
+    if each.phases is not None:
+        return point.signal(each.name, each.phases)
+    statistics = point.orbit.statistics(each.name)
+    first, *others = (getattr(statistics, figure) for figure in each.figures)
+    return np.array([first - sum(others)])

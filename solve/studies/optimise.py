@@ -1,0 +1,209 @@
+"""Optimum of parameters under a stability verdict: the largest vibration over speeds is minimised, with exact
+derivatives and the error of the certificate on the safe side."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from solve.arguments import require_integer, unique_names
+from solve.arrays import Array
+from solve.errors import SolveError, ValueOutOfBoundsError, require_name
+from solve.methods.choice import Rule, chosen
+from solve.methods.collocation import Collocated
+from solve.methods.method import Method
+from solve.model.model import Model, of_model
+from solve.newton.orbits import nonlinear
+from solve.period.named import RADIUS, Named
+from solve.proof.prove import prove as proof_of
+from solve.results.optimum import FreeParameter, Optimum
+from solve.results.orbit import Orbit
+from solve.studies.design_points import Design, DesignPoint
+from solve.studies.optimum_search import ROUNDS, Search, State
+from solve.studies.requirements import bounds_of, kept_of
+from solve.terminal import progress
+from solve.units import speeds_given
+
+Objective = str | Callable[[Sequence[Orbit]], float]
+"""Quantity by name, or a function of the orbits at all speeds."""
+
+Bounds = Mapping[str, tuple[float | str, float | str]]
+"""Lower and upper bounds of parameters by name, as numbers in their own units or texts with unit."""
+
+_CURVE_PHASES = 721
+"""Number of phases of the stored curves: every half degree of a revolution."""
+
+
+@of_model
+def optimise(
+    model: Model,
+    minimise: Objective,
+    free: Bounds,
+    speeds: float | str | Sequence[float | str] | None = None,
+    keep: Sequence[str] = (),
+    subject: Sequence[str] = (),
+    starts: int = 1,
+    method: str | Rule = "auto",
+    rtol: float = 1e-8,
+    prove: bool = False,
+) -> Optimum:
+    """Minimise the largest value of a quantity over speeds, under bounds, with stability at every speed.
+
+    Parameters ---------- minimise : str or callable
+        Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
+        of orbits at the speeds, which is differentiated by differences.
+    free : mapping
+        Lower and upper bound of each free parameter by name, in the model's units or as texts with unit. The
+        parameters of the model are the start.
+    speeds : float, str or sequence, optional
+        Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm", a range in which speeds between
+        those given are checked too; by default the speed of the case.
+    keep : sequence of str
+        Quantities that do not change: a figure such as "lift.range" or "lift.max", or a curve such as
+        "lift@80:100 deg"; with a tolerance as in "lift.range within 0.1 mm".
+    subject : sequence of str
+        Bounds of quantities at every speed, such as "contact_force.min > 0" or "spectral_radius < 0.9".
+    starts : int
+        Number of starts: the model's parameters, and random ones within the bounds.
+    method : str or Method
+        "radau", "gauss" or "auto".
+    rtol : float
+        Relative tolerance of the orbits and of the optimum.
+    prove : bool
+        Whether to prove the verdicts of the optimum, as by `solve.prove`.
+
+    Returns ------- Optimum
+
+    Raises ------ UnknownNameError, ValueOutOfBoundsError, UnitError, NoDerivativeError
+        For bad input.
+    SolveError
+        Other subclasses, if the model has no solution at the start.
+
+    Notes ----- Every local extremum that may be the largest is a constraint of the epigraph. The spectral
+    radius with its error stays below 1 at every speed; on the unit circle, for a model without damping. The
+    optimum is a local one.
+
+    Examples -------- >>> import solve >>> cam = solve.load("cam") >>> found = optimise(cam, "q3.max_abs",
+    {"c3": (800, 1200), "k3": (2e8, 3e8)}, "600 rpm") >>> found.objective < found.before True
+    """
+    require_integer("starts", starts)
+    rule = chosen(method)
+    if isinstance(rule, Method) and not isinstance(rule, Collocated):
+        raise ValueOutOfBoundsError(f"method is {rule.name}; an optimum takes radau, gauss, or auto")
+    given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
+    is_range = isinstance(speeds, str) and speeds.count(":") == 2
+    model = model.shown_in(given[0])
+    names, low, high = _free(model, free)
+    kept, bounds = kept_of(model, keep), bounds_of(model, subject)
+    objective = _named(model, minimise) if isinstance(minimise, str) else minimise
+    named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
+    orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)
+    design = Design(model, names, low, high, sorted(map(float, given)), rule, rtol, orbits)
+    search = Search(design, objective, bounds, kept)
+    with progress.task(ROUNDS):
+        best, doubts = search.best(starts), []
+        if is_range:
+            best, doubts = search.over_range(best)
+    return _optimum(search, best, doubts, prove)
+
+
+def _named(model: Model, text: str) -> Named:
+    """Real quantity of a name. Raises UnknownNameError, ValueOutOfBoundsError."""
+    quantity = Named.of(model, text)
+    if quantity.figure == "" and quantity.subject != RADIUS:
+        raise ValueOutOfBoundsError(f"'{text}' is complex; minimise a part, such as {text}.re")
+    return quantity
+
+
+def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
+    """Names, lower and upper bounds (r,) of the free parameters. Raises UnknownNameError,
+    ValueOutOfBoundsError, UnitError, NoDerivativeError."""
+    names = unique_names(free)
+    if not names:
+        raise ValueOutOfBoundsError("no parameter is free; give names with bounds, such as k1=4e4:1e5")
+    ends = []
+    for name in names:
+        require_name(f"parameter of {model.name}", name, model.parameters)
+        low, high = (model.in_own_unit(name, end) for end in free[name])
+        value = model.parameters[name]
+        if not (low < high and low <= value <= high):
+            raise ValueOutOfBoundsError(
+                f"bounds of {name} are {low:g} to {high:g}, and it starts from {value:g}; give a range that "
+                f"holds it, or another start with --set {name}=NUMBER"
+            )
+        for end in (low, high):
+            model.require_bounds({name: end})
+        ends.append((low, high))
+    model.derivatives.by(names)
+    low, high = np.array(ends).T
+    return names, low, high
+
+
+def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Optimum:
+    """Result, confirmed by nonlinear orbits and, if requested, proofs."""
+    design, objective = search.design, search.minimise
+    before, points = design.at(design.start, design.speeds), design.points(best.x)
+    values, values_before = search.values(points), search.values(before)
+    is_named = isinstance(objective, Named)
+    phase, curves = np.empty(0), [np.empty(0)] * 2
+    if isinstance(objective, Named) and objective.of_orbit:
+        worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, _CURVE_PHASES)
+        curves = [each[worst].signal(objective.subject, phase) for each in (points, before)]
+    confirmed, unconfirmed = _confirmed(search, best, prove)
+    if not best.feasible:
+        doubts = [
+            *doubts,
+            "no design that fulfils all requirements was found, this one violates them least; widen the "
+            "bounds, or relax a requirement",
+        ]
+    warnings = dict.fromkeys(warning for point in points for warning in point.solved.warnings)
+    failures = len(search.failures)
+    failed = [f"trials without a solution: {failures}, the last: {search.failures[-1]}"] if failures else []
+    return Optimum(
+        system=design.varied(best.x),
+        minimised=objective.text if is_named else "value of the function",
+        unit=objective.unit if is_named else "1",
+        parameters={
+            name: FreeParameter(design.model.parameters[name], value, low, high)
+            for (name, value), low, high in zip(
+                design.parameters(best.x).items(), design.low.tolist(), design.high.tolist(), strict=True
+            )
+        },
+        objective=best.objective,
+        before=float(values_before.max()),
+        constraints=search.requirements(points),
+        speeds=np.array(design.speeds),
+        values=values,
+        values_before=values_before,
+        phase=phase,
+        curve=curves[0],
+        curve_before=curves[1],
+        confirmed=confirmed,
+        doubts=[*doubts, *warnings, *unconfirmed, *failed],
+        solutions=design.solutions,
+    )
+
+
+def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any], list[str]]:
+    """Objective and verdicts of nonlinear orbits, and proved verdicts; sentences on what is not confirmed."""
+    design, model = search.design, search.design.varied(best.x)
+    confirmed: dict[str, Any] = {}
+    doubts: list[str] = []
+    if model.nonlinear and design.orbits:
+        try:
+            orbits = [
+                nonlinear(model, each, method=design.method, rtol=design.rtol) for each in design.speeds
+            ]
+        except SolveError as reason:
+            doubts.append(f"the optimum is not confirmed by nonlinear orbits: {reason}")
+        else:
+            values = search.values([DesignPoint(orbit, design.names) for orbit in orbits])
+            confirmed |= {"objective": float(values.max()), "verdicts": [orbit.verdict for orbit in orbits]}
+            unstable = [model.speed_unit.text(orbit.speed) for orbit in orbits if orbit.verdict == "unstable"]
+            if unstable:
+                doubts.append(f"the nonlinear orbit is unstable at {', '.join(unstable)}")
+    if prove:
+        proofs = [proof_of(point.solved) for point in design.points(best.x)]
+        confirmed["proved"] = [proof.verdict if proof.proved else None for proof in proofs]
+        doubts += dict.fromkeys(warning for proof in proofs for warning in proof.warnings)
+    return confirmed, doubts

@@ -1,0 +1,127 @@
+"""Requirements on an optimum, as texts: bounds of quantities, and figures and curves that are kept."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError, require_name
+from solve.period.named import Named
+from solve.period.quantities import FIGURES
+from solve.system import PeriodicSystem
+from solve.units import apart, in_unit, quantity
+
+RANGE = "range"
+"""Figure of a kept quantity: maximum minus minimum."""
+
+_RELATION = re.compile(r"\s*(\S+?)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
+_CURVE_PHASES = 33
+"""Number of phases at which a curve is kept: Chebyshev points of the interval."""
+
+_TOLERANCE = 1e-9
+"""Largest change of a kept quantity without a stated tolerance, relative to its largest modulus."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Upper (sign 1) or lower (sign -1) bound of a quantity, in its SI unit."""
+
+    text: str
+    quantity: Named
+    sign: float
+    value: float
+
+    @classmethod
+    def of(cls, system: PeriodicSystem, text: str) -> "Bound":
+        """Bound of a text such as "spectral_radius < 0.9". Raises ValueOutOfBoundsError, UnknownNameError,
+        UnitError."""
+        parts = _RELATION.fullmatch(text)
+        if parts is None:
+            raise ValueOutOfBoundsError(
+                f"'{text}' is no bound; write a quantity, < or >, and a number, such as 'rho1.abs < 0.9'"
+            )
+        named = Named.of(system, parts[1])
+        if named.figure == "" and named.subject.startswith(("rho", "exponent")):
+            raise ValueOutOfBoundsError(f"'{named.text}' is complex; bound a part, such as {named.text}.re")
+        return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, _number(parts[3], named, text))
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Figure of a quantity, or with phases (k,) its curve there, that an optimum does not change.
+
+    figures: the names of statistics, the first minus the second. tolerance: largest change in the SI unit;
+    None for a change that counts as none.
+    """
+
+    text: str
+    name: str
+    figures: tuple[str, ...] = ()
+    phases: Array | None = None
+    tolerance: float | None = None
+
+    @classmethod
+    def of(cls, system: PeriodicSystem, text: str) -> "Kept":
+        """Kept quantity of a text such as "lift.range", "lift@80:100 deg" or "lift.max within 0.1 mm". Raises
+        ValueOutOfBoundsError, UnknownNameError, UnitError."""
+        what, within, width = (part.strip() for part in text.partition(" within "))
+        name, at, interval = what.partition("@")
+        name, _, figure = name.partition(".")
+        require_name(f"coordinate or output of {system.name}", name, (*system.coordinates, *system.outputs))
+        unit = system.units.get(name, "1")
+        tolerance = in_unit(_quantity(width, text), unit, text) if within else None
+        if tolerance is not None and not tolerance > 0:
+            raise ValueOutOfBoundsError(f"'{text}' has the tolerance {width}; allowed: numbers > 0")
+        if at:
+            return cls(text, name, (), _phases(interval, text), tolerance)
+        if not figure:
+            raise ValueOutOfBoundsError(
+                f"'{text}' names no figure; write {name}.{RANGE}, or {name}@80:100 deg for its curve"
+            )
+        require_name(f"figure of {name}", figure, [RANGE, *FIGURES])
+        return cls(text, name, ("max", "min") if figure == RANGE else (figure,), None, tolerance)
+
+    def allowed(self, values: Array) -> float:
+        """Largest change, for values (k,) before."""
+        if self.tolerance is not None:
+            return self.tolerance
+        return _TOLERANCE * (float(np.abs(values).max()) or 1.0)
+
+
+def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
+    """Bounds of texts; see `Bound.of`."""
+    return [Bound.of(system, text) for text in texts]
+
+
+def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
+    """Kept quantities of texts; see `Kept.of`."""
+    return [Kept.of(system, text) for text in texts]
+
+
+def _quantity(text: str, whole: str) -> float | str:
+    try:
+        return quantity(text)
+    except ValueError:
+        raise ValueOutOfBoundsError(
+            f"'{whole}' has no number '{text}'; write one, such as 0.9, or with a unit, such as '0.1 mm'"
+        ) from None
+
+
+def _number(text: str, named: Named, whole: str) -> float:
+    return in_unit(_quantity(text, whole), named.unit, whole)
+
+
+def _phases(interval: str, whole: str) -> Array:
+    """Chebyshev points (k,) in rad of an interval "A:B deg". Raises ValueOutOfBoundsError, UnitError."""
+    numbers, _, unit = apart(interval).partition(" ")
+    try:
+        low, high = (
+            in_unit(f"{float(end)!r} {unit.strip() or 'rad'}", "rad", whole) for end in numbers.split(":")
+        )
+    except ValueError:
+        raise ValueOutOfBoundsError(f"'{whole}' has no interval; write it like lift@80:100 deg") from None
+    if not low < high:
+        raise ValueOutOfBoundsError(f"'{whole}' ends before it begins; write A:B with A < B")
+    return (low + high) / 2 - (high - low) / 2 * np.cos(np.linspace(0.0, np.pi, _CURVE_PHASES))

@@ -1,0 +1,217 @@
+"""Quantities in the neighbourhood of a design as smooth functions: each local extremum over the period that
+may become the largest is followed on its own.
+
+The maximum over the period is not differentiable where two extrema are equally large, which is where
+minimisation leads. Extrema are, and their derivatives are those at a fixed phase (envelope theorem).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.named import Named
+from solve.results.orbit import Orbit
+from solve.studies.design_points import Design, DesignPoint
+
+_SAMPLES = 2048
+"""Samples per period in which extrema are found, as for the statistics of an orbit."""
+
+_LEADING = 0.5
+"""Extrema lower than the largest by more than this fraction of the range of the values are not followed,
+unless a later round finds them among the largest."""
+
+_WINDOW = np.linspace(-1.0, 1.0, 33)
+"""Places in the window in which an extremum is found again, in halves of its width. The window ends half way
+to the neighbouring extremum."""
+
+_ZOOMS, _ZOOM = 2, 16
+"""Number of times that a window is searched, and reduction of its width: one gives derivatives of extrema to
+2e-4, two to 1e-7, in the test of an oscillator."""
+
+_WIDEST = 1 / 16
+"""Largest half width of a window, in periods. A choice."""
+
+_DIFFERENCE = 1e-4
+"""Difference of x, whose range is 0 to 1, for derivatives of a function that is given without. Errors are of
+the order of its square and of rtol divided by it."""
+
+
+_EQUAL = 1e-9
+"""Relative difference up to which extrema are equally large, as for derivatives of statistics."""
+
+
+class Tracked(Protocol):
+    """Values (k,) that must not exceed a limit, and their derivatives (k, r) by x."""
+
+    def values(self, x: Array) -> Array: ...
+
+    def slopes(self, x: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Single:
+    """A quantity at one of the speeds, times a sign and a factor (1 + error)."""
+
+    design: Design
+    at: int
+    quantity: Named
+    sign: float = 1.0
+    factor: float = 1.0
+
+    def values(self, x: Array) -> Array:
+        return np.array([self.sign * self.factor * self.design.points(x)[self.at].value(self.quantity)])
+
+    def slopes(self, x: Array) -> Array:
+        slopes = self.design.points(x)[self.at].slopes(self.quantity)
+        return self.sign * self.factor * self.design.slopes(slopes)[None]
+
+
+@dataclass(frozen=True)
+class Extrema:
+    """Local maxima of sides · signal near phases, all (k,), in windows of half widths (k,)."""
+
+    design: Design
+    at: int
+    name: str
+    sides: Array
+    phases: Array
+    widths: Array
+
+    def values(self, x: Array) -> Array:
+        return self._found(x)[1]
+
+    def slopes(self, x: Array) -> Array:
+        point, phases = self.design.points(x)[self.at], self._found(x)[0]
+        return self.design.slopes(self.sides[:, None] * point.signal_slopes(self.name, phases))
+
+    def _found(self, x: Array) -> tuple[Array, Array]:
+        """Phases and values (k,) of the maxima in the windows, or at an end of a window without one."""
+        point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
+        for _ in range(_ZOOMS):
+            phases = found[:, None] + widths[:, None] * _WINDOW
+            values = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
+            found, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
+        return found, self.sides * point.signal(self.name, found)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A coordinate or output at fixed phases (k,)."""
+
+    design: Design
+    at: int
+    name: str
+    phases: Array
+
+    def values(self, x: Array) -> Array:
+        return self.design.points(x)[self.at].signal(self.name, self.phases)
+
+    def slopes(self, x: Array) -> Array:
+        return self.design.slopes(self.design.points(x)[self.at].signal_slopes(self.name, self.phases))
+
+
+@dataclass(frozen=True)
+class Differences:
+    """Maxima (k,); or, with minima (l,), each maximum minus the first minimum, and the first maximum minus
+    each further minimum, (k + l - 1,)."""
+
+    extrema: Sequence[Extrema]
+
+    def values(self, x: Array) -> Array:
+        return self._combined([each.sides * each.values(x) for each in self.extrema])
+
+    def slopes(self, x: Array) -> Array:
+        return self._combined([each.sides[:, None] * each.slopes(x) for each in self.extrema])
+
+    @staticmethod
+    def _combined(parts: Sequence[Array]) -> Array:
+        if len(parts) == 1:
+            return parts[0]
+        maxima, minima = parts
+        return np.concatenate((maxima - minima[0], maxima[0] - minima[1:]))
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function of the orbits at all speeds; derivatives by central differences."""
+
+    design: Design
+    function: Callable[[Sequence[Orbit]], float]
+
+    def values(self, x: Array) -> Array:
+        return np.array([self.of(self.design.points(x))])
+
+    def of(self, points: Sequence[DesignPoint]) -> float:
+        """Value of the function."""
+        return float(self.function([point.orbit for point in points]))
+
+    def slopes(self, x: Array) -> Array:
+        slopes = np.empty((1, len(x)))
+        for place in range(len(x)):
+            ends = np.clip(x[place] + _DIFFERENCE * np.array([-1.0, 1.0]), 0.0, 1.0)
+            below, above = (
+                self.of(self.design.at(np.r_[x[:place], end, x[place + 1 :]], self.design.speeds))
+                for end in ends
+            )
+            slopes[0, place] = (above - below) / (ends[1] - ends[0])
+        return slopes
+
+
+def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Tracked:
+    """The quantity at one speed, times a sign, as values whose largest it is."""
+    sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
+        (quantity.figure, sign)
+    )
+    if sides is None:
+        return Single(design, at, quantity, sign)
+    period, phases, signs, widths = design.model.period, [], [], []
+    values = design.points(x)[at].signal(quantity.subject, np.arange(_SAMPLES) * (period / _SAMPLES))
+    largest = max(float((side * values).max()) for side in sides)
+    for side in sides:
+        found = _maxima(side * values, largest - _LEADING * float(np.ptp(values)), period)
+        phases.append(found)
+        signs.append(np.full(len(found), side))
+        widths.append(_half_widths(found, period))
+    return Extrema(design, at, quantity.subject, *map(np.concatenate, (signs, phases, widths)))
+
+
+def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
+    """The largest local maxima of side · signal at one speed, several if they are equally large."""
+    every = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
+    assert isinstance(every, Extrema)
+    values = every.values(x)
+    largest = values >= values.max() - _EQUAL * np.abs(values).max()
+    return Extrema(design, at, name, every.sides[largest], every.phases[largest], every.widths[largest])
+
+
+def _maxima(values: Array, least: float, period: float) -> Array:
+    """Phases (k,) of the local maxima of samples over a period that are at least `least`."""
+    before, after = np.roll(values, 1), np.roll(values, -1)
+    places = np.flatnonzero((values >= before) & (values > after) & (values >= least))
+    neighbours = np.stack((before, values, after), axis=1)[places]
+    phases = (places[:, None] + np.array([-1, 0, 1])) * (period / len(values))
+    return _refined(neighbours, np.ones(len(places), dtype=int), phases)
+
+
+def _half_widths(phases: Array, period: float) -> Array:
+    """Half widths (k,) of windows about ascending phases, which do not overlap."""
+    if len(phases) < 2:
+        return np.full(len(phases), _WIDEST * period)
+    gaps = np.diff(np.append(phases, phases[0] + period))
+    return np.minimum(np.minimum(gaps, np.roll(gaps, 1)) / 2, _WIDEST * period)
+
+
+def _refined(values: Array, places: Array, phases: Array) -> Array:
+    """Phases (k,) of the vertices of the parabolas through the samples next to places (k,); the phases (k, j)
+    themselves at the ends."""
+    rows, inner = np.arange(len(places)), np.clip(places, 1, values.shape[1] - 2)
+    below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
+    bend = 2 * top - below - above
+    spacing = phases[rows, inner] - phases[rows, inner - 1]
+    shift = np.where(bend > 0, (above - below) / (2 * np.where(bend > 0, bend, 1.0)), 0.0)
+    return np.where(
+        places == inner, phases[rows, inner] + np.clip(shift, -1, 1) * spacing, phases[rows, places]
+    )

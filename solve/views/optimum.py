@@ -1,0 +1,104 @@
+"""Optimum beside the start: curves over the period, values over speed, and free parameters in their
+bounds."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.results.formatting import measured
+from solve.results.optimum import Optimum
+from solve.views.panels import draw_through, label_phases, label_quantity, label_speeds, labelled, titled
+from solve.views.show import figure, tables
+from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.views.tables import RenderableType, table, table_of, text
+
+_MOST_PARAMETERS = 24
+"""Maximum number of parameters in the picture: as many as fit."""
+
+
+@figure.register(Optimum)
+def optimum_figure(optimum: Optimum) -> Figure:
+    """Before and after in one picture: curve at the worst speed, values over speed, parameters in their
+    bounds."""
+    names = list(optimum.parameters)[:_MOST_PARAMETERS]
+    heights = [0.5 + 0.18 * len(names)]
+    heights += [2.0] if len(optimum.speeds) > 1 else []
+    heights += [2.2] if len(optimum.phase) else []
+    title = f"{titled(optimum.system, optimum.speeds[optimum.worst])}: least {optimum.minimised}"
+    with page(0.6 + sum(heights), title) as made:
+        panels = list(made.subplots(len(heights), 1, squeeze=False, height_ratios=heights[::-1])[:, 0])
+        if len(optimum.phase):
+            _draw_curve(panels.pop(0), optimum)
+        if len(optimum.speeds) > 1:
+            _draw_over_speed(panels.pop(0), optimum)
+        _draw_parameters(panels.pop(0), optimum, names)
+    return made
+
+
+def _draw_curve(axes: Axes, optimum: Optimum) -> None:
+    """Coordinate or output over the period at the worst speed, before and at the optimum."""
+    name = optimum.minimised.partition(".")[0]
+    factor = label_quantity(axes, optimum.system, name, np.append(optimum.curve, optimum.curve_before))
+    phase = np.degrees(optimum.phase)
+    axes.plot(phase, factor * optimum.curve_before, color=GREY, label="before")
+    axes.plot(phase, factor * optimum.curve, color=BLUE, label="optimum")
+    label_phases(axes, float(optimum.phase[-1]))
+    axes.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+
+
+def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
+    speeds = optimum.system.speed_unit.of(optimum.speeds)
+    for values, colour in ((optimum.values_before, GREY), (optimum.values, BLUE)):
+        draw_through(axes, speeds, values, color=colour)
+    axes.set_ylabel(labelled(optimum.minimised, optimum.unit if optimum.unit != "1" else ""))
+    label_speeds(axes, optimum.system, optimum.speeds)
+
+
+def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None:
+    """Places of the parameters between their bounds, before and at the optimum."""
+    places = np.arange(len(names))
+    shown = [optimum.parameters[name] for name in names]
+    before, after = (
+        np.array([(getattr(each, field) - each.low) / (each.high - each.low) for each in shown])
+        for field in ("before", "value")
+    )
+    axes.hlines(places, before, after, color=VERMILION, linewidth=1.0)
+    axes.plot(before, places, "o", color=GREY)
+    axes.plot(after, places, "o", color=BLUE)
+    axes.set_yticks(places, names)
+    axes.set_xticks([0.0, 0.5, 1.0], ["lower bound", "middle", "upper bound"])
+    axes.set_xlim(-0.03, 1.03)
+    axes.invert_yaxis()
+    axes.set_title("free parameters", loc="left", color=GREY)
+
+
+@tables.register(Optimum)
+def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
+    """Objective, parameters, requirements, and values over speed."""
+    unit_of = optimum.system.unit_of
+    parameters = table(
+        "Free parameters",
+        *("parameter", "unit", "before", "optimum", "low", "high", "at bound"),
+        left=2,
+        rows=[
+            (name, unit_of(name).name, *(f"{number:.6g}" for number in each), each.at_bound or "–")
+            for name, each in optimum.parameters.items()
+        ],
+    )
+    requirements = table(
+        "Requirements, worst over the speeds",
+        *("quantity", "value", "bound"),
+        rows=[(each.name, f"{each.value:.6g}", f"{each.bound:.9g}") for each in optimum.constraints],
+    )
+    shown = [text(f"\n{optimum.summary}{_confirmation(optimum)}", "bold"), parameters, requirements]
+    if len(optimum.speeds) > 1:
+        shown.append(table_of(f"{optimum.minimised} over speed", optimum.columns))
+    return shown
+
+
+def _confirmation(optimum: Optimum) -> str:
+    """Sentence on the nonlinear orbits, if there are any."""
+    if "objective" not in optimum.confirmed:
+        return ""
+    verdicts = ", ".join(dict.fromkeys(optimum.confirmed["verdicts"]))
+    return f" Nonlinear orbits: {measured(optimum.confirmed['objective'], optimum.unit)}, {verdicts}."
