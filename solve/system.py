@@ -33,10 +33,20 @@ from solve.errors import (
     require_name,
 )
 from solve.labels import Labels, require_vibration
-from solve.matrices import changes, require_inertia, with_neighbours
+from solve.matrices import (
+    changes,
+    real_arrays,
+    require_finite_entries,
+    require_inertia,
+    require_shapes,
+    with_neighbours,
+)
 
 _LOAD_PHASES = 128
 """Phases per period at which a load is sampled to find out whether it is zero. A choice."""
+
+_INSET = 1e-12
+"""Fraction of the period by which phases next to a jump are moved away from it. A choice."""
 
 
 class PeriodicSystem(Labels):
@@ -88,7 +98,7 @@ class PeriodicSystem(Labels):
         period: float = 2 * math.pi,
         breaks: Sequence[float] = (),
     ):
-        self.period = _checked_period(period)
+        self.period = checked_period(period)
         texts = all(isinstance(name, str) for name in coordinates)
         if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self.vibrates:
             raise ValueOutOfBoundsError(
@@ -133,8 +143,8 @@ class PeriodicSystem(Labels):
         >>> PeriodicSystem.from_samples(one, 0.1 * one, 4 * one, one[:, 0], ["q"]).coordinates
         ('q',)
         """
-        period = _checked_period(period)
-        samples = _real((M, C, K, d), "samples")
+        period = checked_period(period)
+        samples = real_arrays((M, C, K, d), "MCKd", "samples")
         counts = {len(array) if array.ndim else 0 for array in samples}
         if len(counts) != 1 or 0 in counts:
             raise MatricesError(
@@ -165,14 +175,8 @@ class PeriodicSystem(Labels):
                 f"({m}, {self.n}, {self.n}) and d ({m}, {self.n})."
             )
             raise
-        M, C, K, d = _real(values, "matrices")
-        for symbol, array in zip("MCKd", (M, C, K, d), strict=True):
-            if not np.isfinite(array).all():
-                first = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
-                raise MatricesError(
-                    f"{symbol} has NaN or infinite entries at phase {phase[first % len(phase)]:.6g}; "
-                    "check the parameters and the function that gives the matrices"
-                )
+        M, C, K, d = real_arrays(values, "MCKd", "matrices")
+        require_finite_entries((M, C, K, d), "MCKd", phase)
         return M, C, K, d
 
     def in_phase(self, phase: Array, speed: float) -> Matrices:
@@ -326,26 +330,31 @@ class PeriodicSystem(Labels):
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular."""
-        n, inset = self.n, 1e-12 * self.period
-        jumps_at_zero = any(abs(math.remainder(b, self.period)) <= inset for b in self.breaks)
-        phase = np.array([0.0, 0.281, 0.618, 1.0]) * self.period
+        n, phase = self.n, self._checked_phases
+        matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
+        shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
+        require_shapes(matrices, shapes, f"{n} coordinates ({', '.join(self.coordinates)})")
+        self._require_periodicity(phase, speed, "MCKd")
+        require_inertia(matrices["M"])
+
+    @property
+    def _checked_phases(self) -> Array:
+        """Four phases, inside the period if there are breaks."""
+        phase, inset = np.array([0.0, 0.281, 0.618, 1.0]) * self.period, _INSET * self.period
         if self.breaks:
             phase[[0, -1]] += [inset, -inset]
-        matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
-        for symbol, array in matrices.items():
-            expected = (4, n) if symbol == "d" else (4, n, n)
-            if array.shape != expected:
-                raise MatricesError(
-                    f"{symbol} at 4 phases has shape {array.shape}; for {n} coordinates "
-                    f"({', '.join(self.coordinates)}) it must be {expected}"
-                )
+        return phase
+
+    def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
+        """Raise MatricesError unless M, C, K and d, which have these symbols in the message, are equal at the
+        first and the last of the phases."""
+        jumps_at_zero = any(abs(math.remainder(b, self.period)) <= _INSET * self.period for b in self.breaks)
         ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
         for symbol, change in () if jumps_at_zero else changes(ends, speed):
             raise MatricesError(
-                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
-                f"{change:.3g}; give the right period, or the jump at 0 as a break"
+                f"{symbols['MCKd'.index(symbol)]} is not periodic: between phase 0 and {self.period:.6g} it "
+                f"changes by {change:.3g}; give the right period, or the jump at 0 as a break"
             )
-        require_inertia(matrices["M"])
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
@@ -382,16 +391,8 @@ of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require
 """Decorator of public functions that require a vibrating system."""
 
 
-def _checked_period(period: float) -> float:
+def checked_period(period: float) -> float:
+    """The period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
     if isinstance(period, str) or not (math.isfinite(period) and period > 0):
         raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
     return float(period)
-
-
-def _real(arrays: Sequence[Array], kind: str) -> Matrices:
-    """Four arrays of floats. Raises MatricesError."""
-    try:
-        M, C, K, d = (np.asarray(array).astype(float, casting="same_kind", copy=False) for array in arrays)
-    except (TypeError, ValueError) as error:
-        raise MatricesError(f"the {kind} are no four real arrays M, C, K, d: {error}") from None
-    return M, C, K, d

@@ -38,6 +38,8 @@ _SMALLEST = float(np.finfo(float).tiny)
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
     """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
+    if points.first_order:
+        return None
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():

@@ -69,6 +69,7 @@ class _Uncoupled:
     breaks = ()
     bytes_a_phase = 0
     alone = False
+    first_order = 0
 
     def __init__(self, points: Points, phase: Array):
         self.n, self.period = points.n, points.period

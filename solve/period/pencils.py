@@ -15,10 +15,10 @@ _ITERATIONS = 6
 """Power iterations for the vector of a bound: a choice; the bound is valid for any positive vector."""
 
 
-def pencil_eigenvalues(pencils: Array) -> Array:
-    """Eigenvalues (…, 2n) of λ²M + λC + K, given as fields (3, n, n, …)."""
+def pencil_eigenvalues(pencils: Array, first_order: int = 0) -> Array:
+    """Finite eigenvalues (…, 2n - first_order) of λ²M + λC + K, given as fields (3, n, n, …)."""
     M, C, K = np.moveaxis(pencils, (1, 2), (-2, -1))
-    return eigenvalues(rate_of(M, C, K, np.zeros(M.shape[:-1]))[..., :-1])
+    return eigenvalues(rate_of(M, C, K, np.zeros(M.shape[:-1]), first_order)[..., :-1])
 
 
 def eigenvalues(matrices: Array) -> Array:
