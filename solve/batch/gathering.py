@@ -30,7 +30,7 @@ _CHUNK_BYTES = 2**25
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
     """Results of points (P, v)."""
     n = batch.family.example.n
-    results = PointResults.blank(len(points), n, kept or Kept())
+    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept or Kept())
     size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
@@ -43,7 +43,8 @@ def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResult
     """Multipliers and statistics of points (P, v) on one grid, without error estimates and with the verdict
     "undetermined"."""
     n = batch.family.example.n
-    results, size = PointResults.blank(len(points), n, kept), chunk_size(n)
+    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept)
+    size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
             writer = _ResultWriter(batch, points[start : start + size], results, start)

@@ -120,7 +120,8 @@ class Spectrum:
             solutions, order = self._solutions, self._order
             assert solutions.steps is not None
             phases = np.arange(32) * (self.point.period / 32)  # for the mean of M
-            mass = matrices(self.point, phases)[0][0].mean(axis=0)
+            first_order = self.point.first_order
+            mass = None if first_order else matrices(self.point, phases)[0][0].mean(axis=0)
             maps = solutions.steps.A[0]
             with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
             change = np.diagonal(_log_distances(self.logarithms, eigenvalues.logarithms[0][order]))

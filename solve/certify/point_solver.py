@@ -45,8 +45,10 @@ class PointSolver:
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         self.points, self.method, self.request = points, method, request
-        self.max_steps = method.most_steps(points.n)
-        self.orders = np.array([method.curve_order, method.order])
+        self.max_steps = method.most_steps(points.n, points.first_order)
+        # The curve of a first-order coordinate is integrated once less.
+        is_lower = bool(points.first_order) and method.stages is not None
+        self.orders = np.array([method.curve_order - is_lower, method.order])
 
     def with_method(self, method: Method) -> "PointSolver":
         """Solver of the same points by another method, with the same frozen and rigid-body modes."""

@@ -57,8 +57,8 @@ class Fourier(Method):
     # Two phases a wave of the fastest mode, the limit of sampling.
     follows = np.pi
 
-    def most_steps(self, n: int) -> int:
-        return MOST_UNKNOWNS // (2 * n)
+    def most_steps(self, n: int, first_order: int = 0) -> int:
+        return MOST_UNKNOWNS // (2 * n - first_order)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         odd = Grid.uniform(grid.steps | 1, grid.period)

@@ -77,6 +77,7 @@ def solutions_on(
     """Solutions of a method for points, some of which have rigid-body modes. Their monodromy matrices are
     those of the motion relative to the modes, see `Anchored.quotient`, and their orbits have zero mean along
     the modes."""
+    method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
     anchored = anchored_for(method, points, held)

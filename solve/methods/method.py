@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arguments import most_numbers, require_steps
 from solve.arrays import Array, across, covers_all
-from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
+from solve.errors import MatricesError, ResonanceError, SolveError, StepsError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
 from solve.matrices import leading
 from solve.period.curve import Curve, PeriodicCurve
@@ -129,7 +129,7 @@ class Method:
     a mode with a phase error c (ω h)^(order + 1); 0 if modes are damped before that matters. stages: number
     of stages of a collocation method; with_another_stage: the method of its family with one more stage; None
     for other methods. warnings: warnings about the method's settings. symmetric: whether the method needs
-    matrices that modes diagonalise.
+    matrices that modes diagonalise. first_order: whether it solves systems with first-order coordinates.
     """
 
     name: str
@@ -145,6 +145,7 @@ class Method:
     phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
     symmetric: bool = False
+    first_order: bool = True
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -187,16 +188,25 @@ class Method:
         """Approximate peak memory per step for n coordinates."""
         return 80 * (2 * n + 1) ** 2
 
-    def most_steps(self, n: int) -> int:
-        """Largest number of steps per period for n coordinates, limited by memory and time."""
+    def most_steps(self, n: int, first_order: int = 0) -> int:
+        """Largest number of steps per period for n coordinates, of which the last have no second derivatives,
+        limited by memory and time."""
         steps = int(8 * most_numbers() / self.bytes_a_step(n))
         return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
+
+    def require_order(self, points: Points) -> None:
+        """Raise ValueOutOfBoundsError if points have first-order coordinates that the method cannot solve."""
+        if points.first_order and not self.first_order:
+            raise ValueOutOfBoundsError(
+                f"{self.name} solves equations of second order only, and this system has first-order states; "
+                "use auto, radau, gauss, rk4, hsu, fourier or hill"
+            )
 
     def require_steps(self, steps: Any, points: Points) -> None:
         """Raise StepsError for a number of steps that can be used, with an error estimate, at none of the
         points."""
         require_steps(steps, max(1, len(points.breaks)))
-        most = self.most_steps(points.n) // (2 if self.converges else 1)
+        most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
             raise StepsError(
                 f"{self.name} takes at most {most} steps a period for {points.n} coordinates; given: "
