@@ -5,6 +5,7 @@ are zero. A system ẋ = A x + b has M = 0, C = 1, K = -A and d = b."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,18 @@ from solve.matrices import (
     require_inertia,
     require_shapes,
 )
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, sampled
+
+
+class Signals(NamedTuple):
+    """Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, and the names of its inputs
+    and outputs."""
+
+    B: Array
+    C: Array
+    D: Array
+    inputs: Sequence[str]
+    outputs: Sequence[str]
 
 
 class FirstOrderSystem(PeriodicSystem):
@@ -72,6 +84,54 @@ class FirstOrderSystem(PeriodicSystem):
             if not texts or len({*states, *names}) != len(states) + len(names):
                 raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
         self.states, self.inputs, self.outputs = tuple(states), tuple(inputs), tuple(outputs)
+
+    @classmethod
+    def from_samples(  # type: ignore[override]
+        cls,
+        A: Array,
+        b: Array,
+        states: Sequence[str],
+        phases: Sequence[float] | Array | None = None,
+        period: float = 2 * math.pi,
+        signals: Signals | None = None,
+    ) -> "FirstOrderSystem":
+        """Create a system from samples at azimuths of the period, see `PeriodicSystem.from_samples`.
+
+        Parameters
+        ----------
+        A : (k, N, N) array
+            Samples in SI units, valid at the speed at which they were taken.
+        b : (k, N) array
+            Samples of the load.
+        states : sequence of str
+            Names of the N states.
+        phases : (k,) array, optional
+            Azimuths in rad, by default uniform from 0 without the end of the period.
+        period : float
+            Period in phase.
+        signals : Signals, optional
+            Samples B (k, N, r), C (k, y, N) and D (k, y, r), and names of inputs and outputs.
+
+        Returns
+        -------
+        FirstOrderSystem
+
+        Raises
+        ------
+        MatricesError
+            As `PeriodicSystem.from_samples`.
+
+        Examples
+        --------
+        >>> A = np.full((8, 1, 1), -2.0)
+        >>> FirstOrderSystem.from_samples(A, A[:, 0], ["x"]).states
+        ('x',)
+        """
+        inputs, outputs = () if signals is None else signals[3], () if signals is None else signals[4]
+        arrays = (A, b) if signals is None else (A, b, *signals[:3])
+        samples = sampled(arrays, "AbBCD"[: len(arrays)], period, phases)
+        made = cls(samples.function, states, samples.period, (), inputs, outputs)
+        return made.from_interpolant(samples)
 
     @property
     def _symbols(self) -> str:
@@ -172,6 +232,37 @@ class MixedSystem(PeriodicSystem):
                 raise ValueOutOfBoundsError(f"{kind} are {names!r}; give a sequence of names")
         super().__init__(matrices, [*coordinates, *states], period, breaks)
         self.states = tuple(states)
+
+    @classmethod
+    def from_samples(  # type: ignore[override]
+        cls,
+        matrices: Sequence[Array],
+        coordinates: Sequence[str],
+        states: Sequence[str],
+        period: float = 2 * math.pi,
+        phases: Sequence[float] | Array | None = None,
+    ) -> "MixedSystem":
+        """Create a system from samples at azimuths of the period, see `PeriodicSystem.from_samples`.
+
+        Parameters
+        ----------
+        matrices : sequence of array
+            Samples of M, C, K (k, n, n) and d (k, n), with n the number of coordinates and states.
+        coordinates, states, period, phases
+            As for the constructor and `PeriodicSystem.from_samples`.
+
+        Returns
+        -------
+        MixedSystem
+
+        Raises
+        ------
+        MatricesError
+            As `PeriodicSystem.from_samples`.
+        """
+        samples = sampled(matrices, "MCKd", period, phases)
+        made = cls(samples.function, coordinates, states, samples.period)
+        return made.from_interpolant(samples)
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and determine the highest

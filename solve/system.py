@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from typing import Any, Self
 
 import numpy as np
 
-from solve.approximation import Trigonometric
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import (
@@ -41,6 +41,7 @@ from solve.matrices import (
     require_shapes,
     with_neighbours,
 )
+from solve.samples import Samples
 
 _LOAD_PHASES = 128
 """Phases per period at which a load is sampled to find out whether it is zero. A choice."""
@@ -71,7 +72,7 @@ class PeriodicSystem(Labels):
 
     Notes
     -----
-    Capabilities of some systems are None for others: `structure`, `derivatives`, `reduction`.
+    Capabilities of some systems are None for others: `structure`, `derivatives`, `reduction`, `samples`.
 
     Examples
     --------
@@ -87,6 +88,9 @@ class PeriodicSystem(Labels):
     """Reduction from a larger system; None for a full system."""
     structure: Structure | None = None
     """Frequencies and mode shapes from the elements of a structure; None for other systems."""
+
+    samples: Samples | None = None
+    """Samples from which the matrices are interpolated; None for other systems."""
 
     derivatives: Any = None
     """Derivatives with respect to parameters, `ParameterDerivatives`; None without generated equations."""
@@ -112,21 +116,34 @@ class PeriodicSystem(Labels):
 
     @classmethod
     def from_samples(
-        cls, M: Array, C: Array, K: Array, d: Array, coordinates: Sequence[str], period: float = 2 * math.pi
-    ) -> "PeriodicSystem":
-        """Create a system from samples on a uniform grid over the period without its end point.
+        cls,
+        M: Array,
+        C: Array,
+        K: Array,
+        d: Array,
+        coordinates: Sequence[str],
+        period: float = 2 * math.pi,
+        phases: Sequence[float] | Array | None = None,
+    ) -> Self:
+        """Create a system from samples at azimuths of the period.
+
+        Between the samples the matrices are their trigonometric interpolant. Results state its error,
+        estimated from the decay of the harmonics, and how many azimuths suffice.
 
         Parameters
         ----------
         M, C, K : (k, n, n) arrays
             Samples in SI units, valid at the speed at which they were taken. k exceeds twice the highest
-            relevant harmonic: between the samples the matrices are their trigonometric interpolant.
+            relevant harmonic.
         d : (k, n) array
             Samples of the load.
         coordinates : sequence of str
             Names of the n coordinates.
         period : float
             Period in phase.
+        phases : (k,) array, optional
+            Azimuths of the samples in rad, in any order; by default uniform from 0 without the end of the
+            period.
 
         Returns
         -------
@@ -135,7 +152,8 @@ class PeriodicSystem(Labels):
         Raises
         ------
         MatricesError
-            If the samples are not real arrays with the same number of phases.
+            If the samples are not real arrays with the same number of phases, or if azimuths coincide, are
+            fewer than three, or leave half of the period without any.
 
         Examples
         --------
@@ -143,21 +161,14 @@ class PeriodicSystem(Labels):
         >>> PeriodicSystem.from_samples(one, 0.1 * one, 4 * one, one[:, 0], ["q"]).coordinates
         ('q',)
         """
-        period = checked_period(period)
-        samples = real_arrays((M, C, K, d), "MCKd", "samples")
-        counts = {len(array) if array.ndim else 0 for array in samples}
-        if len(counts) != 1 or 0 in counts:
-            raise MatricesError(
-                f"samples of M, C, K, d have shapes {[array.shape for array in samples]}; "
-                "give the same number of phases, 1 or more, first in each"
-            )
-        curves = [Trigonometric(array, period) for array in samples]
+        samples = sampled((M, C, K, d), "MCKd", period, phases)
+        return cls(samples.function, coordinates, samples.period).from_interpolant(samples)
 
-        def matrices(phase: Array, speed: float) -> Matrices:
-            M, C, K, d = (curve(phase) for curve in curves)
-            return M, C, K, d
-
-        return cls(matrices, coordinates, period)
+    def from_interpolant(self, samples: Samples) -> Self:
+        """The same system with other samples of its matrices."""
+        made = copy(self)
+        made._matrices, made.samples = samples.function, samples
+        return made
 
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time.
@@ -389,6 +400,13 @@ of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 
 of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require_vibration)
 """Decorator of public functions that require a vibrating system."""
+
+
+def sampled(
+    arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
+) -> Samples:
+    """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
+    return Samples.of(real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases)
 
 
 def checked_period(period: float) -> float:

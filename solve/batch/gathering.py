@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
+from solve.certify.interpolation import with_interpolation_errors
 from solve.certify.reduction import with_reduction_errors
 from solve.contracts import Statistics
 from solve.kernel.engines import COMPILED
@@ -92,6 +93,7 @@ class _ResultWriter:
             found = with_reduction_errors(found, self._system_of(found))
             for place, error in zip(at, found.reduction, strict=False):
                 results.reductions[place] = error.orbit, error.multipliers
+            found = with_interpolation_errors(found, self._system_of(found))
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
         results.verdicts[at] = (

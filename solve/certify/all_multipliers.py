@@ -5,7 +5,7 @@ period."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -51,6 +51,13 @@ class RefinedMultipliers:
     errors: Array
     steps: int
     rigid: Array
+
+    def with_margin(self, error: float) -> "RefinedMultipliers":
+        """The same with a further error of all multipliers, relative to the spectral radius."""
+        sizes = np.real(self.logarithms)
+        with np.errstate(over="ignore", invalid="ignore"):
+            errors = self.errors + error * np.exp(sizes.max() - sizes)
+        return replace(self, errors=np.where(errors < NO_DIGIT, errors, np.nan))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,136 @@
+"""Errors of systems that are interpolated from samples, estimated from the decay of their harmonics.
+
+A solution with fewer harmonics differs from that with all by the effect of the dropped ones. Two such
+differences give the rate at which the effect falls with the harmonic, and by extrapolation the effect of the
+harmonics that the azimuths do not resolve. It is zero if the harmonics are seen to end. Higher harmonics that
+alias to some below this end are not seen."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.certified import Certified, InterpolationError
+from solve.certify.estimates import differences
+from solve.certify.refinement import SAFETY
+from solve.errors import SolveError
+from solve.methods.free import free, solutions_on
+from solve.period.points import OnePoint
+from solve.samples import Samples
+from solve.system import PeriodicSystem
+from solve.terminal import progress
+
+_FASTEST = 1e-3
+"""Smallest ratio of the effects of successive multiples of harmonics that is extrapolated: a choice, as one
+difference may vanish by chance."""
+
+_FLAT = 0.9
+"""Ratio of the effects of successive multiples above which the harmonics do not fall: a choice. It takes 22
+multiples for a digit."""
+
+_MOST_AZIMUTHS = 100_000
+"""Number of azimuths above which none is recommended: the harmonics hardly fall. A choice."""
+
+
+class _Effect(NamedTuple):
+    """Relative differences (2,) of orbit and multipliers by dropping multiples above `kept`."""
+
+    kept: int
+    change: Array
+
+
+def with_interpolation_errors(
+    result: Certified, system_at: Callable[[int], tuple[PeriodicSystem, float]]
+) -> Certified:
+    """Points whose errors contain those of the interpolation of their samples.
+
+    Points of systems that are not sampled remain unchanged. system_at: system and speed (rad/s) of one of
+    them."""
+    if not len(result) or system_at(0)[0].samples is None:
+        return result
+    found = []
+    with progress.task("error of the interpolation", len(result)) as count:
+        for row in range(len(result)):
+            found.append(_of_point(result, row, *system_at(row)))
+            count.add(1)
+    added = np.array([(error.orbit, error.multipliers) for error in found])
+    radius = result.solutions.multipliers.spectral_radius
+    with np.errstate(invalid="ignore"):
+        margin = np.where(radius > 0, added[:, 1] * radius, added[:, 1])
+    return replace(
+        result,
+        errors=result.errors + added,
+        absolute=result.absolute + margin,
+        interpolation=tuple(found),
+    )
+
+
+def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float) -> InterpolationError:
+    """Error of the interpolation at a point."""
+    samples = system.samples
+    assert samples is not None
+    spacing, last = samples.spacing, int(samples.significant.max(initial=0))
+    if samples.ends:
+        return InterpolationError(samples.azimuths, last, 0.0, 0.0, samples.azimuths)
+    resolved = samples.resolved // spacing
+    kept = sorted({max(0, resolved - max(1, resolved // 4)), max(0, resolved - max(2, resolved // 2))})
+    try:
+        effects = [_effect(result, row, (system, speed), samples, number) for number in kept]
+    except SolveError:
+        return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
+    next_one = resolved + 1
+    errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
+    enough = _sufficient(effects, errors, spacing, samples.azimuths, result.request.rtol)
+    return InterpolationError(samples.azimuths, last, float(errors[0]), float(errors[1]), enough)
+
+
+def _effect(
+    result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples, multiples: int
+) -> _Effect:
+    """Effect of the harmonics above a number of multiples of their spacing at a point. Raises SolveError."""
+    system, speed = point
+    solutions = result.solutions[np.array([row])]
+    fewer = OnePoint(system.from_interpolant(samples.truncated(multiples * samples.spacing)), speed)
+    orbit, engine = solutions.curve is not None, result.request.engine
+    made = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
+    for reason in made.failures.values():
+        raise reason
+    modes = result.modes[np.array([row])]
+    change = differences(made, solutions, lambda _, sizes: modes.load_scale(sizes))[0]
+    return _Effect(multiples, change)
+
+
+def _extrapolated(effects: list[_Effect], next_one: int) -> Array:
+    """Errors (2,) due to the multiples from `next_one` on."""
+    last = effects[-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return last.change * _ratios(effects) ** (next_one - last.kept - 1)
+
+
+def _ratios(effects: list[_Effect]) -> Array:
+    """Ratios (2,) of the effects of successive multiples, at most 1, from one or two effects."""
+    if len(effects) < 2:
+        return np.ones(2)
+    (low, more), (high, less) = effects
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(more > 0, less / np.where(more > 0, more, 1.0), 1.0) ** (1 / (high - low))
+    return np.clip(ratios, _FASTEST, 1.0)
+
+
+def _sufficient(
+    effects: list[_Effect], errors: Array, spacing: int, azimuths: int, rtol: float
+) -> int | None:
+    """Number of azimuths with which the errors (2,) are at most rtol; None if the harmonics hardly fall."""
+    excess = errors / rtol
+    if (excess <= 1).all():
+        return azimuths
+    ratios = _ratios(effects)
+    if (ratios[excess > 1] > _FLAT).any() or not np.isfinite(excess).all():
+        return None
+    with np.errstate(divide="ignore"):
+        more = np.where(excess > 1, np.log(np.maximum(excess, 1.0)) / -np.log(ratios), 0.0).max()
+    enough = azimuths + 2 * spacing * math.ceil(more)
+    return enough if enough <= _MOST_AZIMUTHS else None
