@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -37,12 +37,15 @@ class Samples:
         Number of sampled phases.
     amplification : float
         Factor by which the fit amplifies errors of the samples: 1 for uniform azimuths.
+    given : tuple of arrays, optional
+        Ascending azimuths (k,) that are not uniform, and the arrays sampled there.
     """
 
     arrays: tuple[Array, ...]
     period: float
     azimuths: int
     amplification: float = 1.0
+    given: tuple[Array, tuple[Array, ...]] | None = None
 
     @classmethod
     def of(
@@ -67,12 +70,14 @@ class Samples:
         azimuths, uniform = azimuths[order], np.arange(count) * (period / count)
         if np.abs(azimuths - uniform).max() <= _SAME_AZIMUTH * period:
             return cls(tuple(array[order] for array in arrays), period, count)
-        values, amplification = _fit(azimuths, period)
-        fitted = (values @ array[order].reshape(count, -1) for array in arrays)
-        pairs = zip(fitted, arrays, strict=True)
-        return cls(
-            tuple(made.reshape(-1, *array.shape[1:]) for made, array in pairs), period, count, amplification
-        )
+        return cls._fitted(azimuths, [array[order] for array in arrays], (count - 1) // 2, period)
+
+    @classmethod
+    def _fitted(cls, azimuths: Array, arrays: Sequence[Array], most: int, period: float) -> "Samples":
+        """Samples at ascending azimuths (k,) that are not uniform, with up to `most` harmonics."""
+        values, amplification = _fit(azimuths, most, period)
+        fitted = [(values @ array.reshape(len(array), -1)).reshape(-1, *array.shape[1:]) for array in arrays]
+        return cls(tuple(fitted), period, len(azimuths), amplification, (azimuths, tuple(arrays)))
 
     @cached_property
     def function(self) -> Callable[[Array, float], list[Array]]:
@@ -107,7 +112,16 @@ class Samples:
         return last == 0 or last + self.spacing <= self.resolved
 
     def truncated(self, harmonics: int) -> "Samples":
-        """Samples of the interpolants without higher harmonics."""
+        """Samples of the interpolants without higher harmonics; if azimuths are not uniform, of interpolants
+        through fewer azimuths, which have errors of the same kind: higher harmonics alias to all lower ones.
+        """
+        if self.given is not None:
+            azimuths, arrays = self.given
+            if not harmonics:
+                means = [np.broadcast_to(array.mean(axis=0), array.shape) for array in self.arrays]
+                return replace(self, arrays=tuple(means), given=None)
+            some = np.round(np.linspace(0, len(azimuths), 2 * harmonics + 1, endpoint=False)).astype(int)
+            return self._fitted(azimuths[some], [array[some] for array in arrays], harmonics, self.period)
         made = []
         for array in self.arrays:
             spectrum = np.fft.rfft(array, axis=0)
@@ -145,11 +159,11 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
     return wrapped
 
 
-def _fit(azimuths: Array, period: float) -> tuple[Array, float]:
+def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
     """Matrix (2H+1, k) from samples at azimuths (k,) to values of the fitted series of H harmonics at uniform
-    phases, and the amplification of errors. H is the largest number for which the fit is well conditioned."""
-    count = len(azimuths)
-    for harmonics in range((count - 1) // 2, 0, -1):
+    phases, and the amplification of errors. H is the largest number, at most `most`, for which the fit is
+    well conditioned."""
+    for harmonics in range(most, 0, -1):
         design = _waves(azimuths, harmonics, period)
         singular = np.linalg.svd(design, compute_uv=False)
         condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else math.inf
@@ -158,8 +172,8 @@ def _fit(azimuths: Array, period: float) -> tuple[Array, float]:
             uniform = _waves(np.arange(size) * (period / size), harmonics, period)
             return uniform @ np.linalg.pinv(design), max(1.0, condition / math.sqrt(2))
     raise MatricesError(
-        f"the {count} azimuths are clustered, and determine no harmonic; give azimuths that are distributed "
-        "over the period"
+        f"the {len(azimuths)} azimuths are clustered, and determine no harmonic; give azimuths that are "
+        "distributed over the period"
     )
 
 

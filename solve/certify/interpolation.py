@@ -81,7 +81,8 @@ def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float)
         effects = [_effect(result, row, (system, speed), samples, number) for number in kept]
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
-    next_one = resolved + 1
+    # Fits to azimuths that are not uniform err less regularly: the last difference counts as it is.
+    next_one = resolved + 1 if samples.given is None else effects[-1].kept + 1
     errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
     enough = _sufficient(effects, errors, spacing, samples.azimuths, result.request.rtol)
     return InterpolationError(samples.azimuths, last, float(errors[0]), float(errors[1]), enough)
