@@ -162,6 +162,13 @@ class FirstOrderSystem(PeriodicSystem):
         A, b, *_ = self.equations_at(phase, speed)
         return np.zeros_like(A), np.broadcast_to(np.eye(self.n), A.shape), -A, b
 
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        A, b, *_ = self.equations_at(phase, speed)
+        N, m = self.n, len(phase)
+        diagonal = N**2 + np.arange(N) * (N + 1)
+        entries = np.concatenate((np.full((m, N), speed), -A.reshape(m, -1), b), axis=1)
+        return entries, np.concatenate((diagonal, np.arange(2 * N**2, 3 * N**2 + N)))
+
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
@@ -263,6 +270,12 @@ class MixedSystem(PeriodicSystem):
         samples = sampled(matrices, "MCKd", period, phases)
         made = cls(samples.function, coordinates, states, samples.period)
         return made.from_interpolant(samples)
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        entries, numbers = super().used_entries(phase, speed)
+        n = self.n
+        used = (numbers >= n**2) | (numbers % n < n - self.first_order)
+        return entries[:, used], numbers[used]
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and determine the highest

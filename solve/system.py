@@ -264,6 +264,11 @@ class PeriodicSystem(Labels):
         entries[:, self.n**2 : 2 * self.n**2] *= speed
         return entries
 
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        """Columns (m, R) of the entries that may differ from zero, and their numbers (R,), ascending."""
+        entries = self.entries(phase, speed)
+        return entries, np.arange(entries.shape[1])
+
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
         speeds (P,), and the entry of each term (R,), ascending; None if unavailable."""

@@ -132,6 +132,8 @@ class FrozenModes:
         pencils = self._matrices_at(phases)
         if not self._first_order:
             return pencils
+        if self._first_order == self._n:
+            return np.stack((pencils[1], pencils[2], np.zeros_like(pencils[0])))
         columns = by_rates(*np.moveaxis(pencils, 2, -1), self._first_order)
         return np.moveaxis(np.stack(columns), -1, 2)
 
@@ -389,7 +391,11 @@ class FrozenModes:
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), with first-order coordinates taken as rates."""
-        return mass_normalised(*self._rates_at(phases))
+        M, C, K = self._rates_at(phases)
+        if self._first_order < self._n:
+            return mass_normalised(M, C, K)
+        ratio, _ = mass_normalised(M, C, K[:, :0])
+        return ratio, np.zeros_like(ratio)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:

@@ -72,7 +72,7 @@ def mass_normalised(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
     n, rows = len(M), np.concatenate((M, C, K), axis=1)
     if n > LOOPED:
         M, CK = np.split(np.moveaxis(rows, (0, 1), (2, 3)), [n], axis=-1)
-        C, K = np.split(np.moveaxis(solved(M, CK), (2, 3), (0, 1)), 2, axis=1)
+        C, K = np.split(np.moveaxis(solved(M, CK), (2, 3), (0, 1)), [n], axis=1)
         return C, K
     with np.errstate(all="ignore"):
         for k in range(n):

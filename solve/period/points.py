@@ -69,6 +69,9 @@ class Tables:
         if len(self.coefficients) == 1 and not self.own:
             return (self._weights @ self.table.T)[:, None]
         fields = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
+        if self.own and (np.diff(self.entry) > 0).all() and (self.coefficients == 1).all():
+            fields[self.entry] = np.moveaxis(self.table, -1, 0)
+            return fields
         last = -1
         for term, entry in enumerate(self.entry.tolist()):
             factors = self.coefficients[:, term, None], self.table[..., term]
@@ -187,7 +190,8 @@ class OnePoint(_OfSystem):
     def tables(self, phase: Array) -> Tables:
         terms = self.system.terms(phase, np.array([self.speed]))
         if terms is None:
-            return Tables.of(self.system.entries(phase, self.speed)[None], self.n, self.first_order)
+            entries, numbers = self.system.used_entries(phase, self.speed)
+            return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
         return Tables(*terms, self.n, self.first_order)
 
 
