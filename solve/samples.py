@@ -91,14 +91,30 @@ class Samples:
         return (len(self.arrays[0]) - 1) // 2
 
     @cached_property
+    def envelope(self) -> Array:
+        """Largest amplitude (h,) of each harmonic from 0 on, relative to the largest entry of its matrix."""
+        envelope = np.zeros(len(self.arrays[0]) // 2 + 1)
+        for array in self.arrays:
+            amplitudes = np.abs(np.fft.rfft(array, axis=0)).reshape(len(envelope), -1)
+            if amplitudes.any():
+                envelope = np.maximum(envelope, amplitudes.max(axis=1) / amplitudes.max())
+        return envelope
+
+    @property
     def significant(self) -> Array:
         """Harmonics (h,) above 0, of any entry, that are no round-off."""
-        found = np.zeros(len(self.arrays[0]) // 2 + 1, dtype=bool)
-        for array in self.arrays:
-            amplitudes = np.abs(np.fft.rfft(array, axis=0)).reshape(len(found), -1)
-            if amplitudes.size:
-                found |= amplitudes.max(axis=1) > _SIGNIFICANT * amplitudes.max()
-        return np.flatnonzero(found[1:]) + 1
+        return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
+
+    @property
+    def decay(self) -> float:
+        """Ratio, at most 1, by which amplitudes fall from a harmonic to the next one, measured between the
+        second quarter of the harmonics and the last one."""
+        most = len(self.envelope) - 1
+        groups = self.envelope[most // 4 + 1 : most // 2 + 1], self.envelope[most - most // 4 :]
+        before, after = (float(group.max(initial=0.0)) for group in groups)
+        if before <= after or most < 4:
+            return 1.0
+        return max(after / before, EPS) ** (2 / most)
 
     @property
     def spacing(self) -> int:
@@ -110,6 +126,14 @@ class Samples:
         """Whether the harmonics are seen to end: the next multiple of their spacing is resolved and zero."""
         last = int(self.significant.max(initial=0))
         return last == 0 or last + self.spacing <= self.resolved
+
+    def thinned(self, stride: int) -> "Samples":
+        """Samples at every second or third of uniform azimuths."""
+        arrays = [array[::stride] for array in self.arrays]
+        if self.azimuths % stride == 0:
+            return Samples(tuple(arrays), self.period, self.azimuths // stride)
+        azimuths = np.arange(self.azimuths)[::stride] * (self.period / self.azimuths)
+        return self._fitted(azimuths, arrays, (len(azimuths) - 1) // 2, self.period)
 
     def truncated(self, harmonics: int) -> "Samples":
         """Samples of the interpolants without higher harmonics; if azimuths are not uniform, of interpolants

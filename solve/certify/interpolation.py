@@ -1,9 +1,15 @@
 """Errors of systems that are interpolated from samples, estimated from the decay of their harmonics.
 
-A solution with fewer harmonics differs from that with all by the effect of the dropped ones. Two such
-differences give the rate at which the effect falls with the harmonic, and by extrapolation the effect of the
-harmonics that the azimuths do not resolve. It is zero if the harmonics are seen to end. Higher harmonics that
-alias to some below this end are not seen."""
+Harmonics that the azimuths do not resolve are missing, and alias to resolved ones.
+
+- A solution with fewer harmonics differs from that with all by the effect of the dropped ones. Two such
+  differences give the rate at which the effect falls with the harmonic, and by extrapolation that of the
+  missing ones.
+- A solution from every second or third azimuth differs by harmonics near k/2 or k/3, of k azimuths, that
+  alias to the lowest ones. With k azimuths those near k do; they are smaller by the decay of the amplitudes.
+
+The larger error counts. It is zero if the harmonics are seen to end: higher ones that alias to some below
+this end are not seen."""
 
 import math
 from collections.abc import Callable
@@ -26,6 +32,9 @@ from solve.terminal import progress
 _FASTEST = 1e-3
 """Smallest ratio of the effects of successive multiples of harmonics that is extrapolated: a choice, as one
 difference may vanish by chance."""
+
+_FEWEST = 2
+"""Number of azimuths above which they determine a harmonic."""
 
 _FLAT = 0.9
 """Ratio of the effects of successive multiples above which the harmonics do not fall: a choice. It takes 22
@@ -77,31 +86,44 @@ def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float)
         return InterpolationError(samples.azimuths, last, 0.0, 0.0, samples.azimuths)
     resolved = samples.resolved // spacing
     kept = sorted({max(0, resolved - max(1, resolved // 4)), max(0, resolved - max(2, resolved // 2))})
+    point = system, speed
     try:
-        effects = [_effect(result, row, (system, speed), samples, number) for number in kept]
+        changes = [_change(result, row, point, samples.truncated(number * spacing)) for number in kept]
+        aliased = _aliased(result, row, point, samples)
     except SolveError:
         return InterpolationError(samples.azimuths, last, math.inf, math.inf, None)
+    effects = [_Effect(number, change) for number, change in zip(kept, changes, strict=True)]
     # Fits to azimuths that are not uniform err less regularly: the last difference counts as it is.
     next_one = resolved + 1 if samples.given is None else effects[-1].kept + 1
     errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
-    enough = _sufficient(effects, errors, spacing, samples.azimuths, result.request.rtol)
+    errors = np.maximum(errors, SAFETY * aliased)
+    ratios = np.maximum(_ratios(effects), samples.decay**spacing)
+    enough = _sufficient(ratios, errors / result.request.rtol, spacing, samples.azimuths)
     return InterpolationError(samples.azimuths, last, float(errors[0]), float(errors[1]), enough)
 
 
-def _effect(
-    result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples, multiples: int
-) -> _Effect:
-    """Effect of the harmonics above a number of multiples of their spacing at a point. Raises SolveError."""
+def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
+    """Relative differences (2,) of orbit and multipliers of a point by other samples. Raises SolveError."""
     system, speed = point
     solutions = result.solutions[np.array([row])]
-    fewer = OnePoint(system.from_interpolant(samples.truncated(multiples * samples.spacing)), speed)
+    fewer = OnePoint(system.from_interpolant(samples), speed)
     orbit, engine = solutions.curve is not None, result.request.engine
     made = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
     for reason in made.failures.values():
         raise reason
     modes = result.modes[np.array([row])]
-    change = differences(made, solutions, lambda _, sizes: modes.load_scale(sizes))[0]
-    return _Effect(multiples, change)
+    return differences(made, solutions, lambda _, sizes: modes.load_scale(sizes))[0]
+
+
+def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
+    """Errors (2,) of a point due to harmonics that alias to the lowest ones; 0 if azimuths are not uniform,
+    since others alias then as well. Raises SolveError."""
+    errors = np.zeros(2)
+    for stride in (2, 3) if samples.given is None else ():
+        if samples.azimuths > _FEWEST * stride:
+            change = _change(result, row, point, samples.thinned(stride))
+            errors = np.maximum(errors, change * samples.decay ** (samples.azimuths * (1 - 1 / stride)))
+    return errors
 
 
 def _extrapolated(effects: list[_Effect], next_one: int) -> Array:
@@ -121,17 +143,15 @@ def _ratios(effects: list[_Effect]) -> Array:
     return np.clip(ratios, _FASTEST, 1.0)
 
 
-def _sufficient(
-    effects: list[_Effect], errors: Array, spacing: int, azimuths: int, rtol: float
-) -> int | None:
-    """Number of azimuths with which the errors (2,) are at most rtol; None if the harmonics hardly fall."""
-    excess = errors / rtol
-    if (excess <= 1).all():
+def _sufficient(ratios: Array, excess: Array, spacing: int, azimuths: int) -> int | None:
+    """Number of azimuths with which the errors meet the tolerance; None if the harmonics hardly fall.
+
+    ratios (2,): of the effects of successive multiples of the spacing. excess (2,): errors over tolerance."""
+    missed = excess > 1
+    if not missed.any():
         return azimuths
-    ratios = _ratios(effects)
-    if (ratios[excess > 1] > _FLAT).any() or not np.isfinite(excess).all():
+    if (ratios[missed] > _FLAT).any() or not np.isfinite(excess).all():
         return None
-    with np.errstate(divide="ignore"):
-        more = np.where(excess > 1, np.log(np.maximum(excess, 1.0)) / -np.log(ratios), 0.0).max()
-    enough = azimuths + 2 * spacing * math.ceil(more)
+    more = math.ceil((np.log(excess[missed]) / -np.log(ratios[missed])).max())
+    enough = azimuths + 2 * spacing * more
     return enough if enough <= _MOST_AZIMUTHS else None
