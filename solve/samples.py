@@ -1,5 +1,6 @@
 """Matrices sampled at azimuths: their trigonometric interpolant, and its harmonics."""
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +18,13 @@ _SAME_AZIMUTH = 1e-9
 _MAX_CONDITION = 30.0
 """Condition number of the fit of a series to azimuths that are not uniform, above which fewer harmonics are
 fitted. It multiplies errors of the samples, and unresolved harmonics. A choice: uniform azimuths have √2."""
+
+_FLATTENING = 0.7
+"""Ratio of the logarithmic decay in the last quarter of the harmonics to that before, below which it
+flattens: 1 for geometric decay, below 0.6 for powers. A choice."""
+
+_FEWEST_FOR_POWER = 8
+"""Number of harmonics from which each quarter has two, so that flattening is seen. A choice."""
 
 _SIGNIFICANT = 64 * EPS
 """Amplitude of a harmonic relative to the largest entry of its matrix, above which it is no round-off. A
@@ -105,16 +113,38 @@ class Samples:
         """Harmonics (h,) above 0, of any entry, that are no round-off."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
-    @property
-    def decay(self) -> float:
-        """Ratio, at most 1, by which amplitudes fall from a harmonic to the next one, measured between the
-        second quarter of the harmonics and the last one."""
+    def decay(self, first: float, last: float) -> float:
+        """Ratio, at most 1, of the amplitude of a harmonic to that of a lower one, extrapolated from the
+        quarters of the resolved harmonics.
+
+        Amplitudes of smooth functions fall geometrically. If their logarithms fall more slowly in the last
+        quarter, as for kinks and jumps, they are assumed to fall with a power of the harmonic.
+        """
         most = len(self.envelope) - 1
-        groups = self.envelope[most // 4 + 1 : most // 2 + 1], self.envelope[most - most // 4 :]
-        before, after = (float(group.max(initial=0.0)) for group in groups)
-        if before <= after or most < 4:
+        if most < 4:
             return 1.0
-        return max(after / before, EPS) ** (2 / most)
+        ends = np.linspace(0, most, 5).round().astype(int)
+        # Each with the last harmonic of the quarter before, since single harmonics may vanish.
+        quarters = (self.envelope[max(a, 1) : b + 1] for a, b in itertools.pairwise(ends))
+        sizes = [max(float(quarter.max()), EPS) for quarter in quarters]
+        early, late = math.log(sizes[2] / sizes[0]) / 2, math.log(sizes[3] / sizes[2])
+        if min(early, late) >= 0:
+            return 1.0
+        if most >= _FEWEST_FOR_POWER and late > _FLATTENING * early:
+            return (last / first) ** min(late / math.log(3 / 2), 0.0)
+        slope = max(early, late) if most >= _FEWEST_FOR_POWER else math.log(sizes[3] / sizes[1]) / 2
+        return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
+
+    def shifted(self) -> "Samples":
+        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the last
+        quarter of the harmonics."""
+        most = len(self.envelope) - 1
+        ratio = self.decay(3 / 4 * most, self.azimuths)
+        arrays = []
+        for array in self.arrays:
+            amplitudes = 2 * np.abs(np.fft.rfft(array, axis=0)) / len(array)
+            arrays.append(array + ratio * amplitudes[most - most // 4 :].max(axis=0))
+        return replace(self, arrays=tuple(arrays))
 
     @property
     def spacing(self) -> int:

@@ -7,6 +7,7 @@ Harmonics that the azimuths do not resolve are missing, and alias to resolved on
   missing ones.
 - A solution from every second or third azimuth differs by harmonics near k/2 or k/3, of k azimuths, that
   alias to the lowest ones. With k azimuths those near k do; they are smaller by the decay of the amplitudes.
+- A solution with means that are shifted by these amplitudes differs as much.
 
 The larger error counts. It is zero if the harmonics are seen to end: higher ones that alias to some below
 this end are not seen."""
@@ -97,7 +98,8 @@ def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float)
     next_one = resolved + 1 if samples.given is None else effects[-1].kept + 1
     errors = SAFETY * samples.amplification * _extrapolated(effects, next_one)
     errors = np.maximum(errors, SAFETY * aliased)
-    ratios = np.maximum(_ratios(effects), samples.decay**spacing)
+    half = samples.azimuths / 2
+    ratios = np.maximum(_ratios(effects), samples.decay(half, half + spacing))
     enough = _sufficient(ratios, errors / result.request.rtol, spacing, samples.azimuths)
     return InterpolationError(samples.azimuths, last, float(errors[0]), float(errors[1]), enough)
 
@@ -122,7 +124,10 @@ def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], s
     for stride in (2, 3) if samples.given is None else ():
         if samples.azimuths > _FEWEST * stride:
             change = _change(result, row, point, samples.thinned(stride))
-            errors = np.maximum(errors, change * samples.decay ** (samples.azimuths * (1 - 1 / stride)))
+            decay = samples.decay(samples.azimuths / stride, samples.azimuths)
+            errors = np.maximum(errors, change * decay)
+    if samples.given is None:
+        errors = np.maximum(errors, _change(result, row, point, samples.shifted()))
     return errors
 
 
