@@ -136,14 +136,14 @@ class Samples:
         return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
 
     def shifted(self) -> "Samples":
-        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the last
-        quarter of the harmonics."""
+        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the
+        last quarter of the harmonics."""
         most = len(self.envelope) - 1
         ratio = self.decay(3 / 4 * most, self.azimuths)
         arrays = []
         for array in self.arrays:
             amplitudes = 2 * np.abs(np.fft.rfft(array, axis=0)) / len(array)
-            arrays.append(array + ratio * amplitudes[most - most // 4 :].max(axis=0))
+            arrays.append(array + ratio * amplitudes[most - max(1, most // 4) :].max(axis=0))
         return replace(self, arrays=tuple(arrays))
 
     @property

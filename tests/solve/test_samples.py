@@ -203,3 +203,30 @@ def test_clustered_azimuths_are_refused():
     assert system.samples.resolved == 1
     with pytest.raises(SolveError, match="are clustered"):
         FirstOrderSystem.from_samples(-one[:3], one[:3, 0], ["x"], phases=[0.0, 2e-2, 3.15])
+
+
+def curves(kind, rng):
+    """One of some functions of the phase with mean values that a fine grid gives."""
+    width, shift = rng.uniform(1.02, 2.5), rng.uniform(0, 6)
+    return {
+        "poles": lambda p: 1 / (width - np.cos(p - shift)),
+        "jumps": lambda p: 1.0 * (np.mod(p - shift, 2 * np.pi) < width),
+        "harmonics": lambda p: 1 + np.cos(p - shift) + np.cos(3 * p),
+        "pulses": lambda p: np.exp(10 * width * (np.cos(p - shift) - 1)),
+    }[kind]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["poles", "jumps", "harmonics", "pulses"])
+def test_errors_of_many_interpolated_functions_are_honest(kind):
+    rng, ratios = np.random.default_rng(99), []
+    fine = (np.arange(200_000) + 0.5) * (2 * np.pi / 200_000)
+    for trial in range(60):
+        count = int(rng.integers(6, 50))
+        azimuths = irregular(rng, count) if trial % 3 == 0 else uniform(count)
+        value = curves(kind, rng)
+        A = -value(azimuths)[:, None, None]
+        found = solve.floquet(FirstOrderSystem.from_samples(A, A[:, 0], ["x"], azimuths), 1.0)
+        exact = np.exp(-2 * np.pi * np.array([value(fine).mean()]))
+        ratios.append(error(found, exact) / found.error_estimate.multipliers)
+    assert np.sum(np.array(ratios) > 10) <= (0 if kind != "jumps" else 1)
