@@ -19,7 +19,8 @@ from solve.matrices import (
     require_inertia,
     require_shapes,
 )
-from solve.system import PeriodicSystem, sampled
+from solve.samples import sampled
+from solve.system import PeriodicSystem
 
 
 class Signals(NamedTuple):

@@ -10,7 +10,8 @@ import numpy as np
 
 from solve.approximation import Trigonometric
 from solve.arrays import EPS, Array
-from solve.errors import MatricesError
+from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.matrices import real_arrays
 
 _SAME_AZIMUTH = 1e-9
 """Distance of azimuths, as a fraction of the period, below which they coincide. A choice."""
@@ -235,3 +236,17 @@ def _waves(phase: Array, harmonics: int, period: float) -> Array:
     """1, cosines and sines (m, 2H+1) at phases (m,)."""
     angles = np.outer(phase, np.arange(1, harmonics + 1)) * (2 * math.pi / period)
     return np.concatenate((np.ones((len(phase), 1)), np.cos(angles), np.sin(angles)), axis=1)
+
+
+def sampled(
+    arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
+) -> Samples:
+    """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
+    return Samples.of(real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases)
+
+
+def checked_period(period: float) -> float:
+    """The period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
+    if isinstance(period, str) or not (math.isfinite(period) and period > 0):
+        raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
+    return float(period)

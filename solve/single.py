@@ -7,7 +7,7 @@ from solve.certify.all_multipliers import (
     rigid_multipliers,
 )
 from solve.certify.certified import Certified, Failed, SolveRequest
-from solve.certify.interpolation import with_interpolation_errors
+from solve.certify.interpolation import with_interpolation_errors, with_margin
 from solve.certify.reduction import with_reduction_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
@@ -172,5 +172,5 @@ def _solve(
             rigid = rigid_multipliers(result)
             refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
             if refined_spectrum is not None and result.interpolation:
-                refined_spectrum = refined_spectrum.with_margin(result.interpolation[0].multipliers)
+                refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
     return result, Spectrum(point, result, refined_spectrum)

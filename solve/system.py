@@ -41,7 +41,7 @@ from solve.matrices import (
     require_shapes,
     with_neighbours,
 )
-from solve.samples import Samples
+from solve.samples import Samples, checked_period, sampled
 
 _LOAD_PHASES = 128
 """Phases per period at which a load is sampled to find out whether it is zero. A choice."""
@@ -125,16 +125,13 @@ class PeriodicSystem(Labels):
         period: float = 2 * math.pi,
         phases: Sequence[float] | Array | None = None,
     ) -> Self:
-        """Create a system from samples at azimuths of the period.
-
-        Between the samples the matrices are their trigonometric interpolant. Results state its error,
-        estimated from the decay of the harmonics, and how many azimuths suffice.
+        """Create a system from samples at azimuths of the period, between which the matrices are their
+        trigonometric interpolant. Results state its error, and how many azimuths suffice.
 
         Parameters
         ----------
         M, C, K : (k, n, n) arrays
-            Samples in SI units, valid at the speed at which they were taken. k exceeds twice the highest
-            relevant harmonic.
+            Samples in SI units, valid at the speed at which they were taken.
         d : (k, n) array
             Samples of the load.
         coordinates : sequence of str
@@ -142,8 +139,7 @@ class PeriodicSystem(Labels):
         period : float
             Period in phase.
         phases : (k,) array, optional
-            Azimuths of the samples in rad, in any order; by default uniform from 0 without the end of the
-            period.
+            Azimuths in rad, in any order; by default uniform from 0 without the end of the period.
 
         Returns
         -------
@@ -152,8 +148,7 @@ class PeriodicSystem(Labels):
         Raises
         ------
         MatricesError
-            If the samples are not real arrays with the same number of phases, or if azimuths coincide, are
-            fewer than three, or leave half of the period without any.
+            For samples that are not real arrays of one length, and for unsuitable azimuths.
 
         Examples
         --------
@@ -266,8 +261,7 @@ class PeriodicSystem(Labels):
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
         """Columns (m, R) of the entries that may differ from zero, and their numbers (R,), ascending."""
-        entries = self.entries(phase, speed)
-        return entries, np.arange(entries.shape[1])
+        return self.entries(phase, speed), np.arange(3 * self.n**2 + self.n)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
@@ -362,8 +356,7 @@ class PeriodicSystem(Labels):
         return phase
 
     def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
-        """Raise MatricesError unless M, C, K and d, which have these symbols in the message, are equal at the
-        first and the last of the phases."""
+        """Raise MatricesError unless M, C, K and d, with these symbols in messages, are periodic."""
         jumps_at_zero = any(abs(math.remainder(b, self.period)) <= _INSET * self.period for b in self.breaks)
         ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
         for symbol, change in () if jumps_at_zero else changes(ends, speed):
@@ -405,17 +398,3 @@ of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 
 of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require_vibration)
 """Decorator of public functions that require a vibrating system."""
-
-
-def sampled(
-    arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
-) -> Samples:
-    """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
-    return Samples.of(real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases)
-
-
-def checked_period(period: float) -> float:
-    """The period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
-    if isinstance(period, str) or not (math.isfinite(period) and period > 0):
-        raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
-    return float(period)

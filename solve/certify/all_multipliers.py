@@ -5,7 +5,7 @@ period."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -51,13 +51,6 @@ class RefinedMultipliers:
     errors: Array
     steps: int
     rigid: Array
-
-    def with_margin(self, error: float) -> "RefinedMultipliers":
-        """The same with a further error of all multipliers, relative to the spectral radius."""
-        sizes = np.real(self.logarithms)
-        with np.errstate(over="ignore", invalid="ignore"):
-            errors = self.errors + error * np.exp(sizes.max() - sizes)
-        return replace(self, errors=np.where(errors < NO_DIGIT, errors, np.nan))
 
 
 @dataclass(frozen=True)
@@ -127,8 +120,8 @@ class Spectrum:
             solutions, order = self._solutions, self._order
             assert solutions.steps is not None
             phases = np.arange(32) * (self.point.period / 32)  # for the mean of M
-            first_order = self.point.first_order
-            mass = None if first_order else matrices(self.point, phases)[0][0].mean(axis=0)
+            M = matrices(self.point, phases)[0][0].mean(axis=0)
+            mass = None if self.point.first_order else M
             maps = solutions.steps.A[0]
             with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
             change = np.diagonal(_log_distances(self.logarithms, eigenvalues.logarithms[0][order]))

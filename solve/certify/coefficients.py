@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.estimates import ROUND_OFF
-from solve.methods.collocation import Collocation, lagrange
+from solve.methods.collocation import Collocation
 from solve.period.grid import Grid
 from solve.period.points import Points, Tables
 
@@ -284,3 +284,11 @@ def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
     weights = np.empty(len(order))
     weights[order] = np.append(gaps, 0.0) + np.append(0.0, gaps)
     return weights[: len(fraction)]
+
+
+def lagrange(nodes: Array, theta: Array) -> Array:
+    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
+    k = len(nodes)
+    others = ~np.eye(k, dtype=bool)
+    factors = np.where(others, theta[:, None, None] - nodes, 1.0)
+    return (factors / np.where(others, nodes[:, None] - nodes, 1.0)).prod(axis=2)

@@ -20,8 +20,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.certify.all_multipliers import RefinedMultipliers
 from solve.certify.certified import Certified, InterpolationError
-from solve.certify.estimates import differences
+from solve.certify.estimates import NO_DIGIT, differences
 from solve.certify.refinement import SAFETY
 from solve.errors import SolveError
 from solve.methods.free import free, solutions_on
@@ -76,6 +77,14 @@ def with_interpolation_errors(
         absolute=result.absolute + margin,
         interpolation=tuple(found),
     )
+
+
+def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
+    """Multipliers with a further error of all, relative to the spectral radius."""
+    sizes = np.real(refined.logarithms)
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = refined.errors + error * np.exp(sizes.max() - sizes)
+    return replace(refined, errors=np.where(errors < NO_DIGIT, errors, np.nan))
 
 
 def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float) -> InterpolationError:

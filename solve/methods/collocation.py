@@ -237,14 +237,6 @@ class Collocation:
         return curve.joined(Curve.of(nodes, np.stack(data, axis=-1), self.rate_powers))
 
 
-def lagrange(nodes: Array, theta: Array) -> Array:
-    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
-    k = len(nodes)
-    others = ~np.eye(k, dtype=bool)
-    factors = np.where(others, theta[:, None, None] - nodes, 1.0)
-    return (factors / np.where(others, nodes[:, None] - nodes, 1.0)).prod(axis=2)
-
-
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
     """A stage's weights (3n, (s + 2) n) of whole rows of M, hC, h²K."""

@@ -15,6 +15,7 @@ from solve.period.eigenvalues import balance_matrices
 from solve.period.pencils import (
     LOOPED,
     eigenvalues,
+    fields_by_rates,
     is_periodic_drift,
     mass_normalised,
     pencil_eigenvalues,
@@ -51,7 +52,6 @@ class FrozenModes:
 
     @property
     def n(self) -> int:
-        """Number of coordinates."""
         return self._n
 
     def __getitem__(self, points: Array) -> "FrozenModes":
@@ -127,19 +127,11 @@ class FrozenModes:
         return fields[: 3 * self._n**2].reshape(3, self._n, self._n, *fields.shape[1:])
 
     def _rates_at(self, phases: Array | slice) -> Array:
-        """M, C and K (3, n, n, P, k') at some of the phases with first-order coordinates taken as rates, see
-        `by_rates`."""
-        pencils = self._matrices_at(phases)
-        if not self._first_order:
-            return pencils
-        if self._first_order == self._n:
-            return np.stack((pencils[1], pencils[2], np.zeros_like(pencils[0])))
-        columns = by_rates(*np.moveaxis(pencils, 2, -1), self._first_order)
-        return np.moveaxis(np.stack(columns), -1, 2)
+        """M, C and K (3, n, n, P, k') at some of the phases with first-order coordinates taken as rates."""
+        return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property
     def _is_oscillator(self) -> bool:
-        """Whether there is a single coordinate, of second order."""
         return self._n == 1 and not self._first_order
 
     def has_steady_inertia(self, fraction: float) -> Array:
@@ -149,9 +141,7 @@ class FrozenModes:
             steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])
             if steady.all():
                 return steady
-        M = self._fields[: self._n**2].reshape(self._n, self._n, *self._fields.shape[1:])
-        if self._first_order:
-            M = self._rates_at(slice(None))[0]
+        M = self._rates_at(slice(None))[0]
         if self._n > LOOPED:
             sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))
             middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
@@ -200,11 +190,8 @@ class FrozenModes:
         return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
 
     def rates_and_decay(self, negligible: float) -> tuple[Array, Array]:
-        """Largest moduli (P, N) of the eigenvalues in ascending order, and the decay (P, N) of these modes.
-
-        The decay is the mean factor over a period, relative to that of the least damped mode or to what is
-        negligible.
-        """
+        """Largest moduli (P, N) of the eigenvalues, ascending, and the decay (P, N) of these modes: the mean
+        factor over a period, relative to that of the least damped mode or to what is negligible."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -291,10 +278,8 @@ class FrozenModes:
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
     def units(self, points: Array) -> Array:
-        """Units in which the states (k, N) of points at positions (k,) are comparable.
-
-        They are square roots of the mean stiffness, or of the inertia if that is larger, and of the inertia
-        of each coordinate; 1 for first-order coordinates."""
+        """Units in which states (k, N) of points at positions (k,) are comparable: square roots of the mean
+        stiffness, or of the inertia if larger, and of the inertia; 1 for first-order coordinates."""
         matrices = self._matrices_at(slice(None))[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
@@ -391,11 +376,7 @@ class FrozenModes:
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), with first-order coordinates taken as rates."""
-        M, C, K = self._rates_at(phases)
-        if self._first_order < self._n:
-            return mass_normalised(M, C, K)
-        ratio, _ = mass_normalised(M, C, K[:, :0])
-        return ratio, np.zeros_like(ratio)
+        return mass_normalised(*self._rates_at(phases), self._first_order)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
@@ -417,15 +398,3 @@ def balanced(points: Points, modes: FrozenModes) -> Points:
     """Points with balanced equations: elimination chooses its pivots by the sizes of rows."""
     factors = modes.equation_factors()
     return points if factors is None else Multiplied(points, factors)
-
-
-def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
-    """Amplitude (…) after a period, at most 1, of the least damped mode with a phase advance above the limit
-    (…).
-
-    eigenvalues (…, k, 2n): frozen at k phases.
-    """
-    moduli = np.abs(eigenvalues)
-    is_fast = (moduli * period > limit) | (moduli == moduli.max(axis=-1, keepdims=True))
-    rates = np.where(is_fast, np.real(eigenvalues), -np.inf).max(axis=-1)
-    return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))
