@@ -239,9 +239,9 @@ class FrozenModes:
         """Mean accelerations of coordinates due to coordinates and their rates (P, n, n), and due to loads
         (P, n)."""
         n = self._n
-        *matrices, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
-        matrices = by_rates(*matrices, self._first_order)
-        rate = np.abs(rate_of(*matrices, load)[..., n:, :]).mean(axis=1)
+        M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
+        M, C, K = by_rates(M, C, K, self._first_order)
+        rate = np.abs(rate_of(M, C, K, load)[..., n:, :]).mean(axis=1)
         return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
 
     def load_scale(self, sizes: Array) -> Array:
@@ -376,7 +376,8 @@ class FrozenModes:
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), with first-order coordinates taken as rates."""
-        return mass_normalised(*self._rates_at(phases), self._first_order)
+        M, C, K = self._rates_at(phases)
+        return mass_normalised(M, C, K, self._first_order)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
