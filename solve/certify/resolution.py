@@ -52,8 +52,8 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
         harmonic_powers = _harmonic_powers(harmonics(points, orbit), rates.max(axis=1), T, p)
         steps = (c / (AIM * rtol) * np.maximum(mode_powers, harmonic_powers)) ** (1 / p)
-    steps = np.ceil(np.nan_to_num(steps, posinf=_MAX_FIRST_STEPS))
-    return np.clip(steps, MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
+    steps = np.where(steps > MIN_STEPS, np.minimum(steps, _MAX_FIRST_STEPS), MIN_STEPS)
+    return np.ceil(steps).astype(int)
 
 
 def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> Array:
@@ -102,14 +102,17 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed
         modes.
     """
     limit = _resolved_angle(method, steps) * steps / modes.period
-    remainder, rows = np.zeros(len(modes)), np.flatnonzero(~modes.is_within(limit))
-    for few_phases in (True, False):
-        if len(rows):
-            subset = modes[rows]
-            rates = subset.few_eigenvalues if few_phases else subset.eigenvalues()
-            remainder[rows] = _remainder(method, rates, modes.period, steps, limit)
-            is_decided = (remainder[rows] > 0) & (remainder[rows] < 0.1 * allowed[rows])
-            rows = rows[~is_decided]
+    remainder, rows = np.zeros(len(modes)), np.arange(len(modes))
+    if not method.l_stable:
+        rows = rows[~modes.is_within(limit)]
+    if len(rows):
+        remainder[rows] = _remainder(method, modes[rows].few_eigenvalues, modes.period, steps, limit)
+        rows = rows[~((remainder[rows] > 0) & (remainder[rows] < 0.1 * allowed[rows]))]
+    if len(rows) and method.l_stable:
+        remainder[rows] = 0.0
+        rows = rows[~modes[rows].is_within(limit)]
+    if len(rows):
+        remainder[rows] = _remainder(method, modes[rows].eigenvalues(), modes.period, steps, limit)
     return remainder
 
 

@@ -48,7 +48,7 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     damping = Radau(13) if points.n <= _FEW else Radau()
     for method, is_selected in ((damping, is_stiff), (Gauss(), ~is_stiff)):
         if is_selected.any():
-            yield method, np.flatnonzero(is_selected)
+            yield method, is_selected.nonzero()[0]
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:

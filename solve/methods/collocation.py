@@ -96,8 +96,8 @@ class Collocation:
         above, below = self._stability
         small = np.abs(z) <= 1
         x = np.where(small, z, 1 / np.where(small, 1.0, z))
-        rising = np.polyval(above[::-1], x) / np.polyval(below[::-1], x)
-        return np.where(small, rising, np.polyval(above, x) / np.polyval(below, x))
+        rising = _polynomial(above[::-1], x) / _polynomial(below[::-1], x)
+        return np.where(small, rising, _polynomial(above, x) / _polynomial(below, x))
 
     @cached_property
     def _stability(self) -> tuple[Array, Array]:
@@ -220,6 +220,14 @@ class Collocation:
         return Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
 
 
+def _polynomial(coefficients: Array, x: Array) -> Array:
+    """Values (…) of a polynomial, highest power first, by Horner's scheme."""
+    value = np.zeros_like(x)
+    for coefficient in coefficients.tolist():
+        value = value * x + coefficient
+    return value
+
+
 def lagrange(nodes: Array, theta: Array) -> Array:
     """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
     k = len(nodes)
@@ -316,7 +324,7 @@ class Collocated(OneStep):
     def stages(self) -> Collocation:
         return self.collocation
 
-    @property
+    @cached_property
     def collocation(self) -> Collocation:
         return _collocation(self)
 

@@ -4,6 +4,7 @@ The 3n² + n entries of a point are those of Ω²M, ΩC and K by rows, and of d.
 the phase."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -147,15 +148,15 @@ class _OfSystem:
     system: PeriodicSystem
     bytes_a_phase: int = field(default=0, init=False)
 
-    @property
+    @cached_property
     def n(self) -> int:
         return self.system.n
 
-    @property
+    @cached_property
     def period(self) -> float:
         return self.system.period
 
-    @property
+    @cached_property
     def breaks(self) -> tuple[float, ...]:
         return self.system.breaks
 
