@@ -205,8 +205,8 @@ class _Refinement:
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
         radius, modes = better.multipliers.spectral_radius, self.solver.modes[positions]
         finest = steps * self.comparison.step_ratio
-        remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
-        with np.errstate(over="ignore"):
+        with np.errstate(all="ignore"):
+            remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
             relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
         # Both solutions use the same coefficients: their difference shows a tenth of this round-off at least.

@@ -64,8 +64,7 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
     accounts for the harmonics of the response, which adds its own to those of the coefficients."""
     omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
     response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
-    with np.errstate(divide="ignore"):
-        powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
+    powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
     return np.exp(powers.max(axis=1, initial=-np.inf))
 
 
@@ -131,19 +130,17 @@ def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: i
     z = h * rates
     is_unresolved, factors = _unresolved_factors(stages, z, steps)
     counts = is_unresolved | (np.abs(z) == np.abs(z).max(axis=-1, keepdims=True))
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).mean(axis=-1)
-        remainder = np.exp(steps * exponents)
+    exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).mean(axis=-1)
+    remainder = np.exp(steps * exponents)
     return np.where(is_unresolved.any(axis=(-2, -1)), remainder, 0.0)
 
 
 def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Array, Array]:
     """Whether modes z = hλ are unresolved, and the larger moduli of their exact and their computed
     factors."""
-    with np.errstate(over="ignore"):
-        exact, computed = np.exp(z), stages.stability_function(z)
-        largest = np.maximum(np.abs(exact), np.abs(computed))
-        return ~(steps * np.abs(computed - exact) <= _UNRESOLVED * largest), largest
+    exact, computed = np.exp(z), stages.stability_function(z)
+    largest = np.maximum(np.abs(exact), np.abs(computed))
+    return ~(steps * np.abs(computed - exact) <= _UNRESOLVED * largest), largest
 
 
 def _resolved_angle(method: Method, steps: int) -> float:
