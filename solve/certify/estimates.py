@@ -15,7 +15,6 @@ from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers
 from solve.period.period_map import at_rest
 
 PHASES_PER_STEP = 4
@@ -103,16 +102,3 @@ def orbit_roundoff(solutions: Solutions) -> Array:
 def roundoff_errors(solutions: Solutions) -> Array:
     """Round-off errors (P, 2) of orbit and multipliers."""
     return np.array((orbit_roundoff(solutions), np.maximum(solutions.multiplier_rounding, ROUND_OFF))).T
-
-
-def relative_to_smallest_scale(errors: Array, coarse: Multipliers, fine: Multipliers) -> Array:
-    """Errors (P, 2) relative to the smallest scale that they allow; infinite if that may be zero.
-
-    The size of the orbit may be smaller by the error of the orbit, the spectral radius by its difference
-    between the two solutions."""
-    radii = coarse.spectral_radius, fine.spectral_radius
-    smaller = np.minimum(*radii)
-    is_positive = smaller > 0
-    change = np.where(is_positive, np.maximum(*radii) / np.where(is_positive, smaller, 1.0) - 1, 0.0)
-    scale = 1 - np.array((errors[:, 0], change)).T
-    return np.where(scale > 0, errors / np.where(scale > 0, scale, 1.0), np.inf)

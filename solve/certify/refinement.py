@@ -1,7 +1,7 @@
 """Refinement of grids until the errors estimated from two solutions meet the tolerance."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from solve.certify.certified import Certified, Failed, SolveRequest, verdicts_of
 from solve.certify.comparison import Comparison, comparison_of
 from solve.certify.estimates import (
     NO_DIGIT,
-    relative_to_smallest_scale,
     roundoff_errors,
 )
 from solve.certify.point_solver import PointSolver
@@ -37,6 +36,9 @@ first order, and is at least half of it in 99.8 % of the stored population."""
 
 _MAX_GROWTH = 6.0
 """Largest ratio of the steps of successive grids: a choice."""
+
+_UNKNOWN = 0.5
+"""Estimate above which an error is infinite: it may then be as large as the result."""
 
 _STALLED = 0.5
 """Fraction of the previous error above which an error does not decrease: a choice."""
@@ -99,7 +101,7 @@ class _GridComparison:
     """Two solutions of points on related grids.
 
     positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): its round-off errors;
-    tolerances (k, 2): of its errors, at least its round-off errors without those of stiff modes; remainder
+    tolerances (k, 2): of its errors, at least their round-off; remainder
     (k,): what is left of a disturbance after a period in modes that the steps do not resolve."""
 
     positions: Array
@@ -116,15 +118,7 @@ class _GridComparison:
     def __getitem__(self, rows: Array) -> "_GridComparison":
         if covers_all(rows, len(self)):
             return self
-        return _GridComparison(
-            self.positions[rows],
-            self.solutions[rows],
-            self.better[rows],
-            self.errors[rows],
-            self.roundoff[rows],
-            self.tolerances[rows],
-            self.remainder[rows],
-        )
+        return _GridComparison(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @property
     def underflows(self) -> Array:
@@ -209,22 +203,7 @@ class _Refinement:
             remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
             relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
-        # Both solutions use the same coefficients: their difference shows a tenth of this round-off at least.
-        if self.method.l_stable:
-            stiff_roundoff = self._stiff_roundoff(positions)
-            errors[:, 1] = np.maximum(errors[:, 1], np.minimum(stiff_roundoff, 10 * errors[:, 1]))
-            roundoff[:, 1] = np.maximum(roundoff[:, 1], stiff_roundoff)
-        # Two solutions that differ visibly may both be wrong about modes that they do not resolve.
-        errors[(remainder > 0) & (errors[:, 1] > NO_DIGIT), 1] = np.inf
-        errors[~(errors < 1.0)] = np.inf
         return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
-
-    def _stiff_roundoff(self, positions: Array) -> Array:
-        """Round-off (k,) of the softest mode due to the coefficients of the stiffest one, relative, for
-        methods that damp the stiffest one: eps/8 times the square of the number of its periods, as
-        measured."""
-        periods = self.solver.modes[positions].phase_advance_estimate / (2 * np.pi)
-        return np.asarray(EPS / 8 * np.where(np.isfinite(periods), periods, 0.0) ** 2)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
         """Points (k,) that need no finer grid.
@@ -303,7 +282,7 @@ class _Refinement:
         largest = np.maximum(SAFETY * (rho.spectral_radius + better.spectral_radius), pair.remainder)
         underflows = pair.underflows
         absolute = np.where(underflows, largest, absolute)
-        errors = relative_to_smallest_scale(pair.errors, rho, better)
+        errors = np.where(pair.errors < _UNKNOWN, pair.errors, np.inf)
         for rows in ((~resonant & ~underflows).nonzero()[0], (~resonant & underflows).nonzero()[0]):
             if len(rows):
                 solutions = pair.solutions[rows]

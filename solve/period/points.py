@@ -4,7 +4,6 @@ The 3n² + n entries of a point are those of Ω²M, ΩC and K by rows, and of d.
 the phase."""
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -147,18 +146,13 @@ class _OfSystem:
 
     system: PeriodicSystem
     bytes_a_phase: int = field(default=0, init=False)
+    n: int = field(init=False, repr=False, compare=False)
+    period: float = field(init=False, repr=False, compare=False)
+    breaks: tuple[float, ...] = field(init=False, repr=False, compare=False)
 
-    @cached_property
-    def n(self) -> int:
-        return self.system.n
-
-    @cached_property
-    def period(self) -> float:
-        return self.system.period
-
-    @cached_property
-    def breaks(self) -> tuple[float, ...]:
-        return self.system.breaks
+    def __post_init__(self) -> None:
+        for name in ("n", "period", "breaks"):
+            object.__setattr__(self, name, getattr(self.system, name))
 
 
 @dataclass(frozen=True)

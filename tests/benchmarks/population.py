@@ -1,7 +1,7 @@
-"""python -m tests.benchmarks.population [--fresh] [--start I] [--first K] [--every K]: error estimates
-and verdicts against the truth, on the whole population (half an hour), from system I on, among its first K,
-or on each K-th system: rates by method, by kind and method, and the worst results. With --fresh it is the population on which no estimate was
-tuned, and the method `auto` alone."""
+"""python -m tests.benchmarks.population [--fresh] [--start I] [--first K] [--every K]: error estimates and
+verdicts against the truth, on the whole population (half an hour) or on its systems I, I + K, I + 2K, … among
+the first: rates by method, by kind and method, and the worst results. With --fresh it is the population on
+which no estimate was tuned, and the method `auto` alone."""
 
 import argparse
 import sys
