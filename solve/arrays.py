@@ -34,7 +34,20 @@ def unique_integers(numbers: Array) -> list[int]:
     >>> unique_integers(np.array([3, 8, 3]))
     [3, 8]
     """
-    return np.flatnonzero(np.bincount(numbers)).tolist()
+    return np.bincount(numbers).nonzero()[0].tolist()
+
+
+def others(count: int, positions: Sequence[int]) -> Array:
+    """Positions (k,) from 0 to before `count`, except the given ones.
+
+    >>> others(4, [1]).tolist()
+    [0, 2, 3]
+    """
+    if not positions:
+        return np.arange(count)
+    is_other = np.ones(count, dtype=bool)
+    is_other[positions] = False
+    return is_other.nonzero()[0]
 
 
 def runs(flags: Array) -> Array:
@@ -43,7 +56,7 @@ def runs(flags: Array) -> Array:
     >>> runs(np.array([True, False, True, True])).tolist()
     [[0, 0], [2, 3]]
     """
-    edges = np.flatnonzero(np.diff(flags.astype(int), prepend=0, append=0))
+    edges = np.diff(flags.astype(int), prepend=0, append=0).nonzero()[0]
     return edges.reshape(-1, 2) - [0, 1]
 
 

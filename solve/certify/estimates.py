@@ -8,14 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from solve.arrays import Array, across
+from solve.arrays import Array
 from solve.kernel import curves as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.eigenvalues import EPS, roundoff_bound, roundoff_growth
+from solve.period.eigenvalues import EPS, roundoff_growth
 from solve.period.grid import Grid
-from solve.period.multipliers import Multipliers
 from solve.period.period_map import at_rest
 
 PHASES_PER_STEP = 4
@@ -45,7 +44,7 @@ def differences(coarse: Solutions, fine: Solutions, load_scale: LoadScale, engin
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
         scales = _coordinate_scales(largest, orbit_roundoff(fine), load_scale)
         orbit = (change / np.where(scales > 0, scales, 1.0)).max(axis=1)
-    return np.column_stack((orbit, multipliers))
+    return np.array((orbit, multipliers)).T
 
 
 def _curve_differences(
@@ -87,27 +86,12 @@ def _coordinate_scales(largest: Array, roundoff: Array, load_scale: LoadScale) -
     is_small = largest <= limit * largest.max(axis=1, keepdims=True)
     if not is_small.any():
         return largest
-    rows = np.flatnonzero(is_small.any(axis=1))
+    rows = is_small.any(axis=1).nonzero()[0]
     scales, loads = largest.copy(), load_scale(rows, largest[rows])
     size, roundoff = largest[rows], roundoff[rows, None]
     cancels = (size * roundoff >= EPS * loads) & (roundoff < NO_DIGIT)
     scales[rows] = np.where(cancels | (size > limit[rows] * loads), size, loads)
     return scales
-
-
-def attainable_tolerances(solutions: Solutions, errors: Array, tolerances: Array) -> Array:
-    """Tolerances (P, 2), replaced by the round-off errors of points that miss them because of round-off."""
-    missed = across(np.logical_or, errors > tolerances)
-    if not missed.any():
-        return tolerances
-    radius = solutions.multipliers.spectral_radius
-    bound = np.maximum(roundoff_bound(solutions.Phi, radius, solutions.grid.steps), 8 * solutions.rounding)
-    is_limited = errors[:, 1] <= np.maximum(np.maximum(bound, tolerances[:, 1]), ROUND_OFF)
-    rows = np.flatnonzero(missed & is_limited)
-    if len(rows):
-        tolerances = tolerances.copy()
-        tolerances[rows] = np.maximum(roundoff_errors(solutions[rows]), tolerances[rows])
-    return tolerances
 
 
 def orbit_roundoff(solutions: Solutions) -> Array:
@@ -117,17 +101,4 @@ def orbit_roundoff(solutions: Solutions) -> Array:
 
 def roundoff_errors(solutions: Solutions) -> Array:
     """Round-off errors (P, 2) of orbit and multipliers."""
-    return np.column_stack((orbit_roundoff(solutions), np.maximum(solutions.multiplier_rounding, ROUND_OFF)))
-
-
-def relative_to_smallest_scale(errors: Array, coarse: Multipliers, fine: Multipliers) -> Array:
-    """Errors (P, 2) relative to the smallest scale that they allow; infinite if that may be zero.
-
-    The size of the orbit may be smaller by the error of the orbit, the spectral radius by its difference
-    between the two solutions."""
-    radii = coarse.spectral_radius, fine.spectral_radius
-    smaller = np.minimum(*radii)
-    is_positive = smaller > 0
-    change = np.where(is_positive, np.maximum(*radii) / np.where(is_positive, smaller, 1.0) - 1, 0.0)
-    scale = 1 - np.column_stack((errors[:, 0], change))
-    return np.where(scale > 0, errors / np.where(scale > 0, scale, 1.0), np.inf)
+    return np.array((orbit_roundoff(solutions), np.maximum(solutions.multiplier_rounding, ROUND_OFF))).T

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, others
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.estimates import ROUND_OFF, LoadScale, differences
 from solve.errors import MatricesError, StepsError
@@ -107,8 +107,8 @@ class PointSolver:
         failures = [Failed(*failure) for failure in singular_inertia(self.points, self.modes)]
         if self.request.steps is None:
             return failures
-        others = np.delete(np.arange(len(self.points)), [failure.position for failure in failures])
-        return [*failures, *self.unstable_points(self.request.steps, others)]
+        rest = others(len(self.points), [failure.position for failure in failures])
+        return [*failures, *self.unstable_points(self.request.steps, rest)]
 
     def unstable_points(self, steps: Any, positions: Array) -> Iterator[Failed]:
         """Points at which the method is unstable with these steps.
@@ -156,10 +156,10 @@ class PointSolver:
         errors[:, 0] += solutions.defect
         if solutions.free is not None and solutions.driven is not None and self.request.orbit:
             is_driven = solutions.driven > _DRIVEN + 10 * errors[:, 0]
-            for row in np.flatnonzero(is_driven)[:, None]:
+            for row in is_driven.nonzero()[0][:, None]:
                 point, modes = self.points[positions[row]], solutions.free.modes[row]
                 yield Failed(int(positions[row[0]]), driven_freely(point, modes))
-            rows = np.flatnonzero(~is_driven)
+            rows = (~is_driven).nonzero()[0]
             if not len(rows):
                 return
             positions, solutions = positions[rows], solutions[rows]
@@ -177,7 +177,7 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
     The phase is searched if det M falls below 2 % of its median at a sampled phase: a choice.
     """
-    for position in np.flatnonzero(~modes.has_steady_inertia(0.02)).tolist():
+    for position in (~modes.has_steady_inertia(0.02)).nonzero()[0].tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
         if phase is not None:
             yield position, singular_inertia_error(f"near phase {phase:.6g}", points.first_order)
@@ -193,7 +193,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
     # Eight intervals, each a sixteenth of the last: the phase is then known to round-off.
     for _ in range(8):
         is_smooth = np.diff(_jumps_before(point, phases)) == 0
-        changes = np.flatnonzero((determinants[1:] * determinants[:-1] < 0) & is_smooth)
+        changes = ((determinants[1:] * determinants[:-1] < 0) & is_smooth).nonzero()[0]
         if len(changes):
             return float(phases[changes[0]]) % point.period
         sizes = np.abs(determinants)

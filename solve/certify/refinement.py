@@ -1,17 +1,15 @@
 """Refinement of grids until the errors estimated from two solutions meet the tolerance."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from solve.arrays import Array, across, unique_integers
+from solve.arrays import Array, across, covers_all, others, unique_integers
 from solve.certify.certified import Certified, Failed, SolveRequest, verdicts_of
 from solve.certify.comparison import Comparison, comparison_of
 from solve.certify.estimates import (
     NO_DIGIT,
-    attainable_tolerances,
-    relative_to_smallest_scale,
     roundoff_errors,
 )
 from solve.certify.point_solver import PointSolver
@@ -39,6 +37,9 @@ first order, and is at least half of it in 99.8 % of the stored population."""
 _MAX_GROWTH = 6.0
 """Largest ratio of the steps of successive grids: a choice."""
 
+_UNKNOWN = 0.5
+"""Estimate above which an error is infinite: it may then be as large as the result."""
+
 _STALLED = 0.5
 """Fraction of the previous error above which an error does not decrease: a choice."""
 
@@ -60,13 +61,11 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
         return
     failures = solver.invalid_points()
     yield from failures
-    positions = np.delete(np.arange(len(points)), [failure.position for failure in failures])
-    if not method.converges:
-        yield from _certify_approximation(solver, positions)
-    elif request.steps is None:
+    positions = others(len(points), [failure.position for failure in failures])
+    if method.converges:
         yield from _Refinement(comparison).refine(positions)
     else:
-        yield from _Refinement(comparison).solve_on_given_steps(request.steps, positions)
+        yield from _certify_approximation(solver, positions)
 
 
 def on_one_grid(
@@ -86,7 +85,7 @@ def _rigid_body_groups(solver: PointSolver) -> list[Array]:
     if solver.free is None:
         return []
     has_modes, conserves = solver.free.modes.any, solver.free.modes.conserving
-    groups = (np.flatnonzero(kind) for kind in (has_modes & ~conserves, conserves, ~has_modes))
+    groups = (kind.nonzero()[0] for kind in (has_modes & ~conserves, conserves, ~has_modes))
     return [group for group in groups if len(group)]
 
 
@@ -101,29 +100,25 @@ def _at_positions(result: Certified | Failed, positions: Array) -> Certified | F
 class _GridComparison:
     """Two solutions of points on related grids.
 
-    positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k,): relative errors of the
-    multipliers from the coefficients of the stiffest mode; remainder (k,): what is left of a disturbance
-    after a period in modes that the steps do not resolve."""
+    positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): its round-off errors;
+    tolerances (k, 2): of its errors, at least their round-off; remainder
+    (k,): what is left of a disturbance after a period in modes that the steps do not resolve."""
 
     positions: Array
     solutions: Solutions
     better: Solutions
     errors: Array
-    stiff_roundoff: Array
+    roundoff: Array
+    tolerances: Array
     remainder: Array
 
     def __len__(self) -> int:
         return len(self.positions)
 
     def __getitem__(self, rows: Array) -> "_GridComparison":
-        return _GridComparison(
-            self.positions[rows],
-            self.solutions[rows],
-            self.better[rows],
-            self.errors[rows],
-            self.stiff_roundoff[rows],
-            self.remainder[rows],
-        )
+        if covers_all(rows, len(self)):
+            return self
+        return _GridComparison(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @property
     def underflows(self) -> Array:
@@ -134,55 +129,48 @@ class _GridComparison:
 class _Refinement:
     """Solution of the points of a comparison on given steps, or on as many as each point requires.
 
-    previous_errors (P, 2), smallest_radii (P,), stalled_grids (P, 2) and grids (P,): errors of the last grid
-    of each point, smallest sum of the spectral radii of both solutions, number of successive grids on which
-    errors did not decrease, and number of grids."""
+    previous_errors (P, 2), stalled_grids (P, 2) and grids (P,): errors of the last grid of each point, number
+    of successive grids on which they did not decrease, and number of grids."""
 
     def __init__(self, comparison: Comparison):
         self.comparison, self.solver = comparison, comparison.solver
         self.request, self.method = self.solver.request, self.solver.method
         self.max_steps, count = comparison.max_steps, len(self.solver.points)
         self.previous_errors = np.full((count, 2), np.inf)
-        self.smallest_radii = np.full(count, np.inf)
         self.stalled_grids = np.zeros((count, 2), dtype=int)
         self.grids = np.zeros(count, dtype=int)
 
-    def solve_on_given_steps(self, steps: int, positions: Array) -> Iterator[Certified | Failed]:
-        for chunk in self.comparison.chunks(steps, positions):
-            solutions, better = self.comparison.solve(steps, chunk)
-            failures = {**better.failures, **solutions.failures}
-            yield from _failed(failures, chunk)
-            rows = np.setdiff1d(np.arange(len(chunk)), list(failures))
-            if len(rows):
-                pair = self._compare(steps, chunk[rows], solutions[rows], better[rows])
-                unsampled = self.comparison.unsampled_errors(steps, pair.positions, pair.solutions)
-                np.maximum(pair.errors, unsampled, out=pair.errors)
-                yield from self._certify(pair)
-
     def refine(self, positions: Array) -> Iterator[Certified | Failed]:
-        solver = self.solver
-        least = np.maximum(solver.min_steps[positions], len(solver.points.breaks))
-        for position in positions[least > self.max_steps].tolist():
-            yield Failed(position, self._unstable(int(solver.min_steps[position])))
-        positions, least = positions[least <= self.max_steps], least[least <= self.max_steps]
-        points, modes = solver.points[positions], solver.modes[positions]
-        first = first_steps(self.method, points, modes, self.request.orbit, self.request.rtol)
-        first = np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.max_steps, MIN_STEPS))
-        pending = {steps: [positions[first == steps]] for steps in unique_integers(first)}
+        pending: dict[int, list[Array]] = {}
+        if self.request.steps is None:
+            least = np.maximum(self.solver.min_steps[positions], len(self.solver.points.breaks))
+            for position in positions[least > self.max_steps].tolist():
+                yield Failed(position, self._unstable(int(self.solver.min_steps[position])))
+            positions, least = positions[least <= self.max_steps], least[least <= self.max_steps]
+            _add(pending, self._first_grids(positions, least), positions)
+        elif len(positions):
+            pending = {self.request.steps: [positions]}
         while pending:
             steps = min(pending)
             for chunk in self.comparison.chunks(steps, np.concatenate(pending.pop(steps))):
                 yield from self._refine_on(steps, chunk, pending)
+
+    def _first_grids(self, positions: Array, least: Array) -> Array:
+        """Steps (k,) of the first grids of points at positions (k,), at least 1.2 times the `least` ones."""
+        points, modes = self.solver.points[positions], self.solver.modes[positions]
+        first = first_steps(self.method, points, modes, self.request.orbit, self.request.rtol)
+        return np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.max_steps, MIN_STEPS))
 
     def _refine_on(
         self, steps: int, chunk: Array, pending: dict[int, list[Array]]
     ) -> Iterator[Certified | Failed]:
         """Solve points on one grid; those that are not accepted are added to the `pending` ones of their next
         grids."""
+        is_given = self.request.steps is not None
         solutions, better = self.comparison.solve(steps, chunk)
         failures = {**better.failures, **solutions.failures}
-        rows = np.setdiff1d(np.arange(len(chunk)), list(failures))
-        if 2 * steps <= self.max_steps:
+        rows = others(len(chunk), list(failures))
+        if failures and not is_given and 2 * steps <= self.max_steps:
             overflows = [row for row, reason in failures.items() if isinstance(reason, StepsError)]
             failures = {row: reason for row, reason in failures.items() if row not in overflows}
             if overflows:
@@ -191,109 +179,84 @@ class _Refinement:
         if not len(rows):
             return
         pair = self._compare(steps, chunk[rows], solutions[rows], better[rows])
-        tolerances = np.full(pair.errors.shape, self.request.rtol)
-        tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * pair.solutions.defect)
-        tolerances = attainable_tolerances(pair.solutions, pair.errors, tolerances)
-        growth = self._step_growth(pair, tolerances)
-        accepted = self._accept(steps, pair, tolerances)
+        growth = self._step_growth(pair)
+        is_last = is_given or steps >= self.max_steps
+        accepted = self._accept(steps, pair, is_last)
         progress.set_total(STEPS, steps, lambda: min(int(growth.max() * steps), self.max_steps))
-        yield from self._certify(pair[np.flatnonzero(accepted)])
-        next_steps = np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
-        for finer in unique_integers(next_steps[~accepted]):
-            pending.setdefault(finer, []).append(pair.positions[~accepted & (next_steps == finer)])
+        yield from self._certify(pair[accepted.nonzero()[0]])
+        if not accepted.all():
+            next_steps = np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
+            _add(pending, next_steps[~accepted], pair.positions[~accepted])
 
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
     ) -> _GridComparison:
         """Two solutions of points, with the errors of the first."""
         errors = SAFETY * self.solver.differences(solutions, better, positions)
-        errors = np.maximum(errors, roundoff_errors(solutions))
+        roundoff = roundoff_errors(solutions)
+        errors = np.maximum(errors, roundoff)
+        tolerances = np.maximum(self.request.rtol, roundoff)
+        tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
         radius, modes = better.multipliers.spectral_radius, self.solver.modes[positions]
         finest = steps * self.comparison.step_ratio
-        remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
-        with np.errstate(over="ignore"):
+        with np.errstate(all="ignore"):
+            remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
             relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
-        # Both solutions use the same coefficients: their difference shows a tenth of this round-off at least.
-        stiff_roundoff = self._stiff_roundoff(positions)
-        errors[:, 1] = np.maximum(errors[:, 1], np.minimum(stiff_roundoff, 10 * errors[:, 1]))
-        # Two solutions that differ visibly may both be wrong about modes that they do not resolve.
-        errors[(remainder > 0) & (errors[:, 1] > NO_DIGIT), 1] = np.inf
-        errors[~(errors < 1.0)] = np.inf
-        return _GridComparison(positions, solutions, better, errors, stiff_roundoff, remainder)
+        return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
 
-    def _stiff_roundoff(self, positions: Array) -> Array:
-        """Round-off (k,) of the softest mode due to the coefficients of the stiffest one, relative, for
-        methods that damp the stiffest one: eps/8 times the square of the number of its periods, as
-        measured."""
-        if not self.method.l_stable:
-            return np.zeros(len(positions))
-        periods = self.solver.modes[positions].phase_advance_estimate / (2 * np.pi)
-        return np.asarray(EPS / 8 * np.where(np.isfinite(periods), periods, 0.0) ** 2)
-
-    def _accept(self, steps: int, pair: _GridComparison, tolerances: Array) -> Array:
+    def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
         """Points (k,) that need no finer grid.
 
         A point is accepted if
 
-        1. each of its errors is at most the tolerance (k, 2), or is round-off that two grids did not reduce;
+        1. each of its errors is at most the tolerance, or is round-off that two grids did not reduce;
         2. features of the coefficients between the samples cause no larger errors;
         3. a finer grid would not decide an open verdict.
 
-        On the finest possible grid every point is accepted; its errors state what is reached. Errors are
-        increased in place by those of features between the samples."""
-        is_last = steps >= self.max_steps
-        is_reached = (pair.errors <= tolerances) | self._is_stalled_roundoff(pair) | is_last
+        On the last grid every point is accepted; its errors state what is reached. Errors are increased in
+        place by those of features between the samples."""
+        is_reached = (pair.errors <= pair.tolerances) | self._is_stalled_roundoff(pair) | is_last
         accepted = across(np.logical_and, is_reached)
-        rows = np.flatnonzero(accepted)
+        rows = accepted.nonzero()[0]
         if len(rows):
             unsampled = self.comparison.unsampled_errors(steps, pair.positions[rows], pair.solutions[rows])
             pair.errors[rows] = np.maximum(pair.errors[rows], unsampled)
-            accepted[rows] = across(np.logical_and, unsampled <= tolerances[rows])
-        return (accepted & ~self._finer_grid_decides(pair)) | is_last
+            accepted[rows] = is_last | across(np.logical_and, unsampled <= pair.tolerances[rows])
+        return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _is_stalled_roundoff(self, pair: _GridComparison) -> Array:
         """Errors (k, 2) that are round-off: below a limit, and not reduced by two grids.
 
         The limit is a thousand times the estimated round-off; larger errors may not decrease for other
-        reasons, such as kinks in the coefficients. Errors below 1e-12 that one finer grid increases are
-        round-off as well. Multipliers that underflow have no limit, but are refined as long as they decrease.
+        reasons, such as kinks in the coefficients. Multipliers that underflow have no limit.
         """
-        positions, errors, underflows = pair.positions, pair.errors, pair.underflows
-        roundoff = roundoff_errors(pair.solutions)
-        roundoff[:, 1] = np.maximum(roundoff[:, 1], pair.stiff_roundoff)
-        is_small = errors < 1e3 * roundoff
-        is_small[:, 1] |= underflows
-        previous = self.previous_errors[positions]
-        increases = (errors > previous) & (previous < 1e-12)
-        decreases = errors < _STALLED * previous
-        radii = pair.solutions.multipliers.spectral_radius + pair.better.multipliers.spectral_radius
-        decreases[:, 1] |= (
-            underflows & (radii > NEGLIGIBLE) & (radii < _STALLED * self.smallest_radii[positions])
-        )
-        self.stalled_grids[positions] = np.where(decreases, 0, self.stalled_grids[positions] + 1 + increases)
+        positions, errors = pair.positions, pair.errors
+        is_small = errors < 1e3 * pair.roundoff
+        is_small[:, 1] |= pair.underflows
+        decreases = errors < _STALLED * self.previous_errors[positions]
+        self.stalled_grids[positions] = np.where(decreases, 0, self.stalled_grids[positions] + 1)
         # With kinks in the coefficients, errors decrease irregularly: the smallest one may be a coincidence.
         self.previous_errors[positions] = errors
-        self.smallest_radii[positions] = np.fmin(self.smallest_radii[positions], radii)
         return is_small & (self.stalled_grids[positions] > 1)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
         """Points (k,) with an open verdict that a grid of twice the steps would decide, if errors decrease
         with the order of the method and are not round-off."""
-        solutions, order = pair.solutions, min(self.method.order, 20)
+        order = min(self.method.order, 20)
         with np.errstate(over="ignore", invalid="ignore"):
-            errors = pair.errors[:, 1] * solutions.multipliers.spectral_radius
+            errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
         decides = np.isfinite(errors) & (errors > KNOWN_ON_CIRCLE / 2)
-        decides &= pair.errors[:, 1] > 4 * roundoff_errors(solutions)[:, 1]
+        decides &= pair.errors[:, 1] > 4 * pair.roundoff[:, 1]
         for fraction, is_open in ((1.0, True), (0.5**order, False)):
-            rows = np.flatnonzero(decides)
+            rows = decides.nonzero()[0]
             if len(rows):
                 modes = self.solver.modes[pair.positions[rows]]
-                verdicts = verdicts_of(solutions[rows], fraction * errors[rows], modes)
+                verdicts = verdicts_of(pair.solutions[rows], fraction * errors[rows], modes)
                 decides[rows] = (verdicts == UNDETERMINED) == is_open
         return decides
 
-    def _step_growth(self, pair: _GridComparison, tolerances: Array) -> Array:
+    def _step_growth(self, pair: _GridComparison) -> Array:
         """Ratio of the steps (k,) of the next grid, on which errors reach the aim with the order of the
         method.
 
@@ -301,7 +264,7 @@ class _Refinement:
         is at least 4/3, later at least 2, because errors then decrease more slowly than with the order of the
         method."""
         orders = np.minimum(self.solver.orders, 20)
-        errors, grids = pair.errors, self.grids[pair.positions]
+        errors, tolerances, grids = pair.errors, pair.tolerances, self.grids[pair.positions]
         self.grids[pair.positions] = grids + 1
         with np.errstate(all="ignore"):
             growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
@@ -319,8 +282,8 @@ class _Refinement:
         largest = np.maximum(SAFETY * (rho.spectral_radius + better.spectral_radius), pair.remainder)
         underflows = pair.underflows
         absolute = np.where(underflows, largest, absolute)
-        errors = relative_to_smallest_scale(pair.errors, rho, better)
-        for rows in (np.flatnonzero(~resonant & ~underflows), np.flatnonzero(~resonant & underflows)):
+        errors = np.where(pair.errors < _UNKNOWN, pair.errors, np.inf)
+        for rows in ((~resonant & ~underflows).nonzero()[0], (~resonant & underflows).nonzero()[0]):
             if len(rows):
                 solutions = pair.solutions[rows]
                 if underflows[rows[0]]:
@@ -343,6 +306,12 @@ class _Refinement:
             f"{self.method.name} is stable from {least} steps a period on and takes at most "
             f"{self.max_steps}; use a method without limit (radau)"
         )
+
+
+def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> None:
+    """Add points at positions (k,) to the pending ones of grids with these steps (k,)."""
+    for size in unique_integers(steps):
+        pending.setdefault(size, []).append(positions[steps == size])
 
 
 def _failed(failures: Mapping[int, SolveError], positions: Array) -> Iterator[Failed]:

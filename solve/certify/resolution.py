@@ -53,8 +53,8 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
         mode_powers = (remaining * ((rates + 1.5) * T) ** (p + 1)).max(axis=1)
         harmonic_powers = _harmonic_powers(harmonics(points, orbit), rates.max(axis=1), T, p)
         steps = (c / (AIM * rtol) * np.maximum(mode_powers, harmonic_powers)) ** (1 / p)
-    steps = np.ceil(np.nan_to_num(steps, posinf=_MAX_FIRST_STEPS))
-    return np.clip(steps, MIN_STEPS, _MAX_FIRST_STEPS).astype(int)
+    steps = np.where(steps > MIN_STEPS, np.minimum(steps, _MAX_FIRST_STEPS), MIN_STEPS)
+    return np.ceil(steps).astype(int)
 
 
 def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> Array:
@@ -65,8 +65,7 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
     accounts for the harmonics of the response, which adds its own to those of the coefficients."""
     omega = np.arange(1, amplitudes.shape[1]) * 2 * np.pi / T
     response = 3 * np.minimum(np.log(fastest)[:, None] - np.log(omega), 0.0)
-    with np.errstate(divide="ignore"):
-        powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
+    powers = np.log(amplitudes[:, 1:]) + (p + 1) * np.log(1.25 * omega * T) + response
     return np.exp(powers.max(axis=1, initial=-np.inf))
 
 
@@ -103,14 +102,17 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed
         modes.
     """
     limit = _resolved_angle(method, steps) * steps / modes.period
-    remainder, rows = np.zeros(len(modes)), np.flatnonzero(~modes.is_within(limit))
-    for few_phases in (True, False):
-        if len(rows):
-            subset = modes[rows]
-            rates = subset.few_eigenvalues if few_phases else subset.eigenvalues()
-            remainder[rows] = _remainder(method, rates, modes.period, steps, limit)
-            is_decided = (remainder[rows] > 0) & (remainder[rows] < 0.1 * allowed[rows])
-            rows = rows[~is_decided]
+    remainder, rows = np.zeros(len(modes)), np.arange(len(modes))
+    if not method.l_stable:
+        rows = rows[~modes.is_within(limit)]
+    if len(rows):
+        remainder[rows] = _remainder(method, modes[rows].few_eigenvalues, modes.period, steps, limit)
+        rows = rows[~((remainder[rows] > 0) & (remainder[rows] < 0.1 * allowed[rows]))]
+    if len(rows) and method.l_stable:
+        remainder[rows] = 0.0
+        rows = rows[~modes[rows].is_within(limit)]
+    if len(rows):
+        remainder[rows] = _remainder(method, modes[rows].eigenvalues(), modes.period, steps, limit)
     return remainder
 
 
@@ -129,19 +131,17 @@ def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: i
     z = h * rates
     is_unresolved, factors = _unresolved_factors(stages, z, steps)
     counts = is_unresolved | (np.abs(z) == np.abs(z).max(axis=-1, keepdims=True))
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).mean(axis=-1)
-        remainder = np.exp(steps * exponents)
+    exponents = np.where(counts, np.log(factors), -np.inf).max(axis=-1).mean(axis=-1)
+    remainder = np.exp(steps * exponents)
     return np.where(is_unresolved.any(axis=(-2, -1)), remainder, 0.0)
 
 
 def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Array, Array]:
     """Whether modes z = hλ are unresolved, and the larger moduli of their exact and their computed
     factors."""
-    with np.errstate(over="ignore"):
-        exact, computed = np.exp(z), stages.stability_function(z)
-        largest = np.maximum(np.abs(exact), np.abs(computed))
-        return ~(steps * np.abs(computed - exact) <= _UNRESOLVED * largest), largest
+    exact, computed = np.exp(z), stages.stability_function(z)
+    largest = np.maximum(np.abs(exact), np.abs(computed))
+    return ~(steps * np.abs(computed - exact) <= _UNRESOLVED * largest), largest
 
 
 def _resolved_angle(method: Method, steps: int) -> float:

@@ -29,4 +29,4 @@ def eigenvalues(pencils: Array, first_order: int = 0) -> Array | None:
     values = np.empty((2 * n - first_order, *pencils.shape[3:]), dtype=complex)
     problem = _Problem(values[0].size, address(entries), address(values))
     library.eigenvalues(ctypes.byref(problem))
-    return np.moveaxis(values, 0, -1)
+    return values.transpose(*range(1, values.ndim), 0)

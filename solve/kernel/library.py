@@ -18,6 +18,7 @@ INSTEAD = "NumPy is used, several times slower"
 _LOGGER = logging.getLogger(__name__)
 _SOURCE = Path(__file__).with_name("lanes.c")
 _first: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
+_address: Callable[[Any], int] = ctypes.addressof
 
 
 class Size(NamedTuple):
@@ -103,7 +104,10 @@ def address(numbers: Array) -> int:
 
 def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
     """Addresses by name."""
-    return {name: address(numbers) for name, numbers in arrays.items()}
+    try:
+        return {name: _address(_first(numbers)) for name, numbers in arrays.items()}
+    except (TypeError, ValueError):
+        return {name: address(numbers) for name, numbers in arrays.items()}
 
 
 def run(

@@ -45,10 +45,11 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     512 steps then have ω_max h ≤ 1. Radau IIA is selected otherwise, because it damps modes that it does not
     resolve. For few coordinates its order is 13, which takes half the steps and less time."""
     is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
-    damping = Radau(13) if points.n <= _FEW else Radau()
-    for method, is_selected in ((damping, is_stiff), (Gauss(), ~is_stiff)):
-        if is_selected.any():
-            yield method, np.flatnonzero(is_selected)
+    stiff, others = is_stiff.nonzero()[0], (~is_stiff).nonzero()[0]
+    if len(stiff):
+        yield Radau(13) if points.n <= _FEW else Radau(), stiff
+    if len(others):
+        yield Gauss(), others
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:

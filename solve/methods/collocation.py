@@ -34,6 +34,9 @@ _STEP_BY_STEP = 18
 memory order of LAPACK. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6;
 with 15 to 18 both take the same, with 9 together 0.6 of the time of one after another."""
 
+_INFINITE = 1e25
+"""Modulus of hλ that counts as infinite: its powers up to the twelfth are representable numbers."""
+
 _SYSTEMS = 2**19
 """Bytes of stage systems that are solved at a time, which remain in the cache of a processor."""
 
@@ -95,16 +98,14 @@ class Collocation:
         """R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode of rate λ, with z = hλ
         (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
         above, below = self._stability
-        small = np.abs(z) <= 1
-        x = np.where(small, z, 1 / np.where(small, 1.0, z))
-        rising = np.polyval(above[::-1], x) / np.polyval(below[::-1], x)
-        return np.where(small, rising, np.polyval(above, x) / np.polyval(below, x))
+        z = np.where(np.abs(z) < _INFINITE, z, -_INFINITE)
+        return _polynomial(above, z) / _polynomial(below, z)
 
     @cached_property
     def _stability(self) -> tuple[Array, Array]:
-        """Coefficients (s+1,) of det(1 − zA + z e bᵀ) and det(1 − zA), of which R is the ratio, lowest power
+        """Coefficients (s+1,) of det(1 − zA + z e bᵀ) and det(1 − zA), of which R is the ratio, highest power
         first."""
-        above, below = (np.real(np.poly(part)) for part in (self.A - self.b, self.A))
+        above, below = (np.real(np.poly(part))[::-1] for part in (self.A - self.b, self.A))
         return above, below
 
     @cached_property
@@ -237,6 +238,24 @@ class Collocation:
         return curve.joined(Curve.of(nodes, np.stack(data, axis=-1), self.rate_powers))
 
 
+def _polynomial(coefficients: Array, x: Array) -> Array:
+    """Values (…) of a polynomial, highest power first, by Horner's scheme."""
+    first, *others = coefficients.tolist()
+    value = np.full(x.shape, first, dtype=x.dtype)
+    for coefficient in others:
+        value *= x
+        value += coefficient
+    return value
+
+
+def lagrange(nodes: Array, theta: Array) -> Array:
+    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
+    k = len(nodes)
+    others = ~np.eye(k, dtype=bool)
+    factors = np.where(others, theta[:, None, None] - nodes, 1.0)
+    return (factors / np.where(others, nodes[:, None] - nodes, 1.0)).prod(axis=2)
+
+
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
     """A stage's weights (3n, (s + 2) n) of whole rows of M, hC, h²K."""
@@ -333,7 +352,7 @@ class Collocated(OneStep):
     def stages(self) -> Collocation:
         return self.collocation
 
-    @property
+    @cached_property
     def collocation(self) -> Collocation:
         return _collocation(self)
 

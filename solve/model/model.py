@@ -133,7 +133,8 @@ class Model(PeriodicSystem):
         return entries if np.isfinite(entries).all() else super().entries(phase, speed)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        terms = None if self.sampler is None else self.sampler.terms(phase)
+        sampler = self.sampler
+        terms = None if sampler is None else sampler.terms(phase)
         if terms is None:
             return None
         table, entry, power = terms

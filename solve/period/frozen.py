@@ -85,7 +85,7 @@ class FrozenModes:
             if (K > ROUNDING * (M + C)).all():
                 return None
         elif self._n > 1:
-            M, C, K = np.moveaxis(self._matrices_at(slice(1)), (3, 4), (1, 2))
+            M, C, K = self._matrices_at(slice(1)).transpose(0, 3, 4, 1, 2)
             if not may_be_singular(K[:, 0], ROUNDING * (np.abs(M) + np.abs(C))[:, 0]).any():
                 return None
         M, C, K = self.matrices
@@ -95,7 +95,7 @@ class FrozenModes:
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
         """M, C and K (P, k, n, n) with respect to the phase."""
-        M, C, K = np.moveaxis(self._matrices_at(slice(None)), (3, 4), (1, 2))
+        M, C, K = self._matrices_at(slice(None)).transpose(0, 3, 4, 1, 2)
         return M, C, K
 
     @property
@@ -221,7 +221,7 @@ class FrozenModes:
             is_balanced = sizes <= _BALANCED * (diagonals + diagonals[:1])[:, None]
         if is_balanced.all():
             return None
-        rows = np.flatnonzero(~is_balanced.all(axis=(0, 1, 2)))
+        rows = (~is_balanced.all(axis=(0, 1, 2))).nonzero()[0]
         coupling = self[rows]._coupling[0]
         is_finite = np.isfinite(coupling).all(axis=(1, 2))
         rows, units = rows[is_finite], balance_matrices(coupling[is_finite])[1]
@@ -293,7 +293,7 @@ class FrozenModes:
         """Whether sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any of the phases (P,)."""
         if self._is_oscillator:
             exceeds = ~self._bounded_by_ranges(rate)
-            rows = np.flatnonzero(exceeds)
+            rows = exceeds.nonzero()[0]
             if len(rows):
                 exceeds[rows] = (self[rows]._largest_rates() > rate).any(axis=1)
             return exceeds
@@ -301,7 +301,7 @@ class FrozenModes:
         # The largest eigenvalue is at least the mean of all, which is the trace divided by n.
         traces = [np.abs(np.einsum("iipk->pk", ratio)).max(axis=1) for ratio in ratios]
         exceeds = (traces[0] > self._n * limits[0]) | (traces[1] > self._n * limits[1])
-        rows = np.flatnonzero(~exceeds)
+        rows = (~exceeds).nonzero()[0]
         if len(rows):
             scaled = (np.abs(ratio[:, :, rows]) / limit for ratio, limit in zip(ratios, limits, strict=True))
             rows = rows[~np.logical_and(*map(spectral_radius_within_one, scaled))]
@@ -331,7 +331,7 @@ class FrozenModes:
             is_within[rows] = True
             return is_within
         is_within = self._bounded_by_ranges(rate)
-        rows = np.flatnonzero(~is_within)
+        rows = (~is_within).nonzero()[0]
         if len(rows):
             (C, K), rate = self[rows]._ratios(), rate[rows, None]
             # The criterion of Schur and Cohn, which is sharp for a single mode.
@@ -345,7 +345,7 @@ class FrozenModes:
         # The sum of squares of the 2n eigenvalues is at most 2n times that of the largest.
         squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
         is_within = np.abs(squares).max(axis=1) <= 2 * self._n * rate**2
-        rows = np.flatnonzero(is_within)
+        rows = is_within.nonzero()[0]
         if len(rows):
             C, K, rate = C[:, :, rows], K[:, :, rows], rate[rows, None]
             is_within[rows] = spectral_radius_within_one(np.abs(C) / rate + np.abs(K) / rate**2)

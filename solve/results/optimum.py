@@ -38,7 +38,7 @@ class FreeParameter(NamedTuple):
 
     @property
     def at_bound(self) -> str:
-        """ "low" or "high" if the optimum lies on this bound, else an empty text."""
+        """Bound on which the optimum lies, low or high; an empty text for none."""
         margin = AT_BOUND * (self.high - self.low)
         if self.value - self.low <= margin:
             return "low"

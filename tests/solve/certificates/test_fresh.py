@@ -160,10 +160,11 @@ def test_undamped_systems_have_constant_mass_and_symmetric_stiffness():
 
 
 def test_the_benchmark_takes_part_of_either_population():
-    assert vars(options([])) == {"every": 1, "first": None, "fresh": False}
-    assert vars(options(["--fresh", "--first", "30", "--every", "7"])) == {
+    assert vars(options([])) == {"every": 1, "first": None, "fresh": False, "start": 0}
+    assert vars(options(["--fresh", "--start", "1", "--first", "30", "--every", "7"])) == {
         "every": 7,
         "first": 30,
         "fresh": True,
+        "start": 1,
     }
     assert [(trial.name, trial.rtol) for trial in FRESH_TRIALS] == [("auto", 1e-4), ("auto", 1e-8)]

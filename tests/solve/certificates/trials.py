@@ -212,7 +212,7 @@ def matched_error(values: np.ndarray, truth: np.ndarray) -> float:
 @dataclass(frozen=True)
 class Rates:
     """Shares of all orbits and multipliers together: `honest`, true error ≤ 10 × estimate but for what the
-    truth itself may be wrong by; `sharp`, estimate ≤ 1000 × true error where that is visible and leaves a
+    truth itself may be wrong by; `sharp`, estimate ≤ 100 × true error where that is visible and leaves a
     digit; `decided`, verdicts that are not undetermined."""
 
     name: str
@@ -240,7 +240,7 @@ def rates(name: str, found: list[Outcome]) -> Rates:
     estimates = np.array([each.estimates for each in results]).reshape(-1, 2)
     honest = np.array([each.honest for each in results]).reshape(-1, 2)
     visible = errors > VISIBLE
-    sharp = ((estimates <= 1000 * errors) | (errors > NO_DIGIT))[visible]
+    sharp = ((estimates <= 100 * errors) | (errors > NO_DIGIT))[visible]
     dishonest = [each for each, fine in zip(results, honest.all(axis=1), strict=True) if not fine]
     decided = [each.verdict != "undetermined" for each in results]
     return Rates(
