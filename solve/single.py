@@ -169,4 +169,4 @@ def _solve(
         if all_multipliers:
             rigid = rigid_multipliers(result)
             refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
-    return result, Spectrum(point, result, refined_spectrum)
+    return result, Spectrum(point, result, refined_spectrum, all_multipliers)
