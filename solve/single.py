@@ -180,4 +180,4 @@ def _solve(
             refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
             if refined_spectrum is not None and result.interpolation:
                 refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
-    return result, Spectrum(point, result, refined_spectrum)
+    return result, Spectrum(point, result, refined_spectrum, all_multipliers)

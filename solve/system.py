@@ -288,8 +288,8 @@ class PeriodicSystem(Labels):
         Raises LinearModelError for linear systems.
         """
         raise LinearModelError(
-            f"{self.name} is linear by construction, its orbit is the linear one; omit options that require "
-            "nonlinear equations"
+            f"{self.name} is linear by construction and has no nonlinear equations; use the study of its "
+            "linear equations"
         )
 
     def roundoff(self, phase: Array, speed: float) -> Array:

@@ -21,6 +21,7 @@ from solve.period.blocks import LOSS, Blocks, balanced_blocks, joined_blocks
 from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
+from solve.period.logarithms import UNKNOWN, exponential, log_distances, matched_logarithms
 from solve.period.multipliers import matched
 from solve.period.points import OnePoint, Points, matrices, state_size
 from solve.period.product_eigenvalues import ProductEigenvalues, eigenvalue_logarithms, product_eigenvalues
@@ -60,18 +61,19 @@ class Spectrum:
     Multipliers with a digit in the monodromy matrix are its eigenvalues. Others are computed from the factors
     of the period on twice the steps; their errors are the differences from those with one stage more. If
     `rtol` applies to each multiplier, all are those of `refined`. Multipliers of rigid-body modes are exactly
-    +1."""
+    +1. each: whether `rtol` was to apply to each multiplier."""
 
     point: OnePoint
     certified: Certified
     refined: RefinedMultipliers | None = None
+    each: bool = False
 
     @property
     def values(self) -> Array:
         """ρ (N,), complex: 0 below the range of numbers, NaN without a digit."""
         if self.refined is not None:
-            return _exponential(self.logarithms)
-        small = _exponential(self._logarithms_and_errors[0])
+            return exponential(self.logarithms)
+        small = exponential(self._logarithms_and_errors[0])
         return self._with_rigid(np.where(self._has_digit, self._eigenvalues, small), 1.0)
 
     @property
@@ -124,7 +126,7 @@ class Spectrum:
             mass = None if self.point.first_order else M
             maps = solutions.steps.A[0]
             with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
-            change = np.diagonal(_log_distances(self.logarithms, eigenvalues.logarithms[0][order]))
+            change = np.diagonal(log_distances(self.logarithms, eigenvalues.logarithms[0][order]))
             for i in np.flatnonzero(~np.isnan(self.errors) & (change < NO_DIGIT)):
                 modes[i] = with_harmonics[order[i]]
             for i in np.flatnonzero(self.rigid):
@@ -154,17 +156,24 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """A sentence if multipliers have no digit because the factors give no eigenvalues."""
-        is_installed = slicot.available()
+        """Sentence on what is missing because the eigenvalues of the factors are unknown, if anything is."""
+        missing, is_refused = [], self.each and self.refined is None
         # Eigenvalues of the factors are not computed only for a note.
-        if not self._has_factors or (is_installed and "_factored" not in self.__dict__):
+        has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
+        if is_refused:
+            missing.append("rtol is not applied to each multiplier")
+        if self.unresolved:
+            missing.append(f"{self.unresolved} multipliers are below the round-off of the monodromy matrix")
+        if not slicot.available() and (is_refused or self._has_factors):
+            missing = missing or ["orders and frequencies of the modes are unknown"]
+            reason = "SLICOT is required: pip install ctrlsys (not available on all platforms)"
+        elif is_refused or has_failed:
+            reason = "the eigenvalues of the product of the steps did not converge"
+        elif isinstance(self.certified.method, OneStep) and self._is_long:
+            reason = "with so many coordinates and steps, they are computed only with all_multipliers"
+        else:
             return []
-        if self._factored is not None or not self.unresolved:
-            return []
-        below = f"{self.unresolved} multipliers are below the round-off of the monodromy matrix"
-        if is_installed:
-            return [f"{below}; the eigenvalues of the product of the steps did not converge"]
-        return [f"{below}; they require SLICOT: pip install ctrlsys (not available on all platforms)"]
+        return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
         """Values of the other multipliers, with one per rigid-body multiplier after those outside the unit
@@ -215,8 +224,12 @@ class Spectrum:
     def _has_factors(self) -> bool:
         """Whether there are factors of the period in the coordinates of the system, and not too many."""
         method = self.certified.method
-        is_quick = self.refined is not None or self._work(self.certified.steps) <= _MAX_WORK[0]
-        return isinstance(method, OneStep) and method.converges and is_quick
+        return isinstance(method, OneStep) and method.converges and not self._is_long
+
+    @property
+    def _is_long(self) -> bool:
+        """Whether the factors are too many or too large to be used by default."""
+        return self.refined is None and self._work(self.certified.steps) > _MAX_WORK[0]
 
     @cached_property
     def _logarithms_and_errors(self) -> tuple[Array, Array]:
@@ -225,7 +238,7 @@ class Spectrum:
             return self.refined.logarithms, self.refined.errors
         certified, rho, has_digit = self.certified, self._eigenvalues, self._has_digit
         with np.errstate(divide="ignore", invalid="ignore"):
-            logarithms = np.where(rho != 0, np.log(rho), np.nan)
+            logarithms = np.where(rho != 0, np.log(rho), UNKNOWN)
             errors = np.where(has_digit, certified.absolute[0] / np.abs(rho), np.nan)
         # If the largest multipliers have no digit, no others have one, even if two solutions agree.
         if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
@@ -370,31 +383,12 @@ def _blocks_on_steps(
         return joined_blocks(blocks, loss)
 
 
-def _exponential(logarithms: Array) -> Array:
-    """ρ (N,) of its logarithms, real if these are of a real number; NaN remains."""
-    angle = np.imag(logarithms)
-    return np.exp(np.real(logarithms)) * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
-
-
 def _multiplier_errors(others: Array, eigenvalues: ProductEigenvalues) -> Array:
     """Relative errors (N,) of multipliers from round-off and from the logarithms (N,) on another grid."""
-    distances = _log_distances(eigenvalues.logarithms[0], others)
+    distances = log_distances(eigenvalues.logarithms[0], others)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)
     is_mutual = distances.argmin(axis=0)[nearest] == np.arange(len(distances))
     # A multiplier far from all others has no digit in any assignment.
     if not (is_mutual | (distance >= NO_DIGIT)).all():
         distance = distances[matched(distances)]
     return np.maximum(distance, eigenvalues.errors[0])
-
-
-def matched_logarithms(some: Array, every: Array) -> Array:
-    """Positions (k,) of the logarithms `some` (k,) among `every` (N,)."""
-    return matched(_log_distances(some, every))[1]
-
-
-def _log_distances(some: Array, others: Array) -> Array:
-    """Distances (k, N) between logarithms (k,) and (N,), the angle modulo 2π; -1e6 replaces that of an exact
-    zero."""
-    some, others = (np.where(np.isneginf(np.real(values)), -1e6, values) for values in (some, others))
-    difference = some[:, None] - others
-    return np.hypot(np.real(difference), np.angle(np.exp(1j * np.imag(difference))))

@@ -11,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import Spectrum, matched_logarithms
+from solve.certify.all_multipliers import Spectrum
 from solve.derivatives.periodic_problem import PeriodicProblem
 from solve.errors import MissingLibraryError, NoDerivativeError
 from solve.kernel import slicot
 from solve.period.blocks import Blocks, balanced_blocks, carried
+from solve.period.logarithms import matched_logarithms
 from solve.period.product_eigenvalues import ProductEigenvalues, product_eigenvalues
 
 COALESCENCE = 1e-6

@@ -221,7 +221,7 @@ class _Search:
             linearised,
             task.speed,
             result,
-            Spectrum(OnePoint(linearised, task.speed), result, spectrum),
+            Spectrum(OnePoint(linearised, task.speed), result, spectrum, self.all_multipliers),
             self.notes,
             iterations=found.iterations,
             found_by=strategy,

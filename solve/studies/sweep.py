@@ -355,7 +355,7 @@ def validity(
         raise ValueOutOfBoundsError(f"at is {at}; allowed: a part > 0 and up to 1, such as 0.05 for 5 %")
     if not system.nonlinear:
         raise LinearModelError(
-            f"{system.name} is linear by construction; only a model with nonlinear equations can be off them"
+            f"{system.name} is linear by construction; validity requires a model with nonlinear equations"
         )
     given = speeds_given(speeds)
     system, omegas = system.shown_in(given[0]), np.sort(given)

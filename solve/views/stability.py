@@ -91,7 +91,8 @@ def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
     """Draw panels of the multipliers, small ones also magnified, and of the verdict."""
     from matplotlib.patches import Circle
 
-    rho, radius = result.multipliers, float(np.abs(result.multipliers).max(initial=0.0))
+    rho = result.multipliers[~np.isnan(result.multipliers)]
+    radius = float(np.abs(rho).max(initial=0.0))
     closer = 0.0 < radius < _CLOSER
     panels = place.subplots(1, 3 if closer else 2, width_ratios=(1, 1, 0.75) if closer else (1, 1.75))
     _draw_multipliers(panels[0], rho, max(1.0, radius))

@@ -83,6 +83,46 @@ def test_modes_that_given_steps_do_not_follow_have_no_digit():
     assert np.isnan(stability.multiplier_errors).sum() == stability.unresolved
 
 
+def test_unknown_multipliers_are_null_in_every_column(without_slicot):
+    found = solve.floquet(solve.load("four_bar", options={"elements": "1"}), 30.0, rtol=1e-6)
+    assert 0 < found.unresolved < 10
+    record = found.record()
+    for row in range(18 - found.unresolved, 18):
+        assert record["multipliers"][row] == record["exponents"][row] == [None, None]
+        assert record["modes"][row]["folded"] is record["multiplier_errors"][row] is None
+    assert record["modes"][0]["folded"] is not None
+
+
+def test_small_spectra_are_magnified_though_other_multipliers_are_unknown(without_slicot):
+    damped = constant(
+        np.eye(2), np.diag([0.8, 12.0]), np.diag([2.0, 41.29]), lambda phase: np.zeros((len(phase), 2))
+    )
+    found = solve.floquet(damped, 1.0)
+    assert found.unresolved == 2
+    titles = [axes.get_title(loc="left") for axes in found.plot().axes]
+    assert "closer, within the largest" in titles
+
+
+def test_without_slicot_missing_orders_and_tolerances_are_noted(without_slicot):
+    mathieu = solve.load("mathieu")
+    (note,) = solve.floquet(mathieu, 2.0).notes
+    assert note.startswith("orders and frequencies of the modes are unknown; SLICOT is required")
+    (note,) = solve.floquet(mathieu, 2.0, all_multipliers=True).notes
+    assert note.startswith("rtol is not applied to each multiplier; SLICOT is required")
+    cam = solve.load("cam")
+    notes = solve.nonlinear(cam, "600 rpm", rtol=1e-6, all_multipliers=True).notes
+    assert any("rtol is not applied to each multiplier" in note for note in notes)
+
+
+def test_multipliers_left_out_for_their_work_are_noted(monkeypatch):
+    monkeypatch.setattr("solve.certify.all_multipliers._MAX_WORK", (1.0, 1.0, 1e9))
+    found = solve.floquet(damped_pair(), 1.0)
+    assert np.isnan(found.multipliers[2:]).all()
+    assert [note.split("; ")[1] for note in found.notes] == [
+        "with so many coordinates and steps, they are computed only with all_multipliers"
+    ]
+
+
 def test_methods_without_step_maps_refuse_all_multipliers():
     with pytest.raises(StepsError, match=r"fourier has no step maps.* use radau or gauss"):
         solve.floquet(decaying(), 1.0, "fourier", rtol=1e-6, all_multipliers=True)

@@ -1,0 +1,33 @@
+"""Logarithms of Floquet multipliers, which exist where the multipliers underflow: their values, distances
+and assignment."""
+
+import math
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.multipliers import matched
+
+UNKNOWN = complex(math.nan, math.nan)
+"""Logarithm of a multiplier without a digit: both parts are unknown."""
+
+_EXACT_ZERO = -1e6
+"""Substitute for the logarithm of an exact zero, below that of every other multiplier: a choice."""
+
+
+def exponential(logarithms: Array) -> Array:
+    """ρ (N,) of its logarithms, real if these are of a real number; NaN remains."""
+    angle = np.imag(logarithms)
+    return np.exp(np.real(logarithms)) * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
+
+
+def matched_logarithms(some: Array, every: Array) -> Array:
+    """Positions (k,) of the logarithms `some` (k,) among `every` (N,)."""
+    return matched(log_distances(some, every))[1]
+
+
+def log_distances(some: Array, others: Array) -> Array:
+    """Distances (k, N) between logarithms (k,) and (N,), the angle modulo 2π."""
+    some, others = (np.where(np.isneginf(np.real(values)), _EXACT_ZERO, values) for values in (some, others))
+    difference = some[:, None] - others
+    return np.hypot(np.real(difference), np.angle(np.exp(1j * np.imag(difference))))
