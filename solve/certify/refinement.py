@@ -226,7 +226,7 @@ class _Refinement:
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _is_stalled_roundoff(self, pair: _GridComparison) -> Array:
-        """Errors (k, 2) that are round-off: below a limit, and not reduced by two grids.
+        """Errors (k, 2) that are round-off: below a limit, and not reduced by two grids, or increased by one.
 
         The limit is a thousand times the estimated round-off; larger errors may not decrease for other
         reasons, such as kinks in the coefficients. Multipliers that underflow have no limit.
@@ -234,8 +234,9 @@ class _Refinement:
         positions, errors = pair.positions, pair.errors
         is_small = errors < 1e3 * pair.roundoff
         is_small[:, 1] |= pair.underflows
-        decreases = errors < _STALLED * self.previous_errors[positions]
-        self.stalled_grids[positions] = np.where(decreases, 0, self.stalled_grids[positions] + 1)
+        previous = self.previous_errors[positions]
+        decreases, increases = errors < _STALLED * previous, errors > previous
+        self.stalled_grids[positions] = np.where(decreases, 0, self.stalled_grids[positions] + 1 + increases)
         # With kinks in the coefficients, errors decrease irregularly: the smallest one may be a coincidence.
         self.previous_errors[positions] = errors
         return is_small & (self.stalled_grids[positions] > 1)
