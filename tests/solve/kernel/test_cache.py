@@ -22,7 +22,7 @@ def again():
 
 
 def refused(own_cache):
-    """What the note of a sweep says, which is solved by NumPy."""
+    """Note of a sweep that is solved by NumPy."""
     sweep = solve.sweep(solve.load("mathieu"), [1.0, 1.5])
     assert sweep.engine == "numpy"
     assert sweep.points[0].error is None
