@@ -171,7 +171,8 @@ def in_si(mechanism: MechanismStatement) -> list[str]:
 def _option_line(option: Option) -> str:
     if not option.indicators:
         return f'{option.name} = _count("{option.name}", {option.name})'
-    return f'{_listed(indicator.name for indicator in option.indicators)} = _choice("{option.name}", {option.name})'
+    indicators = _listed(indicator.name for indicator in option.indicators)
+    return f'{indicators} = _choice("{option.name}", {option.name})'
 
 
 def _wrapped(names: Sequence[str]) -> str:

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "3586729caa5b3d9f2e2fb5433be3ed0638cd86c4045691e4f4109a7710109203"
-DERIVE_SHA256 = "17268196e023d72931ee078c58f37e190dbb4598a12f2166846896de06b4e38d"
+DERIVE_SHA256 = "e2c964fa6ac201d254c2d3e217c4b73f08f6dcd14c1a56d836f56553796a6296"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d077c2ab38ff4c10236dc14519e74c9186342b0c74320144fadb6847bf224745"
+FILE_SHA256 = "079db6f1c67688080306e1d5ad4ebf599156791fb06ba1d89dfc7bc50839315b"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -1,4 +1,4 @@
-"""The pages' examples in Python give what the pages say."""
+"""Examples in Python on the pages print what the pages show."""
 
 import doctest
 

@@ -96,7 +96,8 @@ def cam_nonlinear(record):
 
 
 def coupler_campbell(record):
-    """The lowest frequency is that of a pinned beam, but for what its weight and the mechanism's do."""
+    """The lowest frequency is that of a pinned beam, apart from the effects of its weight and of the
+    mechanism."""
     row = next(row for row in record["rows"] if row["mode"] == 1)
     beam = (np.pi / 0.8) ** 2 * np.sqrt(2.1e11 * 45e-9 / (7800 * 6e-4))
     return row["order"] * row["division_at_rest"], pytest.approx(beam, rel=1e-3)

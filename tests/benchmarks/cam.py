@@ -40,7 +40,7 @@ def reference():
 
 
 def certified(engine: str) -> Result:
-    """The user's own call: accuracy asked for, error estimated, warnings and all."""
+    """The call of a user: a requested tolerance, with error estimates and warnings."""
     orbit = solve.periodic(cam(), peers.SPEED, rtol=ACCURACY, engine=engine)
     return orbit.phase, orbit.q, orbit.multipliers
 

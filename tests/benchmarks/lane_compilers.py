@@ -131,7 +131,7 @@ def by_lanes(n: int, table: Array, coefficients: Array) -> Run:
 
 
 def by_numba(n: int, table: Array, coefficients: Array, lanes: int) -> Run:
-    """Loops with the points innermost, so many at a time."""
+    """Loops with the points innermost, in blocks of the given length."""
     from tests.benchmarks.numba_lanes import level
 
     groups, columns = POINTS // lanes, table.shape[1]

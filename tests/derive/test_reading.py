@@ -122,7 +122,7 @@ def test_a_faulty_case_is_refused_and_no_fault_of_the_program(edit, tmp_path):
 
 
 def text(element):
-    """What a reader sees of a formula, but for invisible signs."""
+    """Visible text of a formula, without invisible signs."""
     return "".join(ElementTree.fromstring(element).itertext()).replace("\u2062", "").replace("\u2061", "")
 
 

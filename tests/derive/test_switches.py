@@ -139,7 +139,7 @@ def test_contact_without_clearance_has_no_linearisation(contact):
 
 
 def test_the_modulus_of_a_root():
-    """SymPy does not know √(L² − q²) to be real."""
+    """SymPy does not recognise √(L² − q²) as real."""
     one, q, p = oscillator(L=("m", "wire"), u=("m", "side"), F=("N", "load"))
     side = sqrt(p["L"] ** 2 - q**2)
     one.potential += p["k"] * Abs(side - p["u"]) ** 3 / p["L"]

@@ -76,7 +76,7 @@ def at_rest(index):
 
 
 def whirling(near):
-    """The whirl (rad/s) at 2000 rad/s next to `near`; multipliers tell it up to the speed."""
+    """Whirl frequency (rad/s) at 2000 rad/s next to `near`; the multipliers determine it modulo the speed."""
     speed = 2000.0
     angles = np.abs(np.angle(solve.floquet(rotor(), speed, rtol=1e-10).multipliers)) * speed / (2 * np.pi)
     return min(angles, key=lambda value: abs(value - near))

@@ -1,5 +1,4 @@
-"""The worked machines of the page, each run as printed, against what the literature or a second derivation
-says of them."""
+"""The machines of the page, run as printed and compared with the literature or a second derivation."""
 
 import re
 import shlex

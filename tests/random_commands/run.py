@@ -104,8 +104,8 @@ def _run(program: str, arguments: list[str]) -> int:
 
 @contextmanager
 def _watched() -> Iterator[None]:
-    """Stop a command that works long: one that tells how far it is by an interruption, any other at the end
-    of its time."""
+    """Stop a command after a long time: by an interruption if it reports progress, otherwise when its time is
+    over."""
     reports, used = 0, 0
 
     def tick(*_: object) -> None:

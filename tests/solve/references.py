@@ -63,7 +63,7 @@ def slope(steps, errors):
 
 
 def closed_chain(A, b, digits=80):
-    """States (m, N) of x_{k+1} = A_k x_k + b_k, x_m = x_0, in numbers of so many digits, from one turn."""
+    """States (m, N) of x_{k+1} = A_k x_k + b_k, x_m = x_0, over one period, with a given number of digits."""
     with mpmath.workdps(digits):
         turn, end = mpmath.eye(b.shape[1]), mpmath.zeros(b.shape[1], 1)
         steps = [

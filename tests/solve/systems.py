@@ -156,8 +156,8 @@ def frozen_modes(system, speed, phases=PHASES):
 
 
 def swelling(m, decades):
-    """A chain of m steps: some solutions grow by so many powers of ten in its middle third, in directions
-    that turn, and fall by as many in the last."""
+    """Chain of m steps: some solutions grow by a number of powers of ten in its middle third, in rotating
+    directions, and fall by as many in the last."""
     rng = np.random.default_rng(m)
     turned = np.linalg.qr(rng.standard_normal((m, 4, 4)))[0]
     rates = np.zeros(m)

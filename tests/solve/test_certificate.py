@@ -72,7 +72,7 @@ def test_a_grid_that_is_given_is_judged_honestly(method, steps, references):
     "rpm", [100, 300, 1500, *(pytest.param(rpm, marks=pytest.mark.slow) for rpm in (200, 600))]
 )
 def test_estimates_for_the_stiff_cam(case, rpm):
-    """Witness: Gauss of order 12, another method than any that is judged."""
+    """Reference: Gauss of order 12, which none of the tested methods is."""
     system, speed = cam(case), f"{rpm} rpm"
     truth = periodic(system, speed, Gauss(12), rtol=1e-11)
     q = truth.at(PHASES)
@@ -175,7 +175,7 @@ def test_floquet_alone_states_no_error_of_an_orbit():
 
 
 def tuned_absorber():
-    """q1 = 0 but for rounding: the absorber at its own frequency takes the whole force, q2 = -cos φ."""
+    """q1 = 0 up to round-off: the absorber at its own frequency takes the whole force, q2 = -cos φ."""
     K = np.array([[3.0, -1.0], [-1.0, 1.0]])
     return constant(
         np.eye(2), np.zeros((2, 2)), K, lambda phase: np.column_stack((np.cos(phase), np.zeros(len(phase))))

@@ -241,7 +241,7 @@ def test_rounding_of_many_steps_is_in_the_estimate(steps):
 
 @pytest.mark.parametrize("rpm", [1, 3, 5])
 def test_multipliers_without_a_digit_are_unresolved_and_cost_no_refinement(rpm):
-    """At 5 rpm the cam's |ρ| is about 1e-137: products of so many decades hold nothing of it."""
+    """At 5 rpm the cam's |ρ| is about 1e-137, which products of the step maps do not resolve."""
     orbit = periodic(cam(), f"{rpm} rpm")
     assert (len(orbit.multipliers), orbit.unresolved, orbit.spectral_radius) == (6, 6, 0.0)
     assert orbit.verdict == "asymptotically stable"

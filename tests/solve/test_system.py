@@ -238,7 +238,7 @@ def test_state_rate_and_frozen_eigenvalues_satisfy_eq_5(seed, n, speed):
 
 
 def bladed(phase, speed):
-    """Three blades: what each adds to C and d cancels but for rounding."""
+    """Three blades: their contributions to C and d cancel up to round-off."""
     one = np.ones((len(phase), 1, 1))
     cancels = sum(np.cos(phase + k * 2 * np.pi / 3) for k in range(3))
     return one, cancels[:, None, None], 4.5 * one, cancels[:, None]

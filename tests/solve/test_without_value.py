@@ -1,4 +1,4 @@
-"""Outputs that are no number at some phases: every result tells so."""
+"""Outputs that are not finite at some phases: every result has a warning."""
 
 import pytest
 

@@ -20,7 +20,7 @@ def answer(capsys, monkeypatch):
 
 @pytest.fixture
 def refusal(capsys):
-    """What a command says in the one line with which it refuses; lines of how far it is are not meant."""
+    """Message of a refused command, without progress reports."""
 
     def ask(*arguments: str) -> str:
         assert run(arguments) == 2

@@ -1,4 +1,4 @@
-"""The page on the elastic four-bar: its commands run as printed, but for fewer speeds."""
+"""Commands of the page on the elastic four-bar, run as printed but with fewer speeds."""
 
 import json
 import re

@@ -85,7 +85,7 @@ def test_terms_that_the_instantaneous_structure_leaves_out(option, change):
 
 @pytest.mark.slow
 def test_full_terms_conserve_energy_without_damping():
-    """M′q̇ is missing from the instantaneous structure, so that its |ρ| says nothing of stability."""
+    """M′q̇ is missing from the instantaneous structure, so its |ρ| does not determine stability."""
     radius = {
         terms: solve.floquet(solve.load("four_bar", options={"terms": terms}, zeta=0.0), 30.0, rtol=1e-7)
         for terms in ("full", "instantaneous")

@@ -24,7 +24,7 @@ SPEEDS = np.linspace(12, 60, 64)
 
 
 def same(one, other):
-    """Estimates of errors alone know in their rounding with which points theirs was solved."""
+    """The round-off of error estimates depends on the points that were solved together."""
     errors = other.results.errors
     np.testing.assert_allclose(one.results.errors, errors, rtol=1e-6)
     one.results.errors[:] = errors

@@ -125,7 +125,7 @@ def test_flat_pulses_have_the_multipliers_of_matrix_exponentials(index):
 
 
 def test_the_default_keeps_its_tolerance():
-    """1e-8 for orbit and multipliers unless the result says otherwise."""
+    """Errors of 1e-8 for orbit and multipliers unless the result has a warning."""
     for index in range(0, HALF, 75):
         given = member(index)
         computed, truth = periodic(given.system, given.speed), given.truth()

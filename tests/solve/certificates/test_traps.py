@@ -1,4 +1,4 @@
-"""Right orbits with wrong multipliers, and other traps: none of them goes without a word."""
+"""Accurate orbits with wrong multipliers, and other traps: each of them has a warning."""
 
 from functools import cache
 
@@ -229,7 +229,7 @@ def test_every_method_states_up_to_where_it_follows(name):
 
 @cache
 def toothed(teeth):
-    """An oscillator whose stiffness has so many teeth in a turn, and its truth."""
+    """Oscillator whose stiffness has a number of teeth per revolution, and its exact solution."""
 
     def matrices(phase, speed):
         one = np.ones((len(phase), 1, 1))

@@ -1,4 +1,4 @@
-"""Every bad input is refused in one line that says what was given and what is allowed; exit status 2."""
+"""Bad input is refused in one line that states what was given and what is allowed; exit status 2."""
 
 import pytest
 

@@ -115,7 +115,7 @@ def test_picture_distinguishes_all_methods_and_omits_points_out_of_range():
 
 
 def test_without_load_the_multipliers_are_judged(command):
-    """Mathieu's equation has no orbit but rest; |ρ| by step counts as the order says."""
+    """Mathieu's equation has only the orbit at rest; the error of |ρ| falls with the order of the method."""
     arguments = ("mathieu", "--method", "newmark", "--method", "rk4", "--steps", "40")
     ran = command("compare", *arguments, "--rtol", "1e-4", "--rtol", "1e-6", "--json")
     record = json.loads(ran.out)

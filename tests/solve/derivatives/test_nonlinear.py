@@ -17,8 +17,8 @@ GRID = {"method": solve.Radau(), "rtol": 1e-11, "engine": "auto"}
 
 
 def check(model, speed, of, by, steps):
-    """Newton's iteration takes its matrices along the curve and not at the stages: what it gives on a grid
-    has the derivatives of the orbit but for the error of the grid, which is small here."""
+    """Newton's iteration takes matrices along the curve and not at the stages. Its results on a grid have the
+    derivatives of the orbit up to the error of the grid, which is small here."""
     settings = {**GRID, "steps": steps}
     sensitivities = solve.sensitivities(model, speed, of, by, nonlinear=True, **settings)
     for name in sensitivities.by:

@@ -83,8 +83,7 @@ def test_an_output_of_a_model_responds_as_on_the_orbit():
 
 @pytest.mark.slow
 def test_transfer_about_a_nonlinear_orbit_reproduces_that_orbit():
-    """Its outputs too, which are not linear, but for the orders beyond N; the linear orbit is 35 % off and
-    more."""
+    """The nonlinear outputs too, except for harmonics above N; the linear orbit is off by 35 % and more."""
     model, N, speed = solve.load("manipulator"), 60, "300 rpm"
     orbit, linear = solve.nonlinear(model, speed), solve.periodic(model, speed)
     transfer = solve.harmonic_transfer(orbit.system, speed, N)

@@ -134,7 +134,7 @@ def test_repr_lists_signals():
 
 
 def test_the_torque_of_the_drive_is_that_in_its_shaft():
-    """As docs/interfaces.md says: a force along the twist acts from outside on what the shaft carries."""
+    """As in docs/interfaces.md: a force along the twist acts from outside on the driven side of the shaft."""
     model = solve.load("cam")
     space = solve.state_space(model, "600 rpm", samples=4)
     row = space.signals.outputs.index("drive_torque")

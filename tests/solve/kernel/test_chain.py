@@ -12,7 +12,7 @@ from tests.solve.systems import swelling
 
 
 def same(N, m, r, growth, unit=1.0):
-    """A turn of m random maps, of which solutions grow so many times a step; unit: of the last state."""
+    """Period of m random maps whose solutions grow by a factor per step; unit: unit of the last state."""
     rng, units = np.random.default_rng(m), np.append(np.ones(N - 1), unit)
     A = np.eye(N) + rng.standard_normal((m, N, N)) * 0.3
     A[:, 0] *= growth

@@ -1,4 +1,4 @@
-"""The page that adds a method: its file is short, its method does all that is asked of every method."""
+"""The page that adds a method: its file is short, and its method meets all requirements."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""The method that a user who names none gets, and that the result says which it was."""
+"""The default method, and its name in the result."""
 
 import numpy as np
 import pytest

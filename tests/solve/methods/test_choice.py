@@ -1,4 +1,4 @@
-"""Methods by name and settings, and what is said of names and settings that do not exist."""
+"""Methods by name and settings, and messages for names and settings that do not exist."""
 
 import numpy as np
 import pytest

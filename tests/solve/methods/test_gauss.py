@@ -55,8 +55,8 @@ def test_an_undamped_mode_keeps_its_amplitude_at_any_step(order, angle):
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_unresolved_stiff_mode_of_gauss_is_flagged(order):
-    """True: exp(-2π·2500) beside |ρ| = exp(-0.05·2π). |R(-∞)| = 1, so that the stiff one seems to live;
-    the estimate and the warning tell."""
+    """Exact: exp(-2π·2500) beside |ρ| = exp(-0.05·2π). As |R(-∞)| = 1, the stiff mode seems undamped;
+    estimate and warning show it."""
     given = constant(
         np.eye(2), np.diag([0.1, 5e3]), np.diag([1.3, 2.5e7]), lambda phase: np.ones((len(phase), 2))
     )

@@ -1,4 +1,4 @@
-"""The page on methods: its table says what the methods say."""
+"""The table of the page on methods agrees with the attributes of the methods."""
 
 import re
 from pathlib import Path

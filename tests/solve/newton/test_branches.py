@@ -50,7 +50,7 @@ def test_every_orbit_of_the_branch_is_one(rotor_branch):
 
 
 def test_verdicts_keep_the_margins_of_single_orbits(rotor_branch):
-    """An estimate is no bound: unstable is said from twice the error on."""
+    """An estimate is no bound: the verdict is unstable only beyond twice the error."""
     radii, errors = rotor_branch.radius.copy(), rotor_branch.errors.copy()
     radii[:4], errors[:4, 1] = 1.003, (1e-3, 1.4e-3, 1.6e-3, 4e-3)
     verdicts = replace(rotor_branch, radius=radii, errors=errors).verdicts

@@ -178,7 +178,8 @@ def test_states_too_few_for_a_vibration_are_warned_of(monkeypatch):
 
 
 def test_modes_that_no_steps_follow_are_warned_of():
-    """A ramp over which a stiff mode turns so often that nothing tells what its sudden load makes of it."""
+    """Run-up over which a stiff mode oscillates so often that its response to the sudden load is
+    unpredictable."""
     numbers = {"zeta": 0.05, "k": 1e8, "alpha": 1.0, "f": 1e6}
     transient = solve.transient(model_of(duffing(), **numbers), turns=1, speeds="0:1 rad/s")
     assert any(text.startswith("ω_max h = ") for text in transient.warnings)

@@ -1,4 +1,4 @@
-"""The frequency of a mode, which its multiplier tells only modulo that of the turn."""
+"""Frequency of a mode, which its multiplier determines only modulo 2π/T."""
 
 import math
 

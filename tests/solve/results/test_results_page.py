@@ -100,7 +100,7 @@ def is_csv(result, folder):
 
 
 def opened(result, folder, ending):
-    """What it says, shows and holds is the same to the last bit."""
+    """Text, figure and values of the reopened result are identical to the last bit."""
     again = solve.open(saved(result, ending))
     assert type(again) is type(result)
     assert again.record() == result.record()

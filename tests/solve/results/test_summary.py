@@ -1,4 +1,4 @@
-"""What results say of themselves in a sentence: figures that they hold, and verdicts in plain words."""
+"""Summaries of results: their numbers are those of the result, and verdicts are in plain words."""
 
 import math
 import re

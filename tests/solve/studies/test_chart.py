@@ -245,7 +245,7 @@ def test_chart_quantity_matches_single_solutions():
 
 
 def test_orbit_chart_warns_where_the_linear_model_fails():
-    """By the orbit that is farthest beyond; a chart of multipliers has no orbits to judge."""
+    """The warning is that of the orbit farthest beyond the bound; a chart of multipliers has no orbits."""
     cam, speeds, stiff = solve.load("cam"), {"speed": [50.0, 60.0]}, {"k1": [7e4, 8e4]}
     orbits = [solve.periodic(cam.varied({"k1": k1}), speed) for k1 in (7e4, 8e4) for speed in (50.0, 60.0)]
     largest = max(orbit.statistics("q1").max_abs for orbit in orbits)

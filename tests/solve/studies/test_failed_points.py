@@ -1,4 +1,4 @@
-"""Points without a result: unknown, neither stable nor unstable, and said."""
+"""Points without a result are reported as unknown, neither stable nor unstable."""
 
 import numpy as np
 import pytest
@@ -191,8 +191,8 @@ def known_between(low, high):
 
 @pytest.mark.parametrize("speeds", [np.linspace(1.0, 6.0, 11), np.array([1.0, 6.0])])
 def test_failed_speeds_at_the_ends_are_omitted(speeds):
-    """The unstable band and the maximum of the response lie where there are matrices, and are found as if
-    there were some everywhere; the note says where there are none."""
+    """The unstable band and the maximum of the response lie where matrices exist, and are found; the note
+    names the speeds without matrices."""
     system, whole = known_between(1.55, 5.1), known_between(-1.0, 9.0)
     gapped_chart, every = solve.bands(system, speeds), solve.bands(whole, speeds)
     assert [band.kind for band in gapped_chart] == [band.kind for band in every] == ["+1", "-1"]

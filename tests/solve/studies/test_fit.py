@@ -1,4 +1,4 @@
-"""Parameters from measurement: known ones found again, what the data cannot tell, outliers, bad files."""
+"""Parameters from measurements: known values, unidentifiable ones, outliers and bad files."""
 
 import json
 import re

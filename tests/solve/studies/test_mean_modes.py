@@ -83,8 +83,8 @@ def test_in_an_avoided_crossing_the_speed_decides():
 
 @pytest.mark.parametrize("speed", [20.0, 30.0])
 def test_decay_rates_of_approaching_modes_match_the_multipliers(speed):
-    """The lower of two modes that come near each other is damped little, the higher one much, whichever shape
-    they have: by shapes both would decay by half of that. The multipliers tell which it is."""
+    """The lower of two close modes has little damping, the higher one much, whatever their shapes. By shapes
+    both would have the mean damping; the multipliers decide."""
     manipulator = solve.load("manipulator")
     omega = speed * np.pi / 30
     rho = np.array(solve.floquet(manipulator, omega).multipliers)

@@ -57,7 +57,7 @@ def frame():
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Where words alone are asked for: drawing takes longer than solving."""
+    """Report without figures: drawing takes longer than solving."""
     monkeypatch.setattr("solve.views.page.svg_of", lambda _: "<svg></svg>")
 
 
