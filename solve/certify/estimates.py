@@ -4,7 +4,6 @@ Errors (P, 2) of orbit and multipliers are relative: to the largest value of eac
 spectral radius."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from solve.kernel.engines import COMPILED, NUMPY
 from solve.methods.method import Solutions
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.eigenvalues import EPS, roundoff_growth
+from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.period_map import at_rest
 
@@ -27,13 +27,9 @@ ROUND_OFF = 64 * EPS
 """Relative size below which a value is the round-off of its computation: a choice, some ten operations above
 the unit round-off."""
 
-LoadScale = Callable[[Array, Array], Array]
-"""Displacements (k, n) due to all loads on each coordinate, from positions (k,) and sizes (k, n); see
-`FrozenModes.load_scale`."""
 
-
-def differences(coarse: Solutions, fine: Solutions, load_scale: LoadScale, engine: str = NUMPY) -> Array:
-    """Differences (P, 2) from better solutions.
+def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:
+    """Differences (P, 2) from better solutions, for points with these frozen modes.
 
     The difference of the orbits is max|difference|/max|q|, the largest of all coordinates. A coordinate that
     is zero except for round-off (the mass at a tuned absorber) is compared with the displacement that all
@@ -42,7 +38,7 @@ def differences(coarse: Solutions, fine: Solutions, load_scale: LoadScale, engin
     orbit = np.zeros_like(multipliers)
     if coarse.curve is not None and fine.curve is not None:
         change, largest = _curve_differences(coarse.grid, coarse.curve, fine.grid, fine.curve, engine)
-        scales = _coordinate_scales(largest, orbit_roundoff(fine), load_scale)
+        scales = _coordinate_scales(largest, orbit_roundoff(fine), modes)
         orbit = (change / np.where(scales > 0, scales, 1.0)).max(axis=1)
     return np.array((orbit, multipliers)).T
 
@@ -76,7 +72,7 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
-def _coordinate_scales(largest: Array, roundoff: Array, load_scale: LoadScale) -> Array:
+def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
     """Scales (P, n) of the errors of coordinates: their `largest` moduli, unless these are round-off.
 
     If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
@@ -87,7 +83,7 @@ def _coordinate_scales(largest: Array, roundoff: Array, load_scale: LoadScale) -
     if not is_small.any():
         return largest
     rows = is_small.any(axis=1).nonzero()[0]
-    scales, loads = largest.copy(), load_scale(rows, largest[rows])
+    scales, loads = largest.copy(), modes[rows].load_scale(largest[rows])
     size, roundoff = largest[rows], roundoff[rows, None]
     cancels = (size * roundoff >= EPS * loads) & (roundoff < NO_DIGIT)
     scales[rows] = np.where(cancels | (size > limit[rows] * loads), size, loads)

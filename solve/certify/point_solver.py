@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array, others
 from solve.certify.certified import Certified, Failed, SolveRequest
-from solve.certify.estimates import ROUND_OFF, LoadScale, differences
+from solve.certify.estimates import ROUND_OFF, differences
 from solve.errors import MatricesError, StepsError
 from solve.matrices import leading
 from solve.methods.free import driven_freely, free, solutions_on
@@ -84,13 +84,9 @@ class PointSolver:
         least, largest = rates.min(axis=(1, 2)), rates.max(axis=(1, 2))
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
-    def load_scale(self, positions: Array) -> LoadScale:
-        """Displacements due to all loads on each coordinate of points at positions (k,)."""
-        return lambda rows, sizes: self.modes[positions[rows]].load_scale(sizes)
-
     def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
         """Differences (k, 2) between the solutions of points at positions (k,) and more accurate ones."""
-        return differences(coarse, fine, self.load_scale(positions), self.request.engine)
+        return differences(coarse, fine, self.modes[positions], self.request.engine)
 
     @cached_property
     def min_steps(self) -> Array:

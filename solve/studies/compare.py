@@ -193,7 +193,7 @@ class _AgainstReference:
         return self.measured(high, "equal accuracy", goal)
 
     def _differences(self, solution: Solutions) -> Array:
-        return differences(solution, self.reference, self.solver.load_scale(np.zeros(1, dtype=int)))
+        return differences(solution, self.reference, self.solver.modes)
 
     def _solved(self, steps: int) -> Solutions:
         for failure in self.solver.unstable_points(steps, np.zeros(1, dtype=int)):
