@@ -154,6 +154,47 @@ def test_bands_of_a_restated_mathieu_equation_are_the_same():
     assert first[0].high == pytest.approx(second[0].high, rel=1e-6)
 
 
+def mathieu_states(delta, epsilon):
+    def matrices(phase, speed):
+        A = np.zeros((len(phase), 2, 2))
+        A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -(delta + epsilon * np.cos(2 * phase)), -0.1
+        return A, np.cos(2 * phase)[:, None] * [0, 1]
+
+    return FirstOrderSystem(matrices, ["q", "v"], period=np.pi)
+
+
+def mathieu(delta, epsilon):
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = (delta + epsilon * np.cos(2 * phase))[:, None, None]
+        return one, 0.1 * one, stiffness, np.cos(2 * phase)[:, None]
+
+    return PeriodicSystem(matrices, ["q"], period=np.pi)
+
+
+def test_charts_of_both_forms_are_the_same():
+    charts = [
+        solve.chart(build, "delta=0.5:1.5:5", "epsilon=0:1:4", speed=1.0)
+        for build in (mathieu, mathieu_states)
+    ]
+    assert (charts[0].verdicts == charts[1].verdicts).all()
+    assert charts[1].spectral_radius == pytest.approx(charts[0].spectral_radius, rel=1e-8)
+    assert len(charts[0].boundaries) == len(charts[1].boundaries) == 1
+
+
+def test_critical_speeds_of_both_forms_are_the_same():
+    second, first = (
+        solve.critical_speeds(build(1.3, 0.4), (0.5, 3.0)) for build in (mathieu, mathieu_states)
+    )
+    for one, other in zip(second.rows, first.rows, strict=True):
+        for kind in ("response", "multiplier", "radius"):
+            maxima = getattr(one, kind), getattr(other, kind)
+            if maxima[0] is None:
+                assert maxima[1] is None
+            else:
+                assert maxima[1].speed == pytest.approx(maxima[0].speed, rel=1e-5)
+
+
 @pytest.mark.parametrize("method", REFUSED)
 def test_methods_of_second_order_are_refused_in_one_line(method):
     with pytest.raises(SolveError, match=r"second order only.*use auto, radau, gauss") as refused:
