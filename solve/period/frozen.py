@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array, covers_all, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.matrices import by_rates, split_entries
+from solve.matrices import by_rates, leading, split_entries
 from solve.period.eigenvalues import balance_matrices
 from solve.period.pencils import (
     LOOPED,
@@ -77,8 +77,6 @@ class FrozenModes:
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
         """Rigid-body modes at these phases; None if no point has one."""
-        if self._first_order:
-            return None
         if self._n == 1 and not self._tables.own:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
@@ -89,7 +87,7 @@ class FrozenModes:
             if not may_be_singular(K[:, 0], ROUNDING * (np.abs(M) + np.abs(C))[:, 0]).any():
                 return None
         M, C, K = self.matrices
-        modes = rigid_body_modes(K, C, M)
+        modes = rigid_body_modes(K, C, M).of_one_kind(self._first_order)
         return modes if modes.any.any() else None
 
     @property
@@ -272,6 +270,7 @@ class FrozenModes:
         if modes is not None and modes.any.any():
             relative, mask = modes.relative
             mask = mask[:, None, None]
+            M = leading(M, C, self._first_order)
             C, K = (relative[:, None] @ solved(M, matrix) * mask for matrix in (C, K))
             # Reference coordinates are excluded.
             K = K + (1 - mask) * np.eye(self._n)

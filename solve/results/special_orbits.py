@@ -138,7 +138,7 @@ class NoStability:
     spectral_radius = distance_from_one = condition = liouville = np.nan
     error_estimate = ErrorEstimate(_ROUNDOFF, np.nan)
     residual = 0.0
-    linearisation_error = reduction_error = None
+    linearisation_error = reduction_error = interpolation_error = None
     rigid_body_modes = ()
     unresolved = 0
     multipliers = exponents = np.zeros(0, dtype=complex)
