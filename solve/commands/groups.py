@@ -261,7 +261,7 @@ class Proving:
     ] = None
     rounded: Annotated[bool, Flag("With --prove: for all numbers that round to the given ones.")] = False
 
-    def require_provable(self, model: Model) -> None:
+    def require_provable(self, model: Model, nonlinear: bool = False) -> None:
         """Raise SolveError subclasses, before the calculation, if a proof is impossible."""
         flags = [f"--digits {self.digits}"] if self.digits is not None else []
         flags += ["--rounded"] if self.rounded else []
@@ -273,7 +273,7 @@ class Proving:
             from solve.proof.prove import checked_digits, require_provable
 
             checked_digits(self.digits)
-            require_provable(model)
+            require_provable(model, nonlinear)
 
     def proof(self, result: "Stability") -> "Proof | None":
         """Proof of a result, if it was requested."""

@@ -38,6 +38,25 @@ def precision(bits: int, terms: int = 10) -> Iterator[None]:
         flint.ctx.prec, flint.ctx.cap = before
 
 
+def working_bits() -> int:
+    """The working precision."""
+    return flint.ctx.prec
+
+
+def working_terms() -> int:
+    """The number of terms of power series."""
+    return flint.ctx.cap
+
+
+def coefficient(x: Ball, term: int) -> Ball:
+    """Coefficient of a power series, or of a constant."""
+    if isinstance(x, arb_series):
+        if x.prec <= term:
+            raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
+        return x[term]
+    return x if term == 0 else arb(0)
+
+
 def norm(matrix: Matrix) -> Ball:
     """Upper bound on the maximum norm of a matrix: the largest sum of the moduli of a row."""
     columns = matrix.ncols()

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from solve.arrays import Array
 from solve.errors import ResonanceError
 from solve.model.model import Model
 from solve.period.multipliers import UNDETERMINED, VERDICTS
@@ -22,7 +23,7 @@ from solve.proof.turn import Turn, turn
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 
-_GUARD_BITS = 40
+GUARD_BITS = 40
 """Bits beyond the digits: condition numbers up to 10^6, and the levels of the product."""
 
 _MOST_ADVANCE = 24.0
@@ -57,7 +58,7 @@ def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Pr
     """The proof for a model whose ordinary result is given; of its orbit, if the result has one."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
-    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + _GUARD_BITS, _MOST_ADVANCE)
+    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
     found = _enclosed(system, equation, bits, most, rounded)
     for _ in range(0 if rounded else _DOUBLINGS):
         if found.verdict != UNDETERMINED:
@@ -77,29 +78,40 @@ def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Pr
                 bounds, orbit_error = _orbit(result, equation, found, enclosures)
             except ResonanceError as error:
                 warnings.append(str(error))
-        errors = {"multipliers": _true_error(result, found.discs), "orbit": orbit_error}
-        each = [disc for disc in found.discs for _ in range(disc.count)]
-        centers = [complex(disc.center) for disc in each]
-        moved = zip(each, centers, strict=True)
-        radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
-        radius = _bounds([disc.low for disc in found.discs], [disc.high for disc in found.discs])
+        errors = {"multipliers": true_error(result, found.discs), "orbit": orbit_error}
+        centers, radii, isolated = discs_of(found.discs)
+        radius = bounds_of([disc.low for disc in found.discs], [disc.high for disc in found.discs])
     return Proof(
         verdict=VERDICTS[found.verdict],
-        multipliers=np.array(centers),
-        radii=np.array(radii),
-        isolated=np.array([disc.isolated for disc in each]),
+        multipliers=centers,
+        radii=radii,
+        isolated=isolated,
         spectral_radius=radius,
         max_abs=bounds,
         result=result,
         true_error=errors,
-        assumed=_ALL_WITHIN if rounded else EXACT,
+        assumed=assumption(rounded),
         steps=len(found.turn.steps),
         seconds=time.process_time() - begun,
         warnings=tuple(warnings),
     )
 
 
-def _bounds(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
+def assumption(rounded: bool) -> str:
+    """The assumption on the numbers of a model."""
+    return _ALL_WITHIN if rounded else EXACT
+
+
+def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
+    """Centers as doubles, radii about these, and whether a disc contains one multiplier only."""
+    each = [disc for disc in discs for _ in range(disc.count)]
+    centers = [complex(disc.center) for disc in each]
+    moved = zip(each, centers, strict=True)
+    radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
+    return np.array(centers), np.array(radii), np.array([disc.isolated for disc in each])
+
+
+def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
     """The largest of lower and of upper bounds as decimal numbers, with the digits that they share and a few
     more."""
     low, high = largest(lows), largest(highs)
@@ -133,15 +145,15 @@ def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded
 
 
 def equation_of(system: Model, omega: float, rounded: bool) -> Equation:
-    instructions = Instructions.of(system.setup.function("linearised"), partial(_number, rounded=rounded))
+    instructions = Instructions.of(system.setup.function("linearised"), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
     samples = M, C / omega, K / omega**2, d / omega**2
-    numbers = [_number(float(x), rounded) for x in (omega, *system.setup.p)]
+    numbers = [number(float(x), rounded) for x in (omega, *system.setup.p)]
     return Equation.scaled(instructions, numbers[0], numbers[1:], samples)
 
 
-def _number(x: float, rounded: bool) -> Ball:
+def number(x: float, rounded: bool) -> Ball:
     """A number as a ball: rounded, with all numbers within two units in the last place, since units and
     constants such as π round several times."""
     whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
@@ -155,7 +167,7 @@ def period_of(system: Model, rounded: bool = False) -> Ball:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
             return arb.pi() * k / q
-    return _number(T, rounded)
+    return number(T, rounded)
 
 
 def _orbit(
@@ -182,7 +194,7 @@ def _orbit(
     return bounds, max(worst, resting / size) if size > 0 else math.inf
 
 
-def _true_error(result: Stability, discs: list[Multiplier]) -> float:
+def true_error(result: Stability, discs: list[Multiplier]) -> float:
     """Largest distance of an ordinary multiplier from the enclosure that is next to it, relative to the
     spectral radius; NaN where it is unknown."""
     centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]

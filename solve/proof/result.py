@@ -10,6 +10,25 @@ from solve.results.stability import Stability
 
 
 @dataclass(frozen=True)
+class ProvedOrbit:
+    """Place of an orbit of nonlinear equations: exactly one exists near q̄(φ) = Re Σ_k c_k exp(2πikφ/T).
+
+    Attributes
+    ----------
+    harmonics : (n, K+1) complex array
+        c_k, exact numbers.
+    radius : mapping of str to tuple of float
+        Bounds on |q − q̄| and on its first and second time derivative, by coordinate.
+    unique : mapping of str to tuple of float
+        No other periodic motion has deviations from q̄, and time derivatives of these, below these bounds.
+    """
+
+    harmonics: Array
+    radius: Mapping[str, tuple[float, ...]]
+    unique: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
 class Proof:
     """Enclosures of multipliers and orbit, and the ordinary result with its true error.
 
@@ -40,6 +59,8 @@ class Proof:
         Processor time.
     warnings : tuple of str
         Why something was not proved.
+    orbit : ProvedOrbit or None
+        Place of an orbit of nonlinear equations.
     """
 
     verdict: str
@@ -54,6 +75,7 @@ class Proof:
     steps: int
     seconds: float
     warnings: tuple[str, ...] = ()
+    orbit: ProvedOrbit | None = None
 
     @property
     def proved(self) -> bool:
@@ -80,6 +102,8 @@ class Proof:
     @property
     def record(self) -> dict[str, Any]:
         """The object `proof` of JSON."""
+        place = self.orbit
+        located = {} if place is None else {"radius": _listed(place.radius), "unique": _listed(place.unique)}
         discs = zip(self.multipliers.tolist(), self.radii.tolist(), strict=True)
         return {
             "proved": self.proved,
@@ -91,4 +115,9 @@ class Proof:
             "max_abs": {name: list(bounds) for name, bounds in self.max_abs.items()},
             "true_error": dict(self.true_error),
             "seconds": self.seconds,
+            **({"orbit": located} if located else {}),
         }
+
+
+def _listed(bounds: Mapping[str, tuple[float, ...]]) -> dict[str, list[float]]:
+    return {name: list(values) for name, values in bounds.items()}

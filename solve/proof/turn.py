@@ -149,4 +149,4 @@ def _window(equation: Equation, start: Ball, length: Ball) -> tuple[Ball, Ball, 
         )
     identity = arb_mat([[int(i == j) for j in range(2 * n + 1)] for i in range(2 * n)])
     rows = [*widened(identity, error).table(), [arb(0)] * (2 * n) + [arb(1)]]
-    return start, length, Step(arb_mat(rows), [identity], error)
+    return start, length, Step(arb_mat(rows), [identity], error, arb(0), arb(1), [])
