@@ -18,6 +18,7 @@ from solve.proof.balls import arb, precision
 from solve.proof.enclosure import _enclosed, equation_of, period_of
 from solve.proof.prove import prove
 from solve.proof.turn import turn
+from tests.solve.proof.fixed_point import BITS, monodromy, multipliers, trigonometric
 
 
 def mathieu(**parameters):
@@ -298,3 +299,20 @@ def test_proof_detects_a_very_short_stiffness_pulse(place):
     assert limit > 1.1
     assert found.verdict == "unstable"
     assert float(found.spectral_radius[0]) == pytest.approx(limit, rel=0.02)
+
+
+def test_the_tongue_that_double_precision_leaves_open_is_unstable():
+    """The example of docs/believe.md, with an integration in fixed-point arithmetic."""
+    system = mathieu(delta=0.470654354933842, epsilon=1.0, zeta=0.0)
+    found = prove(system, 1.0, orbit=False)
+    assert (found.result.verdict, found.verdict) == ("undetermined", "unstable")
+    one, zero = np.eye(1), np.zeros((1, 1))
+    with mpmath.workprec(BITS):
+        nodes = [mpmath.pi * k / 24 for k in range(25)]
+        stiffness = trigonometric([(0, 0.470654354933842 * one, zero), (2, one, zero)])
+        Phi = monodromy(trigonometric([(0, one, zero)]), trigonometric([(0, zero, zero)]), stiffness, nodes)
+        radius = max(abs(rho) for rho in multipliers(Phi))
+        low, high = map(mpmath.mpf, found.spectral_radius)
+        assert (
+            mpmath.mpf("1.0000000961614710115") < low <= radius <= high < mpmath.mpf("1.0000000961614710116")
+        )
