@@ -5,6 +5,7 @@ numbers of its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Boun
 so that their rounding is directed.
 """
 
+import copyreg
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -25,6 +26,30 @@ Matrix = Any
 
 arb, acb, arb_mat, acb_mat = flint.arb, flint.acb, flint.arb_mat, flint.acb_mat
 arb_series = flint.arb_series
+
+
+def _exact_parts(x: Ball) -> tuple[int, int]:
+    mantissa, exponent = x.man_exp()
+    return int(mantissa), int(exponent)
+
+
+def _ball(middle: tuple[int, int], radius: tuple[int, int]) -> Ball:
+    return arb(arb(middle), arb(radius))
+
+
+def _reduced_ball(x: Ball) -> tuple[Any, ...]:
+    if not x.is_finite():
+        return arb.nan, ()
+    return _ball, (_exact_parts(x.mid()), _exact_parts(x.rad()))
+
+
+def _reduced_matrix(matrix: Matrix) -> tuple[Any, ...]:
+    return arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries())
+
+
+# Balls travel between processes with all their bits.
+copyreg.pickle(arb, _reduced_ball)
+copyreg.pickle(arb_mat, _reduced_matrix)
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import math
 import time
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
@@ -19,7 +20,7 @@ from solve.proof.instructions import Instructions
 from solve.proof.orbit import largest_modulus, polynomials, position_and_rate, states
 from solve.proof.result import Proof
 from solve.proof.spectrum import Multiplier, multipliers, verdict
-from solve.proof.turn import Turn, turn
+from solve.proof.turn import Marching, Turn, turn
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 
@@ -54,17 +55,20 @@ _DENOMINATORS = range(1, 13)
 """A period within two units in the last place of kπ/q, for such a q, is exactly that number."""
 
 
-def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Proof:
-    """The proof for a model whose ordinary result is given; of its orbit, if the result has one."""
+def enclosed(
+    system: Model, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
+) -> Proof:
+    """The proof for a model whose ordinary result is given; of its orbit, if the result has one. executor:
+    computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
     bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
-    found = _enclosed(system, equation, bits, most, rounded)
+    found = _enclosed(system, equation, Marching(bits, most, executor=executor), rounded)
     for _ in range(0 if rounded else _DOUBLINGS):
         if found.verdict != UNDETERMINED:
             break
         bits *= 2
-        found = _enclosed(system, equation, bits, most, rounded)
+        found = _enclosed(system, equation, Marching(bits, most, executor=executor), rounded)
     bounds, orbit_error, warnings = {}, math.nan, []
     if found.verdict == UNDETERMINED:
         warnings.append(
@@ -133,10 +137,10 @@ class _Enclosed:
     at_rest: bool
 
 
-def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded: bool) -> _Enclosed:
-    with precision(2 * bits):
+def _enclosed(system: Model, equation: Equation, marching: Marching, rounded: bool) -> _Enclosed:
+    with precision(2 * marching.bits):
         period = period_of(system, rounded)
-        found = turn(equation, period, system.breaks, bits, most)
+        found = turn(equation, period, system.breaks, marching)
         Phi = found.levels()[-1][0]
         homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
         discs = multipliers(homogeneous)

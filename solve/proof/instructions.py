@@ -224,6 +224,11 @@ class Instructions:
     places: int
     entries: tuple[int, ...]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies in other processes look their functions up again."""
+        lines = [line if line[0] not in _SMOOTH else (*line[:3], None) for line in self.lines]
+        return _instructions, (lines, self.places, self.entries)
+
     @classmethod
     def of(cls, function: casadi.Function, number: Callable[[float], Ball] = arb) -> "Instructions":
         """Instructions of a function, with its constants as balls by `number`. Raises LinearModelError for an
@@ -292,3 +297,8 @@ class Instructions:
                 recorded.append(outcome)
                 work[result] = apply(outcome, *operands)
         return values, tuple(recorded)
+
+
+def _instructions(lines: Sequence[tuple[Any, ...]], places: int, entries: tuple[int, ...]) -> Instructions:
+    known = ((*line[:3], _SMOOTH.get(line[0], line[3])) for line in lines)
+    return Instructions(tuple(known), places, entries)

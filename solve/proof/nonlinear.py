@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 
@@ -30,7 +31,7 @@ from solve.proof.orbit import largest_modulus, states
 from solve.proof.result import Proof, ProvedOrbit
 from solve.proof.spectrum import multipliers, verdict
 from solve.proof.transitions import transitions
-from solve.proof.turn import turn
+from solve.proof.turn import Marching, turn
 from solve.results.special_orbits import NonlinearOrbit
 
 MOST_DIGITS = 12
@@ -43,13 +44,20 @@ _SAMPLES = 32
 """Phases from which scales are chosen; they change widths, not truth."""
 
 
-def enclosed_orbit(orbit: NonlinearOrbit, system: LinearisedModel, digits: int, rounded: bool) -> Proof:
-    """The proof of an orbit whose equations, linearised about it, are given."""
+def enclosed_orbit(
+    orbit: NonlinearOrbit,
+    system: LinearisedModel,
+    digits: int,
+    rounded: bool,
+    executor: Executor | None = None,
+) -> Proof:
+    """The proof of an orbit whose equations, linearised about it, are given. executor: computes steps in
+    parallel."""
     begun = time.process_time()
     bits = math.ceil(min(digits, MOST_DIGITS) * math.log2(10)) + GUARD_BITS
     with precision(2 * bits):
         try:
-            found = _found(orbit, system, bits, rounded)
+            found = _found(orbit, system, bits, rounded, executor)
         except (NoOrbitError, ResonanceError, StepsError) as error:
             return _unproved(orbit, str(error), time.process_time() - begun, rounded)
         discs = multipliers(found.Phi)
@@ -87,12 +95,14 @@ class _Found:
     existence: Existence
 
 
-def _found(orbit: NonlinearOrbit, system: LinearisedModel, bits: int, rounded: bool) -> _Found:
+def _found(
+    orbit: NonlinearOrbit, system: LinearisedModel, bits: int, rounded: bool, executor: Executor | None
+) -> _Found:
     """Raises NoOrbitError, ResonanceError and StepsError where no orbit is proved."""
     model = system.model
     period = period_of(model, rounded) * round(system.period / model.period)
     equation, motion = _equation(system, orbit.speed, period, rounded)
-    turned = turn(equation, period, (), bits, _MOST_ADVANCE)
+    turned = turn(equation, period, (), Marching(bits, _MOST_ADVANCE, executor=executor))
     whole = turned.levels()[-1][0]
     Phi = arb_mat([row[:-1] for row in whole.table()[:-1]])
     bounds = transitions(turned)

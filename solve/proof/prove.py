@@ -28,6 +28,7 @@ def prove(
     digits: int | None = None,
     rounded: bool = False,
     orbit: bool = True,
+    executor: Executor | None = None,
 ) -> Proof:
     """Enclosures of the multipliers, the verdict and the periodic solution of a generated model.
 
@@ -47,6 +48,8 @@ def prove(
         ones, whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
         Whether the periodic solution is enclosed too; that of a result is, if it has one.
+    executor : Executor, optional
+        Computes the steps of the period in parallel, such as a `concurrent.futures.ProcessPoolExecutor`.
 
     Returns
     -------
@@ -81,19 +84,19 @@ def prove(
         require_provable(system)
         result = periodic(system, speed) if orbit else floquet(system, speed)
     if isinstance(result, NonlinearOrbit):
-        return _enclosed_orbit(result, wanted, rounded)
+        return _enclosed_orbit(result, wanted, rounded, executor)
     from solve.proof.enclosure import enclosed
 
-    return enclosed(require_provable(result.system), result, wanted, rounded)
+    return enclosed(require_provable(result.system), result, wanted, rounded, executor)
 
 
-def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool) -> Proof:
+def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor: Executor | None) -> Proof:
     if not isinstance(orbit.system, LinearisedModel):
         raise LinearModelError("a proof needs the equations of the orbit; give one that was just computed")
     require_provable(orbit.system.model, nonlinear=True)
     from solve.proof.nonlinear import enclosed_orbit
 
-    return enclosed_orbit(orbit, orbit.system, digits, rounded)
+    return enclosed_orbit(orbit, orbit.system, digits, rounded, executor)
 
 
 def checked_digits(digits: int | None) -> int:

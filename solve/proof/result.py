@@ -56,7 +56,7 @@ class Proof:
     steps : int
         Number of steps of the period.
     seconds : float
-        Processor time.
+        Processor time, without that of an executor.
     warnings : tuple of str
         Why something was not proved.
     orbit : ProvedOrbit or None

@@ -17,7 +17,7 @@ from solve.proof import step as of_step
 from solve.proof.balls import arb, precision
 from solve.proof.enclosure import _enclosed, equation_of, period_of
 from solve.proof.prove import prove
-from solve.proof.turn import turn
+from solve.proof.turn import Marching, turn
 from tests.solve.proof.fixed_point import BITS, monodromy, multipliers, trigonometric
 
 
@@ -106,7 +106,7 @@ def test_jumps_have_the_closed_form():
 def test_an_undeclared_jump_is_refused():
     system = solve.load("meissner")
     with precision(200), pytest.raises(StepsError, match=r"beyond phase 3\.1415.*declare it as a break"):
-        turn(equation_of(system, 1.0, False), period_of(system), (), 100, 24.0)
+        turn(equation_of(system, 1.0, False), period_of(system), (), Marching(100, 24.0))
 
 
 def test_the_ordinary_result_is_within_its_estimate_of_the_proof():
@@ -176,7 +176,7 @@ def test_every_phase_of_a_period_is_covered():
     (at,) = [each for each in system.breaks if each]
     assert at < 1 < at + 1e-15
     with precision(300):
-        found = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, 60, 24.0)
+        found = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, Marching(60, 24.0))
         for start, length, following in zip(found.starts, found.lengths, found.starts[1:], strict=False):
             assert start + length == following
         assert (found.starts[-1] + found.lengths[-1]).overlaps(found.period)
