@@ -18,6 +18,7 @@ from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest,
 from solve.proof.equation import Equation
 from solve.proof.instructions import Instructions
 from solve.proof.orbit import largest_modulus, polynomials, position_and_rate, states
+from solve.proof.periodicity import repeats
 from solve.proof.result import Proof
 from solve.proof.spectrum import Multiplier, multipliers, verdict
 from solve.proof.turn import Marching, Turn, turn
@@ -94,16 +95,18 @@ def enclosed(
         max_abs=bounds,
         result=result,
         true_error=errors,
-        assumed=assumption(rounded),
+        assumed=assumption(system, equation.instructions, rounded),
         steps=len(found.turn.steps),
         seconds=time.process_time() - begun,
         warnings=tuple(warnings),
     )
 
 
-def assumption(rounded: bool) -> str:
-    """The assumption on the numbers of a model."""
-    return _ALL_WITHIN if rounded else EXACT
+def assumption(system: Model, instructions: Instructions, rounded: bool) -> str:
+    """The assumptions on a model: on its numbers, and that it repeats, unless its instructions show it."""
+    numbers, multiple = _ALL_WITHIN if rounded else EXACT, multiple_of_pi(system.period)
+    shown = multiple is not None and repeats(instructions, multiple)
+    return numbers if shown else f"{numbers}; the equations on one period are continued periodically"
 
 
 def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
@@ -164,14 +167,21 @@ def number(x: float, rounded: bool) -> Ball:
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
 
-def period_of(system: Model, rounded: bool = False) -> Ball:
-    """The period as the multiple of π that it stands for."""
-    T = system.period
+def multiple_of_pi(T: float) -> Fraction | None:
+    """The fraction k/q of π that a period stands for."""
     for q in _DENOMINATORS:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
-            return arb.pi() * k / q
-    return number(T, rounded)
+            return Fraction(k, q)
+    return None
+
+
+def period_of(system: Model, rounded: bool = False) -> Ball:
+    """The period as the multiple of π that it stands for."""
+    multiple = multiple_of_pi(system.period)
+    if multiple is None:
+        return number(system.period, rounded)
+    return arb.pi() * multiple.numerator / multiple.denominator
 
 
 def _orbit(

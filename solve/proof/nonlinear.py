@@ -59,7 +59,7 @@ def enclosed_orbit(
         try:
             found = _found(orbit, system, bits, rounded, executor)
         except (NoOrbitError, ResonanceError, StepsError) as error:
-            return _unproved(orbit, str(error), time.process_time() - begun, rounded)
+            return _unproved(orbit, str(error), time.process_time() - begun)
         discs = multipliers(found.Phi)
         index = verdict(found.Phi, discs, False)
         located = _located(found, system.coordinates)
@@ -75,7 +75,7 @@ def enclosed_orbit(
             max_abs=maxima,
             result=orbit,
             true_error={"multipliers": true_error(orbit, discs), "orbit": error},
-            assumed=assumption(rounded),
+            assumed=assumption(system.model, found.equation.instructions, rounded),
             steps=found.steps,
             seconds=time.process_time() - begun,
             warnings=open_verdict if index == UNDETERMINED else (),
@@ -148,7 +148,7 @@ def _doubles(matrix: Matrix) -> Array:
     return np.array([[float(x.mid()) for x in row] for row in matrix.table()])
 
 
-def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float, rounded: bool) -> Proof:
+def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float) -> Proof:
     count = len(orbit.multipliers)
     return Proof(
         verdict=VERDICTS[UNDETERMINED],
@@ -159,7 +159,7 @@ def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float, rounded: bool)
         max_abs={},
         result=orbit,
         true_error={"multipliers": math.nan, "orbit": math.nan},
-        assumed=assumption(rounded),
+        assumed="nothing is proved",
         steps=0,
         seconds=seconds,
         warnings=(reason,),

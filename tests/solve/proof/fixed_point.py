@@ -68,12 +68,16 @@ def _step(M, C, K, start, h, state) -> np.ndarray:
     lead = mpmath.matrix([[mpmath.ldexp(mpmath.mpf(x), -BITS) for x in row] for row in m[0].tolist()])
     inverse = _fixed(np.array((lead**-1).tolist(), dtype=object).reshape(n, n))
     q = [state[:n], (state[n:] * h1) >> BITS]
+    factors = np.arange(_ORDER).astype(object)[:, None, None]
+    # Coefficients beside each other, the highest first, against solutions one above the other.
+    parts = (m[:0:-1], c[::-1], k[::-1])
+    rows = [np.hstack(part) for part in parts]
     for j in range(_ORDER - 2):
-        force = np.zeros_like(q[0])
-        for i in range(j + 1):
-            if i:
-                force = force + m[i] @ q[j + 2 - i] * ((j + 2 - i) * (j + 1 - i))
-            force = force + c[i] @ q[j + 1 - i] * (j + 1 - i) + k[i] @ q[j - i]
+        solution = np.stack(q)
+        rate = solution[1:] * factors[1 : j + 2]
+        curvature = solution[2:] * (factors[2 : j + 2] * factors[1 : j + 1])
+        columns = [part.reshape(-1, 2 * n) for part in (curvature, rate, solution[: j + 1])]
+        force = sum(A[:, A.shape[1] - len(B) :] @ B for A, B in zip(rows, columns, strict=True) if len(B))
         q.append(-((inverse @ (force >> BITS)) >> BITS) // ((j + 2) * (j + 1)))
     value = sum(q[1:], q[0])
     rate = sum(j * x for j, x in enumerate(q))
