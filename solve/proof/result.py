@@ -1,16 +1,21 @@
 """What `prove` returns."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from solve.arrays import Array
 from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, VERDICTS
+from solve.results.contents import FileContents, to_json
+from solve.results.files import write_atomic
+from solve.results.save import checked_data, writer
+from solve.results.serialization import Serializable
 from solve.results.stability import Stability
 
 
 @dataclass(frozen=True)
-class ProvedOrbit:
+class ProvedOrbit(Serializable):
     """Place of an orbit of nonlinear equations: exactly one exists near q̄(φ) = Re Σ_k c_k exp(2πikφ/T).
 
     Attributes
@@ -29,7 +34,7 @@ class ProvedOrbit:
 
 
 @dataclass(frozen=True)
-class Proof:
+class Proof(Serializable):
     """Enclosures of multipliers and orbit, and the ordinary result with its true error.
 
     Attributes
@@ -94,6 +99,17 @@ class Proof:
             unstable: (asymptotically, stable) if low > 1 + KNOWN_ON_CIRCLE else (asymptotically,),
         }
         return ordinary in excluded.get(self.verdict, ())
+
+    def file_contents(self) -> FileContents:
+        """Contents of files: those of the ordinary result, with the proof in the metadata."""
+        contents = self.result.file_contents()
+        return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
+
+    def save(self, path: str | Path) -> None:
+        """Write the proof, with the ordinary result, to a file; see `Result.save`. `solve.open` reads .npz
+        and .nc."""
+        file = checked_data(path)
+        write_atomic(file, writer(self, file))
 
     def statistics(self, name: str) -> tuple[float, float]:
         """Lower and upper bound of max|q| of a coordinate."""

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("flint")
 
+import solve
 from solve.proof import prove as proving
 
 MATHIEU = "floquet", "mathieu", "--speed", "1 rad/s"
@@ -96,6 +97,15 @@ def test_a_contradiction_is_printed_and_ends_in_status_70(command, monkeypatch):
     assert json.loads(ran.out)["verdict"] == "asymptotically stable"
     (line,) = ran.err.splitlines()
     assert "unstable is proved, but the ordinary verdict is asymptotically stable" in line
+
+
+def test_a_saved_file_contains_the_proof(command, tmp_path):
+    file = tmp_path / "proof.npz"
+    ran = command(*MATHIEU, "--prove", "--json", "--save", str(file))
+    assert ran.status == 0, ran.err
+    opened = solve.open(file)
+    assert opened.record == json.loads(ran.out)["proof"] | {"true_error": opened.record["true_error"]}
+    assert opened.result.verdict == "asymptotically stable"
 
 
 @pytest.mark.slow

@@ -151,3 +151,14 @@ def test_a_linear_system_has_its_orbit_everywhere_unique():
     low, high = found.statistics("q")
     assert low - 1e-15 <= amplitude <= high + 1e-15
     assert found.orbit.unique["q"][0] > 1e6
+
+
+@pytest.mark.parametrize("ending", [".nc", ".npz"])
+def test_a_proof_is_saved_and_reopened(tmp_path, ending):
+    path = tmp_path / f"proof{ending}"
+    proof().save(path)
+    opened = solve.open(path)
+    assert isinstance(opened, solve.Proof)
+    assert opened.record == proof().record
+    assert np.array_equal(opened.orbit.harmonics, proof().orbit.harmonics)
+    assert np.array_equal(opened.result.q, orbit().q)
