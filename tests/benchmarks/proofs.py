@@ -11,7 +11,7 @@ from collections.abc import Callable
 import mpmath
 import numpy as np
 
-import solve
+from solve.errors import MatricesError
 from tests.solve.proof.fixed_point import multipliers
 from tests.solve.proof.population import Case, bump, contradictions, smooth
 
@@ -24,7 +24,7 @@ def compared(name: str, numbers: range) -> None:
         case = COUNTS[name][0](number)
         try:
             proof = case.proof()
-        except solve.MatricesError:
+        except MatricesError:
             # The ordinary result, which a proof stands beside, takes a bump for a jump.
             ordinary["refused"] += 1
             continue
