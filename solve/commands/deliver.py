@@ -45,6 +45,7 @@ def deliver_result(
     record, report, figure: functions that return them; by default the methods of the result. beside:
     functions that return further pictures and texts, by file. choices: texts of --set and --option. notes:
     printed before the warnings. Raises ContradictionError at the end if the proof contradicts the result.
+    A file of data contains the proof, if there is one.
     """
     picture, data = flags.files()
     pictures = {picture: figure or result.plot, **(beside or {})}
@@ -55,7 +56,7 @@ def deliver_result(
                 write = partial(_write_text, content) if isinstance(content, str) else drawn(content, file)
                 files.write(file, write)
         if data is not None:
-            files.write(data, writer(result, data))
+            files.write(data, writer(result if proof is None else proof, data))
     with _listing([file for file in (*pictures, data) if file is not None]):
         if flags.json:
             values = (record or result.record)()

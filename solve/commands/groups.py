@@ -6,7 +6,7 @@ A command takes groups as parameters. `flattened` makes their fields flags of th
 import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -260,28 +260,34 @@ class Proving:
         int | None, Flag("With --prove: decimal digits of multipliers; 20 by default.", "N")
     ] = None
     rounded: Annotated[bool, Flag("With --prove: for all numbers that round to the given ones.")] = False
+    workers: Annotated[
+        int | None, Flag("With --prove: number of processes on this machine that compute steps.", "N")
+    ] = None
 
-    def require_provable(self, model: Model) -> None:
+    def require_provable(self, model: Model, nonlinear: bool = False) -> None:
         """Raise SolveError subclasses, before the calculation, if a proof is impossible."""
         flags = [f"--digits {self.digits}"] if self.digits is not None else []
         flags += ["--rounded"] if self.rounded else []
-        if flags and not self.prove:
-            raise ValueOutOfBoundsError(f"{flags[0]} requires --prove; add it")
+        needed = [*flags, *([f"--workers {self.workers}"] if self.workers is not None else [])]
+        if needed and not self.prove:
+            raise ValueOutOfBoundsError(f"{needed[0]} requires --prove; add it")
         if len(flags) > 1:
             raise ValueOutOfBoundsError("--rounded has the digits of the numbers; leave out --digits")
         if self.prove:
             from solve.proof.prove import checked_digits, require_provable
 
             checked_digits(self.digits)
-            require_provable(model)
+            require_provable(model, nonlinear)
 
     def proof(self, result: "Stability") -> "Proof | None":
         """Proof of a result, if it was requested."""
         if not self.prove:
             return None
+        from solve.batch.task import processes
         from solve.proof.prove import prove
 
-        return prove(result, digits=self.digits, rounded=self.rounded)
+        with nullcontext() if self.workers is None else processes(self.workers) as executor:
+            return prove(result, digits=self.digits, rounded=self.rounded, executor=executor)
 
 
 @dataclass(frozen=True)

@@ -49,10 +49,10 @@ def periodic(
 ) -> None:
     """Periodic vibration, its spectrum and its stability."""
     count, model = harmonic_count(harmonics), problem.loaded(rigid=True)
-    proving.require_provable(model)
+    proving.require_provable(model, nonlinear)
     require_name("scale", scale, SCALES)
     shown(model, show)
-    _check_flags(results, nonlinear, proving.prove, quasi_static, fits, data)
+    _check_flags(results, nonlinear, quasi_static, fits, data)
     records, picture = None, None
     if data is not None:
         from solve.studies.measured import measured
@@ -76,12 +76,8 @@ def periodic(
     deliver_result(results, orbit, problem.choices, record=record, report=report, figure=figure, proof=proof)
 
 
-def _check_flags(
-    results: Results, nonlinear: bool, prove: bool, quasi_static: bool, fits: bool, data: str | None
-) -> None:
+def _check_flags(results: Results, nonlinear: bool, quasi_static: bool, fits: bool, data: str | None) -> None:
     """Raise ValueOutOfBoundsError for flags that exclude each other."""
-    if nonlinear and prove:
-        raise ValueOutOfBoundsError("only linear equations can be proved; leave out --nonlinear or --prove")
     if fits and results.plot is None:
         raise ValueOutOfBoundsError("--fits requires --plot FILE; add it")
     if fits and data is not None:

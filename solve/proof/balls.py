@@ -5,6 +5,7 @@ numbers of its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Boun
 so that their rounding is directed.
 """
 
+import copyreg
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -27,6 +28,30 @@ arb, acb, arb_mat, acb_mat = flint.arb, flint.acb, flint.arb_mat, flint.acb_mat
 arb_series = flint.arb_series
 
 
+def _exact_parts(x: Ball) -> tuple[int, int]:
+    mantissa, exponent = x.man_exp()
+    return int(mantissa), int(exponent)
+
+
+def _ball(middle: tuple[int, int], radius: tuple[int, int]) -> Ball:
+    return arb(arb(middle), arb(radius))
+
+
+def _reduced_ball(x: Ball) -> tuple[Any, ...]:
+    if not x.is_finite():
+        return arb.nan, ()
+    return _ball, (_exact_parts(x.mid()), _exact_parts(x.rad()))
+
+
+def _reduced_matrix(matrix: Matrix) -> tuple[Any, ...]:
+    return arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries())
+
+
+# Balls travel between processes with all their bits.
+copyreg.pickle(arb, _reduced_ball)
+copyreg.pickle(arb_mat, _reduced_matrix)
+
+
 @contextmanager
 def precision(bits: int, terms: int = 10) -> Iterator[None]:
     """Working precision in bits, and the number of terms of power series, inside the block."""
@@ -36,6 +61,25 @@ def precision(bits: int, terms: int = 10) -> Iterator[None]:
         yield
     finally:
         flint.ctx.prec, flint.ctx.cap = before
+
+
+def working_bits() -> int:
+    """The working precision."""
+    return flint.ctx.prec
+
+
+def working_terms() -> int:
+    """The number of terms of power series."""
+    return flint.ctx.cap
+
+
+def coefficient(x: Ball, term: int) -> Ball:
+    """Coefficient of a power series, or of a constant."""
+    if isinstance(x, arb_series):
+        if x.prec <= term:
+            raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
+        return x[term]
+    return x if term == 0 else arb(0)
 
 
 def norm(matrix: Matrix) -> Ball:

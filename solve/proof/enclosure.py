@@ -2,6 +2,7 @@
 
 import math
 import time
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
@@ -9,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from solve.arrays import Array
 from solve.errors import ResonanceError
 from solve.model.model import Model
 from solve.period.multipliers import UNDETERMINED, VERDICTS
@@ -16,13 +18,14 @@ from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest,
 from solve.proof.equation import Equation
 from solve.proof.instructions import Instructions
 from solve.proof.orbit import largest_modulus, polynomials, position_and_rate, states
+from solve.proof.periodicity import repeats
 from solve.proof.result import Proof
 from solve.proof.spectrum import Multiplier, multipliers, verdict
-from solve.proof.turn import Turn, turn
+from solve.proof.turn import Marching, Turn, turn
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 
-_GUARD_BITS = 40
+GUARD_BITS = 40
 """Bits beyond the digits: condition numbers up to 10^6, and the levels of the product."""
 
 _MOST_ADVANCE = 24.0
@@ -53,17 +56,20 @@ _DENOMINATORS = range(1, 13)
 """A period within two units in the last place of kπ/q, for such a q, is exactly that number."""
 
 
-def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Proof:
-    """The proof for a model whose ordinary result is given; of its orbit, if the result has one."""
+def enclosed(
+    system: Model, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
+) -> Proof:
+    """The proof for a model whose ordinary result is given; of its orbit, if the result has one. executor:
+    computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
-    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + _GUARD_BITS, _MOST_ADVANCE)
-    found = _enclosed(system, equation, bits, most, rounded)
+    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
+    found = _enclosed(system, equation, Marching(bits, most, executor=executor), rounded)
     for _ in range(0 if rounded else _DOUBLINGS):
         if found.verdict != UNDETERMINED:
             break
         bits *= 2
-        found = _enclosed(system, equation, bits, most, rounded)
+        found = _enclosed(system, equation, Marching(bits, most, executor=executor), rounded)
     bounds, orbit_error, warnings = {}, math.nan, []
     if found.verdict == UNDETERMINED:
         warnings.append(
@@ -77,29 +83,42 @@ def enclosed(system: Model, result: Stability, digits: int, rounded: bool) -> Pr
                 bounds, orbit_error = _orbit(result, equation, found, enclosures)
             except ResonanceError as error:
                 warnings.append(str(error))
-        errors = {"multipliers": _true_error(result, found.discs), "orbit": orbit_error}
-        each = [disc for disc in found.discs for _ in range(disc.count)]
-        centers = [complex(disc.center) for disc in each]
-        moved = zip(each, centers, strict=True)
-        radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
-        radius = _bounds([disc.low for disc in found.discs], [disc.high for disc in found.discs])
+        errors = {"multipliers": true_error(result, found.discs), "orbit": orbit_error}
+        centers, radii, isolated = discs_of(found.discs)
+        radius = bounds_of([disc.low for disc in found.discs], [disc.high for disc in found.discs])
     return Proof(
         verdict=VERDICTS[found.verdict],
-        multipliers=np.array(centers),
-        radii=np.array(radii),
-        isolated=np.array([disc.isolated for disc in each]),
+        multipliers=centers,
+        radii=radii,
+        isolated=isolated,
         spectral_radius=radius,
         max_abs=bounds,
         result=result,
         true_error=errors,
-        assumed=_ALL_WITHIN if rounded else EXACT,
+        assumed=assumption(system, equation.instructions, rounded),
         steps=len(found.turn.steps),
         seconds=time.process_time() - begun,
         warnings=tuple(warnings),
     )
 
 
-def _bounds(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
+def assumption(system: Model, instructions: Instructions, rounded: bool) -> str:
+    """The assumptions on a model: on its numbers, and that it repeats, unless its instructions show it."""
+    numbers, multiple = _ALL_WITHIN if rounded else EXACT, multiple_of_pi(system.period)
+    shown = multiple is not None and repeats(instructions, multiple)
+    return numbers if shown else f"{numbers}; the equations on one period are continued periodically"
+
+
+def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
+    """Centers as doubles, radii about these, and whether a disc contains one multiplier only."""
+    each = [disc for disc in discs for _ in range(disc.count)]
+    centers = [complex(disc.center) for disc in each]
+    moved = zip(each, centers, strict=True)
+    radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
+    return np.array(centers), np.array(radii), np.array([disc.isolated for disc in each])
+
+
+def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
     """The largest of lower and of upper bounds as decimal numbers, with the digits that they share and a few
     more."""
     low, high = largest(lows), largest(highs)
@@ -121,10 +140,10 @@ class _Enclosed:
     at_rest: bool
 
 
-def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded: bool) -> _Enclosed:
-    with precision(2 * bits):
+def _enclosed(system: Model, equation: Equation, marching: Marching, rounded: bool) -> _Enclosed:
+    with precision(2 * marching.bits):
         period = period_of(system, rounded)
-        found = turn(equation, period, system.breaks, bits, most)
+        found = turn(equation, period, system.breaks, marching)
         Phi = found.levels()[-1][0]
         homogeneous = arb_mat([row[:-1] for row in Phi.table()[:-1]])
         discs = multipliers(homogeneous)
@@ -134,29 +153,36 @@ def _enclosed(system: Model, equation: Equation, bits: int, most: float, rounded
 
 def equation_of(system: Model, omega: float, rounded: bool) -> Equation:
     """Equation of a model at a speed in rad/s, in ball arithmetic. rounded: as in `solve.prove`."""
-    instructions = Instructions.of(system.setup.function("linearised"), partial(_number, rounded=rounded))
+    instructions = Instructions.of(system.setup.function("linearised"), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
     samples = M, C / omega, K / omega**2, d / omega**2
-    numbers = [_number(float(x), rounded) for x in (omega, *system.setup.p)]
+    numbers = [number(float(x), rounded) for x in (omega, *system.setup.p)]
     return Equation.scaled(instructions, numbers[0], numbers[1:], samples)
 
 
-def _number(x: float, rounded: bool) -> Ball:
+def number(x: float, rounded: bool) -> Ball:
     """A number as a ball: rounded, with all numbers within two units in the last place, since units and
     constants such as π round several times."""
     whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
 
-def period_of(system: Model, rounded: bool = False) -> Ball:
-    """The period as the multiple of π that it stands for."""
-    T = system.period
+def multiple_of_pi(T: float) -> Fraction | None:
+    """The fraction k/q of π that a period stands for."""
     for q in _DENOMINATORS:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
-            return arb.pi() * k / q
-    return _number(T, rounded)
+            return Fraction(k, q)
+    return None
+
+
+def period_of(system: Model, rounded: bool = False) -> Ball:
+    """The period as the multiple of π that it stands for."""
+    multiple = multiple_of_pi(system.period)
+    if multiple is None:
+        return number(system.period, rounded)
+    return arb.pi() * multiple.numerator / multiple.denominator
 
 
 def _orbit(
@@ -183,7 +209,7 @@ def _orbit(
     return bounds, max(worst, resting / size) if size > 0 else math.inf
 
 
-def _true_error(result: Stability, discs: list[Multiplier]) -> float:
+def true_error(result: Stability, discs: list[Multiplier]) -> float:
     """Largest distance of an ordinary multiplier from the enclosure that is next to it, relative to the
     spectral radius; NaN where it is unknown."""
     centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]

@@ -17,8 +17,21 @@ import numpy as np
 from scipy.linalg import matrix_balance
 
 from solve.arrays import Array
-from solve.proof.balls import Ball, Matrix, acb, acb_mat, arb, arb_mat, arb_series, interval, largest, norm
+from solve.proof.balls import (
+    Ball,
+    Matrix,
+    acb,
+    acb_mat,
+    arb,
+    arb_mat,
+    arb_series,
+    coefficient,
+    interval,
+    largest,
+    norm,
+)
 from solve.proof.instructions import ANY, Entries, Instructions, Outcomes, UndecidedError
+from solve.proof.motion import TrigonometricMotion
 
 _CONDITION = 1e6
 """Condition number of the modes above which coordinates are not transformed to modes."""
@@ -44,6 +57,7 @@ class Equation:
     modes : T (n, n), exact
     frequencies : W (n,), exact, in multiples of the speed
     load : λ, exact
+    about : motion about which the equations are linearised, whose q, q̇, q̈ are inputs of the instructions
     """
 
     instructions: Instructions
@@ -53,6 +67,7 @@ class Equation:
     modes: Array
     frequencies: Array
     load: float
+    about: TrigonometricMotion | None = None
 
     @classmethod
     def scaled(
@@ -61,6 +76,7 @@ class Equation:
         speed: Ball,
         parameters: Sequence[Ball],
         samples: tuple[Array, Array, Array, Array],
+        about: TrigonometricMotion | None = None,
     ) -> "Equation":
         """Equation in scales that balance the mean moduli of its coefficients.
 
@@ -80,7 +96,7 @@ class Equation:
         if not _exact(modes, modes * frequencies):
             modes, frequencies = np.eye(n), np.ones(n)
         moved = np.abs(np.linalg.solve(M @ (modes * frequencies), d[..., None])).max()
-        return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0))
+        return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0), about)
 
     def vanishes(self, period: Ball) -> tuple[bool, bool]:
         """Whether C, and whether d, is exactly zero at all phases. Without C, det Φ = 1 (Liouville)."""
@@ -92,7 +108,7 @@ class Equation:
         """Outcomes of the operations with pieces between two phases, which are halved where the intervals are
         too wide to decide. Raises UndecidedError where the outcomes differ."""
         try:
-            return self.instructions([[interval(start, end)], [self.speed], self.parameters])[1]
+            return self.instructions(self.inputs(interval(start, end)))[1]
         except UndecidedError:
             if not halvings:
                 raise
@@ -146,16 +162,22 @@ class Equation:
         made = []
         for term in range(terms):
             M, C, K, d = (
-                self._filled(arb_mat, arb(0), [(i, j, _coefficient(x, term)) for i, j, x in entries], columns)
+                self._filled(arb_mat, arb(0), [(i, j, coefficient(x, term)) for i, j, x in entries], columns)
                 for entries, columns in found
             )
             made.append(self._scaled(arb_mat, M, C, K, d, P))
         return [m for m, _ in made], [r for _, r in made]
 
+    def inputs(self, phase: Ball) -> list[Sequence[Ball]]:
+        """Inputs of the instructions at real or complex phases, or as power series."""
+        if self.about is None:
+            return [[phase], [self.speed], self.parameters]
+        states = self.about.states(phase)
+        rates = [[x * self.speed**order for x in row] for order, row in enumerate(states)]
+        return [[phase], [self.speed], *rates, self.parameters]
+
     def _entries(self, phase: Ball, outcomes: Outcomes | None) -> list[tuple[Entries, int]]:
-        values, _ = self.instructions(
-            [[phase], [self.speed], self.parameters], ANY if outcomes is None else outcomes
-        )
+        values, _ = self.instructions(self.inputs(phase), ANY if outcomes is None else outcomes)
         return list(zip(values, (self.n, self.n, self.n, 1), strict=True))
 
     def _filled(self, matrix: type, zero: Ball, entries: Entries, columns: int) -> Matrix:
@@ -190,11 +212,3 @@ def _exact(*factors: Array) -> bool:
     """Whether products of these by powers of two, which scales are, are neither subnormal nor infinite."""
     sizes = np.abs(np.concatenate([factor.ravel() for factor in factors]))
     return bool((np.isfinite(sizes) & ((sizes == 0) | (sizes > _TINY))).all())
-
-
-def _coefficient(x: Ball, term: int) -> Ball:
-    if isinstance(x, arb_series):
-        if x.prec <= term:
-            raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
-        return x[term]
-    return x if term == 0 else arb(0)

@@ -6,6 +6,7 @@ floor, min, max) are analytic only where their outcome is constant. Outcomes are
 a real interval, where they must be the same everywhere, and then used on discs and in power series.
 """
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -74,11 +75,11 @@ _log, _atan = _analytic("log"), _inverse("atan")
 
 _SMOOTH: dict[int, Callable[..., Ball]] = {
     casadi.OP_ASSIGN: lambda x: x,
-    casadi.OP_ADD: lambda x, y: x + y,
-    casadi.OP_SUB: lambda x, y: x - y,
-    casadi.OP_MUL: lambda x, y: x * y,
-    casadi.OP_DIV: lambda x, y: x / y,
-    casadi.OP_NEG: lambda x: -x,
+    casadi.OP_ADD: operator.add,
+    casadi.OP_SUB: operator.sub,
+    casadi.OP_MUL: operator.mul,
+    casadi.OP_DIV: operator.truediv,
+    casadi.OP_NEG: operator.neg,
     casadi.OP_SQ: lambda x: x * x,
     casadi.OP_TWICE: lambda x: 2 * x,
     casadi.OP_INV: lambda x: 1 / x,
@@ -213,7 +214,7 @@ _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith
 
 @dataclass(frozen=True)
 class Instructions:
-    """A function as a list of (operation, places of operands, place of the result, constant).
+    """A function as a list of (operation, places of operands, place of the result, constant or function).
 
     The result of an output is its number with the row and the column of the entry, since later lines reuse
     places. entries: number of entries of each output that are not structurally zero.
@@ -222,6 +223,11 @@ class Instructions:
     lines: tuple[tuple[int, tuple[int, ...], Any, Any], ...]
     places: int
     entries: tuple[int, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies in other processes look their functions up again."""
+        lines = [line if line[0] not in _SMOOTH else (*line[:3], None) for line in self.lines]
+        return _instructions, (lines, self.places, self.entries)
 
     @classmethod
     def of(cls, function: casadi.Function, number: Callable[[float], Ball] = arb) -> "Instructions":
@@ -239,7 +245,7 @@ class Instructions:
             elif operation == casadi.OP_CONST:
                 lines.append((operation, (), made[0], number(function.instruction_constant(k))))
             elif operation == casadi.OP_INPUT or operation in _SMOOTH or operation in _PIECES:
-                lines.append((operation, tuple(given), made[0], None))
+                lines.append((operation, tuple(given), made[0], _SMOOTH.get(operation)))
             else:
                 raise LinearModelError(
                     f"the equations contain {_NAMES.get(operation, operation)}, for which no enclosure is "
@@ -265,16 +271,19 @@ class Instructions:
         values: list[Entries] = [[] for _ in self.entries]
         recorded: list[Any] = []
         replayed = None if outcomes is None or outcomes is ANY else iter(outcomes)
-        for operation, places, result, constant in self.lines:
-            if operation == casadi.OP_CONST:
-                work[result] = constant
+        for operation, places, result, known in self.lines:
+            if operation in _SMOOTH:
+                if len(places) == 2:
+                    work[result] = known(work[places[0]], work[places[1]])
+                else:
+                    work[result] = known(work[places[0]])
+            elif operation == casadi.OP_CONST:
+                work[result] = known
             elif operation == casadi.OP_OUTPUT:
                 output, row, column = result
                 values[output].append((row, column, work[places[0]]))
             elif operation == casadi.OP_INPUT:
                 work[result] = inputs[places[0]][places[1]]
-            elif operation in _SMOOTH:
-                work[result] = _SMOOTH[operation](*(work[place] for place in places))
             else:
                 decide, apply = _PIECES[operation]
                 operands = [work[place] for place in places]
@@ -288,3 +297,8 @@ class Instructions:
                 recorded.append(outcome)
                 work[result] = apply(outcome, *operands)
         return values, tuple(recorded)
+
+
+def _instructions(lines: Sequence[tuple[Any, ...]], places: int, entries: tuple[int, ...]) -> Instructions:
+    known = ((*line[:3], _SMOOTH.get(line[0], line[3])) for line in lines)
+    return Instructions(tuple(known), places, entries)

@@ -49,7 +49,7 @@ def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[lis
     return found
 
 
-def largest_modulus(pieces: list[tuple[list[Ball], Ball]]) -> tuple[Ball, Ball]:
+def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH) -> tuple[Ball, Ball]:
     """Lower and upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and all pieces.
 
     The interval with the largest upper bound is halved until this is close to the largest lower bound. Bounds
@@ -58,7 +58,7 @@ def largest_modulus(pieces: list[tuple[list[Ball], Ball]]) -> tuple[Ball, Ball]:
     low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(pieces))]
     for _ in range(_CELLS):
         bound, at, start, end = heap[0]
-        if (low > 0 and arb(-bound) - low < _WIDTH * low) or end - start < _SHORTEST:
+        if (low > 0 and arb(-bound) - low < width * low) or end - start < _SHORTEST:
             break
         heapq.heappop(heap)
         middle = (start + end) / 2

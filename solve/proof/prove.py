@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from solve.arguments import first_is
 from solve.errors import LinearModelError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import require_vibration
-from solve.model.model import Model
+from solve.model.model import LinearisedModel, Model
 from solve.model.sampling import MatrixSampler
 from solve.proof.result import Proof
 from solve.results.chart import ProvedBoxes
@@ -28,22 +28,28 @@ def prove(
     digits: int | None = None,
     rounded: bool = False,
     orbit: bool = True,
+    executor: Executor | None = None,
 ) -> Proof:
     """Enclosures of the multipliers, the verdict and the periodic solution of a generated model.
+
+    Of a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
 
     Parameters
     ----------
     system : Model or Stability
-        A model with generated matrices, or a linear result of one, such as an orbit.
+        A model with generated matrices, or a result of one, such as a linear or nonlinear orbit.
     speed : float or str, optional
         rad/s, or a text with unit; not with a result.
     digits : int, optional
-        Decimal digits of the multipliers relative to the spectral radius; 20 by default.
+        Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
+        a nonlinear orbit.
     rounded : bool, optional
         Whether the statement holds for all real numbers within two units in the last place of the given
         ones, whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
         Whether the periodic solution is enclosed too; that of a result is, if it has one.
+    executor : Executor, optional
+        Computes the steps of the period in parallel, such as a `concurrent.futures.ProcessPoolExecutor`.
 
     Returns
     -------
@@ -53,7 +59,7 @@ def prove(
     Raises
     ------
     LinearModelError
-        For systems without generated matrices, and for nonlinear orbits.
+        For systems without generated matrices, and for nonlinear orbits of equations with jumps.
     MissingLibraryError
         Without python-flint.
     StepsError
@@ -69,8 +75,6 @@ def prove(
     """
     wanted = checked_digits(digits)
     if isinstance(system, Stability):
-        if isinstance(system, NonlinearOrbit):
-            raise LinearModelError("only linear equations can be proved; give the linear orbit")
         if speed is not None:
             raise ValueOutOfBoundsError("the result has a speed of its own; leave out the speed")
         result = system
@@ -79,9 +83,20 @@ def prove(
     else:
         require_provable(system)
         result = periodic(system, speed) if orbit else floquet(system, speed)
+    if isinstance(result, NonlinearOrbit):
+        return _enclosed_orbit(result, wanted, rounded, executor)
     from solve.proof.enclosure import enclosed
 
-    return enclosed(require_provable(result.system), result, wanted, rounded)
+    return enclosed(require_provable(result.system), result, wanted, rounded, executor)
+
+
+def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor: Executor | None) -> Proof:
+    if not isinstance(orbit.system, LinearisedModel):
+        raise LinearModelError("a proof needs the equations of the orbit; give one that was just computed")
+    require_provable(orbit.system.model, nonlinear=True)
+    from solve.proof.nonlinear import enclosed_orbit
+
+    return enclosed_orbit(orbit, orbit.system, digits, rounded, executor)
 
 
 def checked_digits(digits: int | None) -> int:
@@ -91,18 +106,24 @@ def checked_digits(digits: int | None) -> int:
     return DIGITS if digits is None else digits
 
 
-def require_provable(system: PeriodicSystem) -> Model:
-    """The system, a model whose matrices are a generated function of the phase. Raises LinearModelError, and
-    MissingLibraryError without python-flint."""
+def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Model:
+    """The system, a model whose matrices are a generated function of the phase; with `nonlinear`, one with
+    nonlinear equations that have no jumps. Raises LinearModelError, and MissingLibraryError without
+    python-flint."""
     require_vibration(system)
     if not isinstance(system, Model) or not isinstance(system._matrices, MatrixSampler) or system.assembled:
         raise LinearModelError(
             "a proof needs matrices that are a generated function of the phase; systems of Python functions "
             "or samples, structures and modal damping have none"
         )
+    if nonlinear and system.breaks:
+        raise LinearModelError(
+            "a proof of a nonlinear orbit needs equations without jumps or kinks in the phase; "
+            f"{system.name} has breaks"
+        )
     from solve.proof.instructions import Instructions
 
-    Instructions.of(system.setup.function("linearised"))
+    Instructions.of(system.setup.function("residual" if nonlinear else "linearised"))
     return system
 
 

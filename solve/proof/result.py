@@ -1,16 +1,40 @@
 """What `prove` returns."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from solve.arrays import Array
 from solve.period.multipliers import KNOWN_ON_CIRCLE, UNDETERMINED, VERDICTS
+from solve.results.contents import FileContents, to_json
+from solve.results.files import write_atomic
+from solve.results.save import checked_data, writer
+from solve.results.serialization import Serializable
 from solve.results.stability import Stability
 
 
 @dataclass(frozen=True)
-class Proof:
+class ProvedOrbit(Serializable):
+    """Place of an orbit of nonlinear equations: exactly one exists near q̄(φ) = Re Σ_k c_k exp(2πikφ/T).
+
+    Attributes
+    ----------
+    harmonics : (n, K+1) complex array
+        c_k, exact numbers.
+    radius : mapping of str to tuple of float
+        Bounds on |q − q̄| and on its first and second time derivative, by coordinate.
+    unique : mapping of str to tuple of float
+        No other periodic motion has deviations from q̄, and time derivatives of these, below these bounds.
+    """
+
+    harmonics: Array
+    radius: Mapping[str, tuple[float, ...]]
+    unique: Mapping[str, tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Proof(Serializable):
     """Enclosures of multipliers and orbit, and the ordinary result with its true error.
 
     Attributes
@@ -37,9 +61,11 @@ class Proof:
     steps : int
         Number of steps of the period.
     seconds : float
-        Processor time.
+        Processor time, without that of an executor.
     warnings : tuple of str
         Why something was not proved.
+    orbit : ProvedOrbit or None
+        Place of an orbit of nonlinear equations.
     """
 
     verdict: str
@@ -54,6 +80,7 @@ class Proof:
     steps: int
     seconds: float
     warnings: tuple[str, ...] = ()
+    orbit: ProvedOrbit | None = None
 
     @property
     def proved(self) -> bool:
@@ -73,6 +100,17 @@ class Proof:
         }
         return ordinary in excluded.get(self.verdict, ())
 
+    def file_contents(self) -> FileContents:
+        """Contents of files: those of the ordinary result, with the proof in the metadata."""
+        contents = self.result.file_contents()
+        return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
+
+    def save(self, path: str | Path) -> None:
+        """Write the proof, with the ordinary result, to a file; see `Result.save`. `solve.open` reads .npz
+        and .nc."""
+        file = checked_data(path)
+        write_atomic(file, writer(self, file))
+
     def statistics(self, name: str) -> tuple[float, float]:
         """Lower and upper bound of max|q| of a coordinate."""
         return self.max_abs[name]
@@ -80,6 +118,8 @@ class Proof:
     @property
     def record(self) -> dict[str, Any]:
         """The object `proof` of JSON."""
+        place = self.orbit
+        located = {} if place is None else {"radius": _listed(place.radius), "unique": _listed(place.unique)}
         discs = zip(self.multipliers.tolist(), self.radii.tolist(), strict=True)
         return {
             "proved": self.proved,
@@ -91,4 +131,9 @@ class Proof:
             "max_abs": {name: list(bounds) for name, bounds in self.max_abs.items()},
             "true_error": dict(self.true_error),
             "seconds": self.seconds,
+            **({"orbit": located} if located else {}),
         }
+
+
+def _listed(bounds: Mapping[str, tuple[float, ...]]) -> dict[str, list[float]]:
+    return {name: list(values) for name, values in bounds.items()}

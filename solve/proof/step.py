@@ -47,11 +47,17 @@ class Step:
     map : (2n+1, 2n+1), from y and the unit load at the start to these at the end
     terms : coefficients (2n, 2n+1) of τ^k, exact
     error : bound on the error of the polynomial at every τ
+    advance : bound on h‖A‖
+    inverse : bound on max(1, ‖m⁻¹‖)
+    load : coefficients by τ of each row of h r_d, r_d being the last column of r, and a bound on their error
     """
 
     map: Matrix
     terms: list[Matrix]
     error: Ball
+    advance: Ball
+    inverse: Ball
+    load: list[tuple[list[Ball], Ball]]
 
 
 def step(
@@ -87,7 +93,8 @@ def step(
             raise StepTooLongError
         end = sum(terms[1:], terms[0])
         rows = [*widened(end, error).table(), [arb(0)] * (2 * n) + [arb(1)]]
-        return Step(arb_mat(rows), terms, error)
+        load = [([r_j[i, 2 * n] * length ** (j + 1) for j, r_j in enumerate(r)], tail[1]) for i in range(n)]
+        return Step(arb_mat(rows), terms, error, advance, inverse, load)
 
 
 def _bounds_on_step(

@@ -7,11 +7,13 @@ identity up to e^{δ sup‖A‖} − 1, δ being the width of the window.
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
 
 from solve.errors import StepsError
-from solve.proof.balls import Ball, Matrix, arb, arb_mat, interval, widened
+from solve.proof.balls import Ball, Matrix, arb, arb_mat, interval, precision, widened, working_bits
 from solve.proof.equation import Equation
 from solve.proof.instructions import UndecidedError
 from solve.proof.step import Step, StepTooLongError, step
@@ -23,8 +25,18 @@ _SHORTEST = 2.0**-36
 _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
+_PARTS = 24
+"""Parts of the period that processes work on: enough for even shares of several, and each many steps long."""
+
 _GROWTH = 1.5
 """Ratio of a step to the one before, if that was not too long."""
+
+
+_Part = tuple[Ball, Ball, bool]
+"""Start and end of an interval, and whether it is a window at a jump."""
+
+_Found = tuple[Ball, Ball, Step]
+"""Start and length of a step, and its enclosure."""
 
 
 @dataclass(frozen=True)
@@ -56,37 +68,64 @@ class Turn:
         return states
 
 
-def turn(
-    equation: Equation,
-    period: Ball,
-    breaks: Sequence[float],
-    bits: int,
-    most: float,
-    allowed: float | None = None,
-) -> Turn:
-    """Steps of a period, each with an error below 2^-bits and h‖A‖ below `most`. Raises StepsError where no
-    step is found."""
+@dataclass(frozen=True)
+class Marching:
+    """How steps are found: each with a truncation error below 2^-bits and h‖A‖ below `most`; see `step` for
+    `allowed`. executor: computes the steps of parts of the period in parallel."""
+
+    bits: int
+    most: float
+    allowed: float | None = None
+    executor: Executor | None = None
+
+
+def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Marching) -> Turn:
+    """Steps of a period. Raises StepsError where no step is found."""
+    executor, alone = marching.executor, replace(marching, executor=None)
+    parts = list(_parts(equation, period, breaks, 1 if executor is None else _PARTS))
+    march = partial(_march, equation, float(period.mid()), alone)
+    lists = (
+        map(march, parts) if executor is None else executor.map(partial(_steps, march, working_bits()), parts)
+    )
     found = []
     with progress.task("% of the period", 100) as done:
-        for start, length, made in _pieces(equation, period, breaks, bits, most, allowed):
-            found.append((start, length, made))
-            done.add(100 * float(length) / float(period))
+        for made in itertools.chain.from_iterable(lists):
+            found.append(made)
+            done.add(100 * float(made[1]) / float(period))
     starts, lengths, steps = zip(*found, strict=True)
     return Turn(period, starts, lengths, steps)
 
 
-def _pieces(
-    equation: Equation, period: Ball, breaks: Sequence[float], bits: int, most: float, allowed: float | None
-) -> Iterator[tuple[Ball, Ball, Step]]:
-    """Steps between the jumps, and windows around these."""
+def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int) -> Iterator[_Part]:
+    """Start and end of intervals of at most 1/count of the period, and of windows, which are marked. Ends of
+    parts between jumps are exact."""
     for start, end, window in intervals(equation, period, breaks):
         if window:
-            yield _window(equation, start, end - start)
-        else:
-            yield from _between(equation, float(start), end, bits, most, float(period.mid()), allowed)
+            yield start, end, True
+            continue
+        first, last = float(start), float(end.mid())
+        pieces = math.ceil(count * (last - first) / float(period.mid()))
+        inner = (arb(first + (last - first) * k / pieces) for k in range(1, pieces))
+        for one, other in itertools.pairwise((start, *inner, end)):
+            yield one, other, False
 
 
-def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iterator[tuple[Ball, Ball, bool]]:
+def _steps(march: Callable[[_Part], Iterator[_Found]], bits: int, part: _Part) -> list[_Found]:
+    """Steps of a part of the period in another process, with some bits of working precision."""
+    with precision(bits):
+        return list(march(part))
+
+
+def _march(equation: Equation, period: float, marching: Marching, part: _Part) -> Iterator[_Found]:
+    """Steps of a part of the period."""
+    start, end, window = part
+    if window:
+        yield _window(equation, start, end - start)
+    else:
+        yield from _between(equation, float(start), end, period, marching)
+
+
+def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iterator[_Part]:
     """Start and end of the intervals between the jumps and of the windows around these, which are marked."""
     end, first = float(period.mid()), 0.0
     width = _WINDOW * math.ulp(end)
@@ -114,8 +153,8 @@ def _jumps(equation: Equation, start: Ball, end: Ball) -> bool:
 
 
 def _between(
-    equation: Equation, phase: float, end: Ball, bits: int, most: float, period: float, allowed: float | None
-) -> Iterator[tuple[Ball, Ball, Step]]:
+    equation: Equation, phase: float, end: Ball, period: float, marching: Marching
+) -> Iterator[_Found]:
     """Steps from one phase to another."""
     h, stop = period / 16, float(end.mid())
     while phase < stop:
@@ -123,7 +162,7 @@ def _between(
         following = stop if last else phase + h
         length = (end if last else arb(following)) - arb(phase)
         try:
-            made = step(equation, arb(phase), length, bits, most, allowed)
+            made = step(equation, arb(phase), length, marching.bits, marching.most, marching.allowed)
         except StepTooLongError:
             h = (following - phase) / 2
             if h < _SHORTEST * period:
@@ -136,7 +175,7 @@ def _between(
         phase, h = following, _GROWTH * (following - phase)
 
 
-def _window(equation: Equation, start: Ball, length: Ball) -> tuple[Ball, Ball, Step]:
+def _window(equation: Equation, start: Ball, length: Ball) -> _Found:
     n = equation.n
     try:
         error = ((equation.largest_rate(interval(start, start + length)) * length).exp() - 1).upper()
@@ -149,4 +188,4 @@ def _window(equation: Equation, start: Ball, length: Ball) -> tuple[Ball, Ball, 
         )
     identity = arb_mat([[int(i == j) for j in range(2 * n + 1)] for i in range(2 * n)])
     rows = [*widened(identity, error).table(), [arb(0)] * (2 * n) + [arb(1)]]
-    return start, length, Step(arb_mat(rows), [identity], error)
+    return start, length, Step(arb_mat(rows), [identity], error, arb(0), arb(1), [])

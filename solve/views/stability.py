@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.multipliers import VERDICTS
-from solve.proof.result import Proof
+from solve.proof.result import Proof, ProvedOrbit
 from solve.results.stability import Stability
 from solve.units import raised
 from solve.views.panels import titled
@@ -149,10 +149,12 @@ _LONGEST = 60
 def proof_printout(proof: Proof) -> RenderableType:
     """Verdict, discs of the multipliers, bounds on maxima, true errors and assumption."""
     maxima = [_maxima_table(proof)] if proof.max_abs else []
+    place = [_place_table(proof, proof.orbit)] if proof.orbit else []
     return stacked(
         _proof_line(proof),
         _disc_table(proof),
         *maxima,
+        *place,
         text(_errors(proof)),
         text(f"Assumed: {proof.assumed}."),
     )
@@ -190,6 +192,21 @@ def _maxima_table(proof: Proof) -> RenderableType:
         for name, (low, high) in proof.max_abs.items()
     ]
     return table("Bounds on max|q| over a period", "", "unit", "from", "to", left=2, rows=rows)
+
+
+def _place_table(proof: Proof, place: ProvedOrbit) -> RenderableType:
+    units = proof.result.system.units
+    rows = [
+        (
+            name,
+            units[name],
+            rounded(radius[0], 2, ROUND_CEILING),
+            rounded(place.unique[name][0], 2, ROUND_FLOOR),
+        )
+        for name, radius in place.radius.items()
+    ]
+    title = "Distance of the orbit from its Fourier series, and of all others from it"
+    return table(title, "", "unit", "at most", "at least", left=2, rows=rows)
 
 
 def _errors(proof: Proof) -> str:

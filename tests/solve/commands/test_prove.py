@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("flint")
 
+import solve
 from solve.proof import prove as proving
 
 MATHIEU = "floquet", "mathieu", "--speed", "1 rad/s"
@@ -53,6 +54,7 @@ def test_the_terminal_shows_verdict_bounds_and_assumption(command):
     [
         ((*MATHIEU, "--digits", "3"), "solve: --digits 3 requires --prove; add it\n"),
         ((*MATHIEU, "--rounded"), "solve: --rounded requires --prove; add it\n"),
+        ((*MATHIEU, "--workers", "2"), "solve: --workers 2 requires --prove; add it\n"),
         (
             (*MATHIEU, "--prove", "--rounded", "--digits", "9"),
             "solve: --rounded has the digits of the numbers; leave out --digits\n",
@@ -97,3 +99,19 @@ def test_a_contradiction_is_printed_and_ends_in_status_70(command, monkeypatch):
     assert json.loads(ran.out)["verdict"] == "asymptotically stable"
     (line,) = ran.err.splitlines()
     assert "unstable is proved, but the ordinary verdict is asymptotically stable" in line
+
+
+def test_a_saved_file_contains_the_proof(command, tmp_path):
+    file = tmp_path / "proof.npz"
+    ran = command(*MATHIEU, "--prove", "--json", "--save", str(file))
+    assert ran.status == 0, ran.err
+    opened = solve.open(file)
+    assert opened.record == json.loads(ran.out)["proof"] | {"true_error": opened.record["true_error"]}
+    assert opened.result.verdict == "asymptotically stable"
+
+
+@pytest.mark.slow
+def test_the_command_takes_processes(command):
+    ran = command("floquet", "mathieu", "--speed", "1 rad/s", "--prove", "--workers", "2")
+    assert ran.status == 0, ran.err
+    assert "proved: asymptotically stable" in ran.out

@@ -17,7 +17,8 @@ from solve.proof import step as of_step
 from solve.proof.balls import arb, precision
 from solve.proof.enclosure import _enclosed, equation_of, period_of
 from solve.proof.prove import prove
-from solve.proof.turn import turn
+from solve.proof.turn import Marching, turn
+from tests.solve.proof.fixed_point import BITS, monodromy, multipliers, trigonometric
 
 
 def mathieu(**parameters):
@@ -105,7 +106,7 @@ def test_jumps_have_the_closed_form():
 def test_an_undeclared_jump_is_refused():
     system = solve.load("meissner")
     with precision(200), pytest.raises(StepsError, match=r"beyond phase 3\.1415.*declare it as a break"):
-        turn(equation_of(system, 1.0, False), period_of(system), (), 100, 24.0)
+        turn(equation_of(system, 1.0, False), period_of(system), (), Marching(100, 24.0))
 
 
 def test_the_ordinary_result_is_within_its_estimate_of_the_proof():
@@ -175,7 +176,7 @@ def test_every_phase_of_a_period_is_covered():
     (at,) = [each for each in system.breaks if each]
     assert at < 1 < at + 1e-15
     with precision(300):
-        computed = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, 60, 24.0)
+        computed = turn(equation_of(system, 1.0, False), period_of(system), system.breaks, Marching(60, 24.0))
         for start, length, following in zip(
             computed.starts, computed.lengths, computed.starts[1:], strict=False
         ):
@@ -300,3 +301,20 @@ def test_proof_detects_a_very_short_stiffness_pulse(place):
     assert limit > 1.1
     assert proof.verdict == "unstable"
     assert float(proof.spectral_radius[0]) == pytest.approx(limit, rel=0.02)
+
+
+def test_the_tongue_that_double_precision_leaves_open_is_unstable():
+    """The example of docs/believe.md, with an integration in fixed-point arithmetic."""
+    system = mathieu(delta=0.470654354933842, epsilon=1.0, zeta=0.0)
+    found = prove(system, 1.0, orbit=False)
+    assert (found.result.verdict, found.verdict) == ("undetermined", "unstable")
+    one, zero = np.eye(1), np.zeros((1, 1))
+    with mpmath.workprec(BITS):
+        nodes = [mpmath.pi * k / 24 for k in range(25)]
+        stiffness = trigonometric([(0, 0.470654354933842 * one, zero), (2, one, zero)])
+        Phi = monodromy(trigonometric([(0, one, zero)]), trigonometric([(0, zero, zero)]), stiffness, nodes)
+        radius = max(abs(rho) for rho in multipliers(Phi))
+        low, high = map(mpmath.mpf, found.spectral_radius)
+        assert (
+            mpmath.mpf("1.0000000961614710115") < low <= radius <= high < mpmath.mpf("1.0000000961614710116")
+        )
