@@ -66,7 +66,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
     """Sections of one verdict each, and the turning points."""
-    places, turning = branch.system.unit_of(branch.over).of(branch.values), branch.turns.astype(bool)
+    places, turning = branch.system.unit_of(branch.over).of(branch.values), branch.turns
     first, labelled = 0, set[str]()
     for verdict, section in groupby(_verdicts_between(branch)):
         last = first + len([*section])
