@@ -16,6 +16,7 @@ from solve.model.model import Model
 from solve.newton.branches import branch
 from solve.newton.orbits import nonlinear
 from solve.newton.transients import transient
+from solve.newton.two_parameters import special_curves
 from solve.period.quantities import statistics as signal_statistics
 from solve.proof.prove import prove
 from solve.proof.result import Proof
@@ -28,6 +29,7 @@ from solve.results.frequencies import Frequencies, Variation
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
 from solve.results.sensitivities import Sensitivities, SensitivitiesOver
+from solve.results.special_curves import SpecialCurves
 from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
@@ -73,6 +75,7 @@ __all__ = [
     "Sensitivities",
     "SensitivitiesOver",
     "SolveError",
+    "SpecialCurves",
     "Stability",
     "StateSpace",
     "Sweep",
@@ -103,6 +106,7 @@ __all__ = [
     "sensitivities",
     "sensitivities_over",
     "signal_statistics",
+    "special_curves",
     "speed_sensitivities",
     "state_space",
     "sweep",

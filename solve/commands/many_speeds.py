@@ -1,4 +1,4 @@
-"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical`, `branch` and `validity`."""
+"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical` and `validity`."""
 
 import math
 from collections.abc import Sequence
@@ -206,34 +206,6 @@ def critical(
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
     drawn = None if moved.by else partial(result.plot, campbell=campbell)
     deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)
-
-
-def branch(
-    problem: Problem,
-    speed: Speed,
-    results: Results,
-    speeds: Annotated[str | None, Flag("First and last speed.", '"A:B unit"')] = None,
-    over: Annotated[
-        str | None, Flag("Parameter from A to B instead of the speed, unit optional.", '"NAME=A:B unit"')
-    ] = None,
-    switch: Annotated[bool, Flag("Also follow the branches that begin at period doublings.")] = False,
-    points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
-    rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
-    periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
-    start: Annotated[str | None, Flag("Saved orbit or transient as the start.", "FILE")] = None,
-) -> None:
-    """Branch of nonlinear orbits over the speed or a parameter, followed through its turning points."""
-    if speeds is None and over is None:
-        raise MissingValueError(
-            'no speeds given; add a range, such as --speeds "300:600 rpm", or a parameter: --over NAME=A:B'
-        )
-    if over is None and speed.speed is not None:
-        raise ValueOutOfBoundsError("--speed is a constant speed; give --over NAME=A:B, or --speeds alone")
-    if over is not None and speeds is not None:
-        raise ValueOutOfBoundsError("--over and --speeds are both given; give --speed with --over")
-    given = {"switch": switch, "periods": periods, "start": start, "points": points, "rtol": rtol}
-    result = solve.branch(problem.loaded(), speeds if over is None else speed.speed, over, **given)
-    deliver_result(results, result, problem.choices)
 
 
 def validity(

@@ -21,7 +21,7 @@ from solve.units import apart, checked_rtol, ramp_in_si
 
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
 
-_MAX_START_RTOL = 1e-3
+MAX_START_RTOL = 1e-3
 """Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
 grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it does at 1e-2, not at 3e-3."""
 
@@ -86,7 +86,7 @@ def branch(
     require_integer("periods", periods)
     parameters, notes = continuation(system, speeds, over, periods, rtol, engine)
     task = parameters.task_at(parameters.ranges[:, 0])
-    start_rtol = min(parameters.task.rtol, _MAX_START_RTOL)
+    start_rtol = min(parameters.task.rtol, MAX_START_RTOL)
     orbit = nonlinear(task.system, task.speed, start, periods, rtol=start_rtol, engine=engine)
     found, ended = follow_branch(parameters, first_point(parameters, orbit), int(points))
     followed: list[Followed] = [(parameters, found, ended)]

@@ -23,6 +23,10 @@ _MAX_LAST_CORRECTION, _DIVERGED = 1e-7, 3.0
 """Norms of a correction: upper limit of the last one, and limit beyond which the iteration diverges.
 Choices."""
 
+_QUADRATIC, _SAFETY = 1e-2, 10.0
+"""Correction below which the iteration is quadratic, and factor on the next one, size³/last², that it
+predicts. Choices."""
+
 _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.01, 1e-10
 """Upper limit of the last correction as a fraction of rtol, if that is smaller; norm below which corrections
 need not decrease."""
@@ -68,10 +72,14 @@ class Manifold:
         place, grid, sizes = before.place, before.grid, before.sizes
         for way, length in zip(ways, lengths, strict=True):
             place = place.plus(length / self.inner(way, way, sizes), way)
+        last = 1.0
         for corrections in range(1, _MAX_CORRECTIONS + 1):
             after, family = self._corrected(place, before.place, ways, lengths, sizes, grid)
             size, place = self.length(after.plus(-1.0, place), sizes), after
-            if size < self.tolerance:
+            # The next correction of a quadratic iteration is not needed if it would be small.
+            following = _SAFETY * size**3 / last**2 if corrections > 1 and size < _QUADRATIC else math.inf
+            last = size
+            if min(size, following) < self.tolerance:
                 held = None if any(lengths) else ways
                 return self.point(place, before.tangents, grid, family, sizes, held), corrections
             if not size < _DIVERGED:
@@ -142,11 +150,13 @@ class Manifold:
         return Point(place, sizes, tangents, grid, found, periods=self.parameters.task.periods)
 
     def _orthonormal(self, family: LinearFamily, towards: Sequence[Place], sizes: Array) -> tuple[Place, ...]:
-        """Orthonormal tangents, each nearest to one of other directions."""
+        """Orthonormal tangents, each nearest to one of other directions, if there are any."""
         basis: list[Place] = []
         for tangent in family.tangents:
             basis.append(self.unit(tangent, basis, sizes))
         found: list[Place] = []
+        if not towards:
+            return tuple(basis)
         for way in towards:
             weights = [self.inner(way, tangent, sizes) for tangent in basis]
             nearest = _sum(basis[0].times(weights[0]), weights[1:], basis[1:])
@@ -166,7 +176,9 @@ class Manifold:
         task, curve = self.parameters.task_at(better.values), better.curve
         multipliers = linear_family(self.parameters, better, grid, sizes).multipliers
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
-        errors = np.concatenate((off, output_changes(task.system, task.speed, there.curve, curve)))
+        errors = np.concatenate(
+            (off, output_changes(task.system, task.speed, there.curve, curve, task.engine))
+        )
         early = task.periods > 1 and repeats_early(curve, task.periods)
         radius = float(abs(multipliers[0]))
         return FollowedOrbit(better.values, figures, errors, multipliers, radius, np.zeros(2), early)

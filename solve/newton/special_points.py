@@ -84,27 +84,49 @@ def _torus_test(point: Point) -> float:
 
 
 def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
-    """Length along the direction at the first point, and point, at which a function is zero, by the Illinois
-    algorithm (M. Dowell, P. Jarratt, BIT 11 (1971) 168). Raises SolveError subclasses."""
+    """Length along the direction at the first point, and point, at which a function is zero. Raises
+    SolveError subclasses."""
     way, sizes = before.direction, before.sizes
     chord = after.place.on(before.grid).plus(-1.0, before.place)
-    low, high, reached, last = 0.0, manifold.inner(chord, way, sizes), before, 0.0
-    values, side = [test(before), test(after)], 0
-    span = float(manifold.parameters.spans[0])
+
+    def at(length: float) -> tuple[float, Point]:
+        point, _ = manifold.reached(before, [way], [length])
+        return test(point), point
+
+    ends = (0.0, manifold.inner(chord, way, sizes)), (test(before), test(after))
+    return zero_between(at, *ends, lambda one, other: is_located(manifold, one, other), before)
+
+
+def is_located(manifold: Manifold, one: Point, other: Point) -> bool:
+    """Whether two interpolations agree within a fraction of rtol in all parameters."""
+    spans = manifold.parameters.spans
     limit = max(_RTOL_FRACTION * manifold.parameters.task.rtol, _ROUNDOFF)
+    moved = np.abs(other.orbit.values - one.orbit.values)
+    return bool((moved <= limit * np.maximum(np.abs(other.orbit.values), spans)).all())
+
+
+def zero_between(
+    function: Callable[[float], tuple[float, Point]],
+    ends: tuple[float, float],
+    values: tuple[float, float],
+    agree: Callable[[Point, Point], bool],
+    reached: Point,
+) -> tuple[float, Point]:
+    """Argument and point at which a function, which returns its value and a point, is zero, by the Illinois
+    algorithm (M. Dowell, P. Jarratt, BIT 11 (1971) 168). ends, values: arguments with values of different
+    signs; agree: whether two successive points agree; reached: the point before the first. Raises
+    NoOrbitError."""
+    (low, high), (first, second), kept = ends, values, False
     for _ in range(_MAX_REFINEMENTS):
-        last, previous = (low * values[1] - high * values[0]) / (values[1] - values[0]), reached
-        reached, _ = manifold.reached(before, [way], [last])
-        value = test(reached)
-        moved = abs(reached.value - previous.value)
-        if value == 0 or moved <= limit * max(abs(reached.value), span):
-            return last, reached
-        if value * values[1] < 0:
-            low, values[0] = high, values[1]
-            side = 0
-        elif side:
-            values[0] /= 2
+        argument, previous = (low * second - high * first) / (second - first), reached
+        value, reached = function(argument)
+        if value == 0 or agree(previous, reached):
+            return argument, reached
+        if value * second < 0:
+            low, first, kept = high, second, False
+        elif kept:
+            first /= 2
         else:
-            side = 1
-        high, values[1] = last, value
+            kept = True
+        high, second = argument, value
     raise NoOrbitError("the point is not located")

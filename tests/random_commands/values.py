@@ -243,6 +243,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--elements": ("1,2", "3", "0", "9999"),
     "--figure": ("rms", "max"),
     "--frames": _COUNT,
+    "--follow": ("fold", "doubling", "nope"),
     "--free": ("k1", "k1,c1", "m,k", "nope", "k1,k1"),
     "--gamma": ("0.5", "0.25", "2"),
     "--harmonics": _COUNT,

@@ -47,6 +47,9 @@ called = {
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
     "branch": solve.branch(cam, "100:110 rpm", points=2, rtol=1e-2),
+    "special_curves": solve.special_curves(
+        mathieu, "doubling", ["delta=0.8:1.2", "epsilon=0.2:0.1"], 1.0, points=3, rtol=1e-2
+    ),
     "transient": solve.transient(cam, "600 rpm", 1, rtol=1e-2),
     "fit": solve.fit(cam, orbit_file, "k1", speed="300 rpm", rtol=1e-3),
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
