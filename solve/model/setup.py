@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +102,7 @@ class Setup:
     def residual_roundoff(self) -> Sampler:
         """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
         phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
-        return Sampler(roundoff_bound(self.function("residual"), ("speed", "p")), shared=1)
+        return Sampler(_roundoff_of(self.module, tuple(self._module_options.items())), shared=1)
 
     def formulas(
         self,
@@ -114,10 +114,10 @@ class Setup:
         `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
-        function = transform(self.function(name), self.p, free)
-        text = c_text(function)
+        options = tuple(self._module_options.items())
+        text, count = _text_of(self.module, options, name, transform, tuple(free), len(order))
         names = tuple(order[k] for k in free)
-        return Formulas(text, function.size1_out(0), names, self.p[free]) if text else None
+        return Formulas(text, count, names, self.p[free]) if text else None
 
     @cached_property
     def domain(self) -> Domain | None:
@@ -187,3 +187,29 @@ class Setup:
                 )
             lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
         return lines
+
+
+_MAX_CACHED = 64
+"""Number of generated functions whose code is kept, so that other values of the parameters need no new code.
+A choice: few models are used at a time."""
+
+
+@lru_cache(_MAX_CACHED)
+def _text_of(
+    module: ModuleType,
+    options: tuple[tuple[str, Any], ...],
+    name: str,
+    transform: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]",
+    free: tuple[int, ...],
+    count: int,
+) -> tuple[str | None, int]:
+    """C code of a transformed generated function of the free ones of `count` parameters, the others of which
+    are 0, and its number of outputs."""
+    function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
+    return c_text(function), function.size1_out(0)
+
+
+@lru_cache(_MAX_CACHED)
+def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
+    """Function of the bounds on the round-off in the residual."""
+    return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))

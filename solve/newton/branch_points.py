@@ -1,6 +1,6 @@
 """Points of a branch of orbits, and the parameters that vary along it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from solve.period.grid import Grid
 
 SAMPLES = 8
 """Phases per step at which orbits are compared. A choice."""
+
+_MAX_TASKS = 8
+"""Number of values of the parameters whose systems are kept. A choice: a point uses one or two."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,7 @@ class ContinuationParameters:
     task: Task
     names: tuple[str, ...]
     ranges: Array
+    _tasks: dict[bytes, Task] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     @property
     def spans(self) -> Array:
@@ -119,6 +123,14 @@ class ContinuationParameters:
 
     def task_at(self, values: Array) -> Task:
         """Task at values (k,). Raises SolveError subclasses for values that the model does not allow."""
+        key = np.asarray(values).tobytes()
+        if key not in self._tasks:
+            if len(self._tasks) >= _MAX_TASKS:
+                self._tasks.clear()
+            self._tasks[key] = self._task_at(values)
+        return self._tasks[key]
+
+    def _task_at(self, values: Array) -> Task:
         given = dict(zip(self.names, map(float, values), strict=True))
         speed = given.pop(SPEED, self.task.speed)
         if not speed > 0:
