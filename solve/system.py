@@ -11,6 +11,7 @@ from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import (
     Columns,
+    Events,
     Formulas,
     Integrator,
     Limit,
@@ -72,6 +73,9 @@ class PeriodicSystem(Labels):
     >>> PeriodicSystem(oscillator, ["q"]).n
     1
     """
+
+    events: Events = Events()
+    """Phases at which the motion passes switches; of systems linearised about a motion."""
 
     reduction: Reduction | None = None
     """Reduction from a larger system; None for a full system."""
@@ -277,6 +281,11 @@ class PeriodicSystem(Labels):
             f"{self.name} is linear by construction, its orbit is the linear one; omit options that require "
             "nonlinear equations"
         )
+
+    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> "PeriodicSystem":
+        """The same, with the phases at which the motion passes switches of the equations as breaks. speed: in
+        rad/s."""
+        return self.along(motion, compiled)
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         """Bounds (k, n) on the round-off in the load d of equations linearised about a motion, at phases

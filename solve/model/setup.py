@@ -79,19 +79,19 @@ class Setup:
         phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
-                phases = self.module.breaks(None, p.tolist(), **self._module_options)
+                phases = self.module.breaks(None, p.tolist(), **self.module_options)
             except ValueError as error:
                 raise ValueOutOfBoundsError(f"{self.module.NAME}: {error}") from None
         return tuple(sorted(set(phases)))
 
     @property
-    def _module_options(self) -> dict[str, Any]:
+    def module_options(self) -> dict[str, Any]:
         """Options of the generated functions; those of a structure's elements concern its assembly only."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
         """Generated function of this name."""
-        return getattr(self.module, name)(**self._module_options)
+        return getattr(self.module, name)(**self.module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
         """Generated function at many phases, with separate values of the free parameters at each."""
@@ -102,7 +102,7 @@ class Setup:
     def residual_roundoff(self) -> Sampler:
         """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
         phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
-        return Sampler(_roundoff_of(self.module, tuple(self._module_options.items())), shared=1)
+        return Sampler(_roundoff_of(self.module, tuple(self.module_options.items())), shared=1)
 
     def formulas(
         self,
@@ -114,7 +114,7 @@ class Setup:
         `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
-        options = tuple(self._module_options.items())
+        options = tuple(self.module_options.items())
         text, count = _text_of(self.module, options, name, transform, tuple(free), len(order))
         names = tuple(order[k] for k in free)
         return Formulas(text, count, names, self.p[free]) if text else None

@@ -51,7 +51,7 @@ class _OnCurve:
     @property
     def rates(self) -> Array:
         """Changes of both parameters along the tangent."""
-        return sum(a * t.values for a, t in zip(self.along, self.point.tangents, strict=True))
+        return self.along @ np.array([each.values for each in self.point.tangents])
 
 
 def follow_curve(

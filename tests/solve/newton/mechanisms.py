@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from derive import Mechanism, acos, asin, cos, rate, sin
+from derive import Max, Mechanism, acos, asin, cos, rate, sin
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
@@ -228,5 +228,24 @@ def autoparametric():
     made.kinetic, made.dissipation = (rate(x) ** 2 + rate(y) ** 2) / 2, c * (rate(x) ** 2 + rate(y) ** 2) / 2
     made.potential = k * x**2 / 2 + ky * y**2 / 2 + alpha * x * y**2
     made.force(F * cos(made.phase), along=x)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def stop():
+    """Mass that meets an elastic stop beyond a clearance: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ = f cos φ."""
+    made = Mechanism("stop", "Mass with a stop", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    zeta, k, kappa, gap, f = made.parameters(
+        zeta=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        kappa=("1/s^2", "stiffness of the stop"),
+        gap=("1", "clearance"),
+        f=("1/s^2", "amplitude of the load"),
+    )
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, zeta * rate(q) ** 2
+    made.potential = k * q**2 / 2 + kappa * Max(0, q - gap) ** 2 / 2
+    made.force(f * cos(made.phase), along=q)
     made.decline_drive_torque("an equation without units")
     return module_of(made)
