@@ -283,9 +283,12 @@ class PeriodicSystem(Labels):
         )
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> "PeriodicSystem":
-        """The same, with the phases at which the motion passes switches of the equations as breaks. speed: in
-        rad/s."""
+        """The same; phases at which the motion passes switches, at a speed in rad/s, are breaks."""
         return self.along(motion, compiled)
+
+    def meet(self, events: Events) -> None:
+        """Take the phases at which the motion passes switches as breaks."""
+        self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         """Bounds (k, n) on the round-off in the load d of equations linearised about a motion, at phases

@@ -76,7 +76,7 @@ class Task:
             if store is not None:
                 columns = dict(zip(self.family.names, points.T, strict=True))
                 opened_store = opening.enter_context(
-                    opened(store, self._description(batch.region, points), columns, n, self.kept, size)
+                    opened(store, self.description(batch.region, points), columns, n, self.kept, size)
                 )
                 size = opened_store.size
             count = opening.enter_context(progress.task(POINTS, len(points)))
@@ -123,7 +123,7 @@ class Task:
             for future in waiting:
                 future.cancel()
 
-    def _description(self, region: Array, points: Array) -> dict[str, Any]:
+    def description(self, region: Array, points: Array) -> dict[str, Any]:
         """Everything that determines the results, for identification of a store."""
         family, request, kept = self.family, self.request, self.kept
         example = family.example

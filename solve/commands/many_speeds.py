@@ -43,6 +43,9 @@ def sweep(
     turn: Annotated[
         str | None, Flag("Draw its curve over one period instead, a line per point: up to 12.", "NAME")
     ] = None,
+    nonlinear: Annotated[
+        bool, Flag("Orbits of the nonlinear equations, each found from its neighbour.")
+    ] = False,
 ) -> None:
     """Periodic vibration and stability over many speeds, and values of parameters."""
     harmonic, varied = harmonic_count(harmonics), _varied(over)
@@ -54,7 +57,10 @@ def sweep(
     if waterfall:
         _check_waterfall(waterfall, results, [count, *map(len, varied.values())])
     rule = accuracy.rule, accuracy.steps, accuracy.rtol
+    if nonlinear and turn is not None:
+        raise ValueOutOfBoundsError("--turn draws linear orbits; leave out --turn or --nonlinear")
     output: dict[str, Any] = {"spectra": spectra, "harmonics": harmonic, "over": varied or None}
+    output["nonlinear"] = nonlinear
     with places.given() as resources:
         result = solve.sweep(model, omegas, *rule, **output, **resources)
     result.results.require_any()

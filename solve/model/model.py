@@ -18,7 +18,6 @@ from solve.model.bounds import bound_limit, checked_parameters, clauses, validit
 from solve.model.cases import Case
 from solve.model.checks import require_no_jump, require_valid, valid_at_all_speeds
 from solve.model.derivatives import ModelDerivatives, SlopesCache
-from solve.model.events import EventFinder, switches
 from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
@@ -222,15 +221,9 @@ class Model(PeriodicSystem):
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
         linearised = self.along(motion, compiled)
-        if self._event_finder is not None and isinstance(linearised, LinearisedModel):
-            linearised.meet(self._event_finder.along(motion, speed))
+        if self.setup.event_finder is not None:
+            linearised.meet(self.setup.event_finder.along(motion, speed))
         return linearised
-
-    @cached_property
-    def _event_finder(self) -> EventFinder | None:
-        """Switches of the residual that depend on the motion, if any."""
-        function = switches(self.module, tuple(self.setup.module_options.items()))
-        return None if function is None else EventFinder(function, self.setup.p)
 
     @cached_property
     def derivatives(self) -> ModelDerivatives:
@@ -359,10 +352,6 @@ class LinearisedModel(Model):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model, self.motion), {"breaks": self.breaks, "events": self.events}
-
-    def meet(self, events: Events) -> None:
-        """Take the phases at which the motion passes switches as breaks."""
-        self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along_events(motion, speed, compiled)

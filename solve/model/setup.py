@@ -14,6 +14,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_options, checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.domain import Domain
+from solve.model.events import EventFinder, switches
 from solve.model.formulas import c_text, roundoff_bound
 from solve.model.sampling import Sampler, folded
 
@@ -103,6 +104,12 @@ class Setup:
         """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
         phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
         return Sampler(_roundoff_of(self.module, tuple(self.module_options.items())), shared=1)
+
+    @cached_property
+    def event_finder(self) -> EventFinder | None:
+        """Switches of the residual that depend on the motion, if any."""
+        function = switches(self.module, tuple(self.module_options.items()))
+        return None if function is None else EventFinder(function, self.p)
 
     def formulas(
         self,
