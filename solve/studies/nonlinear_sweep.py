@@ -1,5 +1,6 @@
 """Nonlinear orbits at the points of a sweep, each found from its nearest solved neighbour."""
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -16,6 +17,9 @@ from solve.period.quantities import FIGURES
 from solve.results.points import Kept, PointResults
 from solve.results.special_orbits import NonlinearOrbit
 from solve.terminal import progress
+
+_ON_A_LINE = 1e-9
+"""Distance from a line, relative to the ranges, within which a point is on it: round-off."""
 
 
 def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:
@@ -75,11 +79,8 @@ def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]
     given = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
     found = None
     if orbits:
-        spans = np.ptp(points, axis=0)
-        distance = np.abs(points[list(orbits)] - points[at]) / np.where(spans > 0, spans, 1.0)
-        nearest = list(orbits)[int(distance.sum(axis=1).argmin())]
         try:
-            found = nonlinear(system, speed, orbits[nearest], **given)
+            found = nonlinear(system, speed, _predicted(points, at, orbits), **given)
         except SolveError:
             found = None
         if found is not None and found.verdict != VERDICTS[UNSTABLE]:
@@ -90,6 +91,27 @@ def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]
         if found is None:
             raise
         return found
+
+
+def _predicted(
+    points: Array, at: int, orbits: dict[int, NonlinearOrbit]
+) -> NonlinearOrbit | Callable[[Array], Array]:
+    """Start for a point: the line through the orbits of the two nearest points, if these and the point are on
+    a line, otherwise the orbit of the nearest."""
+    spans, solved = np.ptp(points, axis=0), list(orbits)
+    scaled = (points - points[at]) / np.where(spans > 0, spans, 1.0)
+    ways = scaled[solved]
+    order = np.argsort(np.abs(ways).sum(axis=1), kind="stable")[:2]
+    nearest, other = orbits[solved[order[0]]], orbits[solved[order[-1]]]
+    one, two = ways[order[0]], ways[order[-1]]
+    step = one - two
+    square = float(step @ step)
+    if not square:
+        return nearest
+    ahead = -float(one @ step) / square
+    if np.abs(one + ahead * step).max() > _ON_A_LINE:
+        return nearest
+    return lambda phase: (1 + ahead) * nearest.curve(phase) - ahead * other.curve(phase)
 
 
 def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:

@@ -12,11 +12,11 @@ NUMBERS = {"zeta": 0.05, "k": 1.0, "alpha": 1.0, "f": 0.3}
 
 def test_each_orbit_continues_that_of_its_neighbour():
     """Between the folds at 1.324 and 1.780 rad/s two stable orbits coexist."""
-    model, speeds = model_of(duffing(), **NUMBERS), np.array([1.2, 1.4, 1.7, 1.9])
+    model, speeds = model_of(duffing(), **NUMBERS), np.linspace(1.2, 1.9, 15)
     up, down = (solve.sweep(model, each, rtol=1e-6, nonlinear=True) for each in (speeds, speeds[::-1]))
     rising, falling = (found.figures("q")[::step] for found, step in ((up, 1), (down, -1)))
-    assert (rising[1:3] > 2 * falling[1:3]).all()
-    np.testing.assert_allclose(rising[[0, 3]], falling[[0, 3]], rtol=1e-5)
+    assert (rising[3:12] > 2 * falling[3:12]).all()
+    np.testing.assert_allclose(rising[[0, -1]], falling[[0, -1]], rtol=1e-5)
     orbit = solve.nonlinear(model, 1.2, rtol=1e-6)
     assert rising[0] == pytest.approx(orbit.statistics("q").max_abs, rel=1e-5)
 
