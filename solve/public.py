@@ -15,6 +15,7 @@ from solve.model.cases import Case
 from solve.model.model import Model
 from solve.newton.branches import branch
 from solve.newton.orbits import nonlinear
+from solve.newton.scatter import scatter
 from solve.newton.transients import transient
 from solve.newton.two_parameters import special_curves
 from solve.period.quantities import statistics as signal_statistics
@@ -28,6 +29,7 @@ from solve.results.fit import Fitted
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
+from solve.results.scatter import Scatter
 from solve.results.sensitivities import Sensitivities, SensitivitiesOver
 from solve.results.special_curves import SpecialCurves
 from solve.results.special_orbits import NonlinearOrbit
@@ -72,6 +74,7 @@ __all__ = [
     "Radau",
     "Report",
     "RungeKutta4",
+    "Scatter",
     "Sensitivities",
     "SensitivitiesOver",
     "SolveError",
@@ -103,6 +106,7 @@ __all__ = [
     "periodic",
     "prove",
     "report",
+    "scatter",
     "sensitivities",
     "sensitivities_over",
     "signal_statistics",

@@ -21,13 +21,26 @@ def branch(
     follow: Annotated[
         str | None, Flag("Follow folds or doublings over two parameters, --over twice.", "fold|doubling")
     ] = None,
+    scatter: Annotated[
+        int | None, Flag("Instead: orbits to which motions from N scattered starts lead.", "N")
+    ] = None,
+    seed: Annotated[int, Flag("Seed of the scattered starts.", "N")] = 0,
+    spread: Annotated[float, Flag("Half width of the starts, relative to the linear orbit.", "R")] = 4.0,
     points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
     start: Annotated[str | None, Flag("Saved orbit or transient as the start.", "FILE")] = None,
 ) -> None:
     """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
-    over = over or []
+    over, model = over or [], problem.loaded()
+    if scatter is not None:
+        if over or speeds or switch or follow or start:
+            raise ValueOutOfBoundsError("--scatter is at one speed; give --speed alone, or --case")
+        found = solve.scatter(
+            model, speed.speed, scatter, seed, periods=max(2, periods), rtol=min(rtol, 1e-6)
+        )
+        deliver_result(results, found, problem.choices)
+        return
     if follow is not None and (switch or speeds is not None):
         raise ValueOutOfBoundsError("--follow takes two ranges; give --over NAME=A:B twice, without others")
     if follow is None and len(over) > 1:
@@ -35,7 +48,6 @@ def branch(
     if follow is None:
         _require_one_range(speed, speeds, over)
     given: dict[str, Any] = {"periods": periods, "start": start, "points": points, "rtol": rtol}
-    model = problem.loaded()
     if follow is not None:
         result = solve.special_curves(model, follow, over, speed.speed, **given)
     else:

@@ -17,16 +17,22 @@ from solve.results.branch import (
     Branch,
 )
 from solve.results.contents import MOST_SHOWN
+from solve.results.formatting import headed
+from solve.results.scatter import Scatter
 from solve.results.special_curves import SpecialCurves
 from solve.views.panels import axis_label, label_quantity, label_speeds, panels_over, shades, title_of
 from solve.views.show import figure, tables
-from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.views.style import BLACK, BLUE, GREY, MANY, VERMILION, Axes, Figure, page
 from solve.views.tables import MOST_ROWS, RenderableType, table_of, text
 
 _LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
 
 _MARKS = {FOLD: ("o", "turns back"), DOUBLING: ("^", "period doubles"), TORUS: ("s", "torus")}
 """Markers and labels of special points."""
+
+
+_SIGNS = "o", "^", "s", "D", "v"
+"""Markers of the initial states of different orbits."""
 
 
 @figure.register(Branch)
@@ -101,6 +107,31 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
             axes.autoscale(axis="x")
             axes.legend()
         axes.set_ylabel(axis_label(curves.system, second))
+    return sheet
+
+
+@figure.register(Scatter)
+def scatter_figure(scatter: Scatter) -> Figure:
+    """Initial states in the plane of the first coordinate and its velocity, in the colour of their orbit."""
+    system, n = scatter.system, scatter.system.n
+    name = system.coordinates[0]
+    with page(4.6, f"{title_of(system)}: where {len(scatter.leads)} starts lead") as sheet:
+        axes = sheet.subplots()
+        for number, share in enumerate(scatter.shares):
+            own = scatter.leads == number
+            peak = scatter.orbits[number].statistics(name).max_abs
+            label = f"{100 * share:.3g} % to max|{name}| = {peak:.4g}"
+            x, y = scatter.starts[own, 0], scatter.starts[own, n]
+            axes.plot(x, y, _SIGNS[number % len(_SIGNS)], color=MANY[number % len(MANY)], label=label)
+        lost = scatter.leads < 0
+        if lost.any():
+            axes.plot(
+                scatter.starts[lost, 0], scatter.starts[lost, n], "x", color=GREY, label="do not settle"
+            )
+        unit = system.units.get(name, "")
+        axes.set_xlabel(headed(f"initial {name}", unit))
+        axes.set_ylabel(headed(f"initial velocity of {name}", f"{unit}/s" if unit else ""))
+        sheet.legend(loc="outside lower center", ncols=2)
     return sheet
 
 

@@ -74,6 +74,7 @@ MADE = {
         lambda: solve.branch(cam(), "100:110 rpm", points=3, rtol=1e-2),
         '--speeds "1.5:2 Hz" --points 3 --rtol 1e-2',
     ),
+    "solve.scatter": (lambda: solve.scatter(cam(), "100 rpm", 3), '--scatter 3 --speed "100 rpm"'),
     "solve.special_curves": (
         lambda: solve.special_curves(
             solve.load("mathieu"), "doubling", ["delta=0.6:1.4", "epsilon=0.4:0.3"], 1.0, points=8
