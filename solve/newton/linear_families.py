@@ -12,7 +12,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Columns, Matrices, Motion
-from solve.errors import NoOrbitError
+from solve.errors import NoOrbitError, SolveError
+from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
@@ -27,6 +28,11 @@ from solve.system import PeriodicSystem, derivatives_of
 _BLOCKS, _MANY_STATES = 8, 24
 """Number of blocks of the period whose initial states are unknowns, and number of states above which there is
 one block: choices. A solution that grows by |ρ| over the period costs log10|ρ|/8 digits."""
+
+
+_REGULAR = 1e-2
+"""Distance of all multipliers from +1 above which I - Φ is regular: round-off grows by its inverse. A
+choice."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,11 @@ def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, 
     along = task.system.along(place.curve, columns_by(task.engine))
     equations = _Equations(along, task, place.curve, parameters.names)
     if parameters.task.rigid is not None:
-        return _of_free_machine(equations, place, grid)
+        return _by_periodic_solutions(equations, place, grid)
+    if task.engine == COMPILED:
+        family = _if_regular(equations, place, grid)
+        if family is not None:
+            return family
     steps = _Steps(equations, grid)
     unit = np.concatenate((np.tile(np.tile(sizes, 2), steps.blocks), parameters.spans))
     columns = _null_space(*steps.closing(), unit)
@@ -193,10 +203,21 @@ def _joined(maps: Array, states: int, blocks: int) -> Array:
     return chain
 
 
-def _of_free_machine(equations: _Equations, place: Place, grid: Grid) -> LinearFamily:
-    """The same for a machine with rigid-body modes, from periodic solutions, one per load."""
+def _if_regular(equations: "_Equations", place: Place, grid: Grid) -> LinearFamily | None:
+    """The same if no multiplier is near +1; otherwise None."""
+    try:
+        family = _by_periodic_solutions(equations, place, grid)
+        regular = np.abs(family.multipliers - 1).min() > _REGULAR
+    except SolveError:
+        return None
+    return family if regular else None
+
+
+def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> LinearFamily:
+    """The same from periodic solutions, one per load, in compiled code: for machines with rigid-body modes,
+    and where I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
-    held = free(OnePoint(along, task.speed))
+    held = free(OnePoint(along, task.speed)) if equations.task.rigid is not None else None
     systems = [along, *map(equations.under, range(len(equations.names)))]
     found = [
         solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
@@ -210,6 +231,19 @@ def _of_free_machine(equations: _Equations, place: Place, grid: Grid) -> LinearF
     tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
     places = (Place(curve[0], change) for curve, change in tangents)  # pyright: ignore
     return LinearFamily(Place(curves[0][0], place.values), tuple(places), found[0].Phi[0])  # pyright: ignore
+
+
+def multipliers_of(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> Array:
+    """Floquet multipliers (2n,) of the linear problem along a place, largest modulus first. Raises
+    SolveError."""
+    task = parameters.task_at(place.values)
+    if task.engine != COMPILED or task.rigid is not None:
+        return linear_family(parameters, place, grid, sizes).multipliers
+    along = task.system.along(place.curve, columns_by(task.engine))
+    found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
+    for reason in found.failures.values():
+        raise reason
+    return LinearFamily(place, (), found.Phi[0]).multipliers
 
 
 def mode_of(parameters: ContinuationParameters, place: Place, grid: Grid, multiplier: float) -> Curve:

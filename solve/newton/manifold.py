@@ -11,7 +11,7 @@ from solve.certify.correction import CoordinateScale
 from solve.errors import NoOrbitError
 from solve.kernel.formulas import columns_by
 from solve.newton.branch_points import SAMPLES, ContinuationParameters, FollowedOrbit, Place, Point
-from solve.newton.linear_families import LinearFamily, linear_family
+from solve.newton.linear_families import LinearFamily, linear_family, multipliers_of
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.period.quantities import orbit_figures, output_changes, repeats_early
@@ -174,7 +174,7 @@ class Manifold:
         """More accurate of two places, without the errors of orbit and radius; off: relative differences (n,)
         of the coordinates."""
         task, curve = self.parameters.task_at(better.values), better.curve
-        multipliers = linear_family(self.parameters, better, grid, sizes).multipliers
+        multipliers = multipliers_of(self.parameters, better, grid, sizes)
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
         errors = np.concatenate(
             (off, output_changes(task.system, task.speed, there.curve, curve, task.engine))
