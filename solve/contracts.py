@@ -222,3 +222,11 @@ class Reduction(Protocol):
     def expanded(self, phase: Array, speed: Array | float, *state: Array) -> Any:
         """State with all coordinates, as `q` (full_coordinates, k), at phases (k,) for q, q̇, q̈ (n, k)."""
         ...
+
+
+class Events(NamedTuple):
+    """Phases (rad) at which a motion passes switches of the equations, such as stops, and at which it touches
+    one without passing clearly."""
+
+    phases: tuple[float, ...] = ()
+    grazing: tuple[float, ...] = ()

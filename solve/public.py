@@ -16,7 +16,9 @@ from solve.model.cases import Case
 from solve.model.model import Model
 from solve.newton.branches import branch
 from solve.newton.orbits import nonlinear
+from solve.newton.scatter import scatter
 from solve.newton.transients import transient
+from solve.newton.two_parameters import special_curves
 from solve.period.quantities import statistics as signal_statistics
 from solve.proof.prove import prove
 from solve.proof.result import Proof
@@ -29,7 +31,9 @@ from solve.results.frequencies import Frequencies, Variation
 from solve.results.optimum import Optimum
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
+from solve.results.scatter import Scatter
 from solve.results.sensitivities import Sensitivities, SensitivitiesOver
+from solve.results.special_curves import SpecialCurves
 from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
@@ -76,9 +80,11 @@ __all__ = [
     "Radau",
     "Report",
     "RungeKutta4",
+    "Scatter",
     "Sensitivities",
     "SensitivitiesOver",
     "SolveError",
+    "SpecialCurves",
     "Stability",
     "StateSpace",
     "Sweep",
@@ -107,9 +113,11 @@ __all__ = [
     "periodic",
     "prove",
     "report",
+    "scatter",
     "sensitivities",
     "sensitivities_over",
     "signal_statistics",
+    "special_curves",
     "speed_sensitivities",
     "state_space",
     "sweep",

@@ -11,6 +11,7 @@ from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import (
     Columns,
+    Events,
     Formulas,
     Integrator,
     Limit,
@@ -83,6 +84,9 @@ class PeriodicSystem(Labels):
     >>> PeriodicSystem(oscillator, ["q"]).n
     1
     """
+
+    events: Events = Events()
+    """Phases at which the motion passes switches; of systems linearised about a motion."""
 
     reduction: Reduction | None = None
     """Reduction from a larger system; None for a full system."""
@@ -291,6 +295,14 @@ class PeriodicSystem(Labels):
             f"{self.name} is linear by construction and has no nonlinear equations; use the study of its "
             "linear equations"
         )
+
+    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> "PeriodicSystem":
+        """The same; phases at which the motion passes switches, at a speed in rad/s, are breaks."""
+        return self.along(motion, compiled)
+
+    def meet(self, events: Events) -> None:
+        """Take the phases at which the motion passes switches as breaks."""
+        self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         """Bounds (k, n) on the round-off in the load d of equations linearised about a motion, at phases

@@ -78,7 +78,7 @@ class Task:
                 opened_store = opening.enter_context(
                     opened(
                         store,
-                        self._description(batch.region, points),
+                        self.description(batch.region, points),
                         columns,
                         multipliers,
                         self.kept,
@@ -130,7 +130,7 @@ class Task:
             for future in waiting:
                 future.cancel()
 
-    def _description(self, region: Array, points: Array) -> dict[str, Any]:
+    def description(self, region: Array, points: Array) -> dict[str, Any]:
         """Everything that determines the results, for identification of a store."""
         family, request, kept = self.family, self.request, self.kept
         example = family.example

@@ -124,7 +124,15 @@ def corrected(
 
     It is the solution of the system linearised along the motion, with equations multiplied by factors (1, n).
     Raises SolveError if that has no solution, LinearModelError for linear systems."""
-    point = OnePoint(system.along(motion, columns_by(engine)), speed)
+    along = system.along(motion, columns_by(engine))
+    return solved_along(along, speed, method, grid, engine, factors)
+
+
+def solved_along(
+    along: PeriodicSystem, speed: float, method: Method, grid: Grid, engine: str, factors: Array | None = None
+) -> Solutions:
+    """Periodic solution of a system linearised along a motion, see `corrected`."""
+    point = OnePoint(along, speed)
     scaled = point if factors is None else Multiplied(point, factors)
     solutions = solutions_on(method, scaled, grid, True, engine, free(point))
     for reason in solutions.failures.values():

@@ -76,7 +76,7 @@ COMMANDS = {
     "sensitivity": "Derivatives of quantities by parameters and the speed, at one speed or many.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
     "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",
-    "branch": "Branch of nonlinear orbits over the speed, followed through its turning points.",
+    "branch": "Branch of nonlinear orbits over the speed or a parameter, through its turning points.",
     "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
     "report": "Everything about a model on one page of HTML.",
     "animate": "Mechanism in motion with magnified vibration, as an animation or a picture.",
@@ -85,7 +85,8 @@ COMMANDS = {
 }
 MODULES = {
     **dict.fromkeys(("periodic", "floquet", "compare", "transient"), "one_speed"),
-    **dict.fromkeys(("sweep", "chart", "bands", "critical", "branch", "validity"), "many_speeds"),
+    **dict.fromkeys(("sweep", "chart", "bands", "critical", "validity"), "many_speeds"),
+    "branch": "branches",
     **dict.fromkeys(("sensitivity", "fit", "optimise", "frequencies"), "parameters"),
     **dict.fromkeys(("report", "animate", "export"), "documents"),
 }

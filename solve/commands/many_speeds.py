@@ -1,4 +1,4 @@
-"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical`, `branch` and `validity`."""
+"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical` and `validity`."""
 
 import math
 from collections.abc import Sequence
@@ -43,6 +43,9 @@ def sweep(
     turn: Annotated[
         str | None, Flag("Draw its curve over one period instead, a line per point: up to 12.", "NAME")
     ] = None,
+    nonlinear: Annotated[
+        bool, Flag("Orbits of the nonlinear equations, each found from its neighbour.")
+    ] = False,
 ) -> None:
     """Periodic vibration and stability over many speeds, and values of parameters."""
     harmonic, varied = harmonic_count(harmonics), _varied(over)
@@ -54,7 +57,10 @@ def sweep(
     if waterfall:
         _check_waterfall(waterfall, results, [count, *map(len, varied.values())])
     rule = accuracy.rule, accuracy.steps, accuracy.rtol
+    if nonlinear and turn is not None:
+        raise ValueOutOfBoundsError("--turn draws linear orbits; leave out --turn or --nonlinear")
     output: dict[str, Any] = {"spectra": spectra, "harmonics": harmonic, "over": varied or None}
+    output["nonlinear"] = nonlinear
     with places.given() as resources:
         result = solve.sweep(model, omegas, *rule, **output, **resources)
     result.results.require_any()
@@ -206,22 +212,6 @@ def critical(
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
     drawn = None if moved.by else partial(result.plot, campbell=campbell)
     deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)
-
-
-def branch(
-    problem: Problem,
-    results: Results,
-    speeds: Annotated[str | None, Flag("First and last speed.", '"A:B unit"')] = None,
-    points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
-    rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
-    periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
-    start: Annotated[str | None, Flag("Saved orbit or transient as the start.", "FILE")] = None,
-) -> None:
-    """Branch of nonlinear orbits over the speed, followed through its turning points."""
-    if speeds is None:
-        raise MissingValueError('no speeds given; add a range, such as --speeds "300:600 rpm"')
-    result = solve.branch(problem.loaded(), speeds, start, points, rtol, periods=periods)
-    deliver_result(results, result, problem.choices)
 
 
 def validity(

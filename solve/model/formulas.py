@@ -54,7 +54,7 @@ def c_text(function: "casadi.Function") -> str | None:
     count = function.n_instructions()
     if count > _MAX_INSTRUCTIONS:
         return None
-    operations = _operations()
+    operations = operation_names()
     lines = []
     for k in range(count):
         operation = operations[function.instruction_id(k)]
@@ -79,7 +79,7 @@ def c_text(function: "casadi.Function") -> str | None:
     return f"static void formulas(const lane *const *in, lane *out) {{\n    {body}\n}}\n"
 
 
-def _operations() -> dict[int, str]:
+def operation_names() -> dict[int, str]:
     """CasADi's names of operations by their codes."""
     import casadi
 
@@ -99,7 +99,7 @@ def roundoff_bound(function: "casadi.Function", rounded: Collection[str] = ()) -
     """
     import casadi
 
-    operations = _operations()
+    operations = operation_names()
     inputs, derivatives_of = inputs_of(function), cache(_with_derivatives)
     symbols = list(inputs.values())
     # Value in each register, and the bound on its round-off.

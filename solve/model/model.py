@@ -1,7 +1,7 @@
 """Periodic systems whose matrices, outputs and bounds come from a generated module."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
-from solve.contracts import Columns, Formulas, Integrator, Limit, Matrices, Motion
+from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.labels import require_vibration
 from solve.matrices import by_the_phase, split_entries
@@ -220,6 +220,12 @@ class Model(PeriodicSystem):
             return super().along(motion)
         return LinearisedModel(self, motion, compiled)
 
+    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
+        linearised = self.along(motion, compiled)
+        if self.setup.event_finder is not None:
+            linearised.meet(self.setup.event_finder.along(motion, speed))
+        return linearised
+
     @cached_property
     def derivatives(self) -> ModelDerivatives:
         """Derivatives of the equations with respect to parameters and speed."""
@@ -340,14 +346,17 @@ class LinearisedModel(Model):
 
     def __init__(self, model: Model, motion: Motion, compiled: Columns | None = None):
         super().__init__(model.setup, self._along, model.module.COORDINATES[: model.n])
-        self.model, self.motion, self._compiled = model, motion, compiled
+        self.model, self.motion, self._compiled, self.events = model, motion, compiled, Events()
         starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
         self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
         self.speed_unit = model.speed_unit
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.model, self.motion)
+        return type(self), (self.model, self.motion), {"breaks": self.breaks, "events": self.events}
+
+    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
+        return self.model.along_events(motion, speed, compiled)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
         return self.model.with_damping(phase, self._tangent(phase, speed).T)
@@ -366,6 +375,9 @@ class LinearisedModel(Model):
     def _motion_states(self, phase: Array, speed: float) -> list[Array]:
         """q, q̇ and q̈ (n, k) of the motion."""
         states_of = getattr(self.motion, "states", None)
+        if states_of and self.events.phases:
+            # Beside an event the sides of a switch must be told apart.
+            states_of = partial(states_of, beside_nodes=True)
         states = states_of(phase) if states_of else [self.motion(phase, order) for order in range(3)]
         return [speed**order * state for order, state in enumerate(states)]
 
@@ -386,7 +398,9 @@ class LinearisedModel(Model):
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> "LinearisedModel":
-        return LinearisedModel(self.model.varied(parameters, options), self.motion)
+        varied = LinearisedModel(self.model.varied(parameters, options), self.motion)
+        varied.meet(self.events)
+        return varied
 
 
 def _rebuilt(kind: type[Model], origin: str | Path, case: Case, options: Mapping[str, Any]) -> Model:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_options, checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.domain import Domain
+from solve.model.events import EventFinder, switches
 from solve.model.formulas import c_text, roundoff_bound
 from solve.model.sampling import Sampler, folded
 
@@ -79,19 +80,19 @@ class Setup:
         phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
-                phases = self.module.breaks(None, p.tolist(), **self._module_options)
+                phases = self.module.breaks(None, p.tolist(), **self.module_options)
             except ValueError as error:
                 raise ValueOutOfBoundsError(f"{self.module.NAME}: {error}") from None
         return tuple(sorted(set(phases)))
 
     @property
-    def _module_options(self) -> dict[str, Any]:
+    def module_options(self) -> dict[str, Any]:
         """Options of the generated functions; those of a structure's elements concern its assembly only."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
         """Generated function of this name."""
-        return getattr(self.module, name)(**self._module_options)
+        return getattr(self.module, name)(**self.module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
         """Generated function at many phases, with separate values of the free parameters at each."""
@@ -102,7 +103,13 @@ class Setup:
     def residual_roundoff(self) -> Sampler:
         """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
         phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
-        return Sampler(roundoff_bound(self.function("residual"), ("speed", "p")), shared=1)
+        return Sampler(_roundoff_of(self.module, tuple(self.module_options.items())), shared=1)
+
+    @cached_property
+    def event_finder(self) -> EventFinder | None:
+        """Switches of the residual that depend on the motion, if any."""
+        function = switches(self.module, tuple(self.module_options.items()))
+        return None if function is None else EventFinder(function, self.p)
 
     def formulas(
         self,
@@ -114,10 +121,10 @@ class Setup:
         `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
-        function = transform(self.function(name), self.p, free)
-        text = c_text(function)
+        options = tuple(self.module_options.items())
+        text, count = _text_of(self.module, options, name, transform, tuple(free), len(order))
         names = tuple(order[k] for k in free)
-        return Formulas(text, function.size1_out(0), names, self.p[free]) if text else None
+        return Formulas(text, count, names, self.p[free]) if text else None
 
     @cached_property
     def domain(self) -> Domain | None:
@@ -187,3 +194,29 @@ class Setup:
                 )
             lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
         return lines
+
+
+_MAX_CACHED = 64
+"""Number of generated functions whose code is kept, so that other values of the parameters need no new code.
+A choice: few models are used at a time."""
+
+
+@lru_cache(_MAX_CACHED)
+def _text_of(
+    module: ModuleType,
+    options: tuple[tuple[str, Any], ...],
+    name: str,
+    transform: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]",
+    free: tuple[int, ...],
+    count: int,
+) -> tuple[str | None, int]:
+    """C code of a transformed generated function of the free ones of `count` parameters, the others of which
+    are 0, and its number of outputs."""
+    function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
+    return c_text(function), function.size1_out(0)
+
+
+@lru_cache(_MAX_CACHED)
+def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
+    """Function of the bounds on the round-off in the residual."""
+    return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))

@@ -1,43 +1,54 @@
-"""Points of a branch of orbits, and the continuation parameter: the speed, or a parameter of the model."""
+"""Points of a branch of orbits, and the parameters that vary along it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import Columns, Matrices, Motion
 from solve.errors import NoOrbitError
-from solve.kernel.formulas import columns_by
 from solve.labels import SPEED
 from solve.newton.iteration import Task, add, on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem, derivatives_of
 
 SAMPLES = 8
 """Phases per step at which orbits are compared. A choice."""
 
+_MAX_TASKS = 8
+"""Number of values of the parameters whose systems are kept. A choice: a point uses one or two."""
+
 
 @dataclass(frozen=True)
 class Place:
-    """Orbit as a curve and the value of the parameter, or differences of both."""
+    """Orbit as a curve and the values (k,) of the parameters, or differences of both."""
 
     curve: Curve
-    value: float
+    values: Array
+
+    @property
+    def value(self) -> float:
+        """Value of the first parameter."""
+        return float(self.values[0])
 
     def plus(self, factor: float, other: "Place") -> "Place":
         """Sum with a multiple of another place."""
-        return Place(add(self.curve, factor, other.curve), self.value + factor * other.value)
+        return Place(add(self.curve, factor, other.curve), self.values + factor * other.values)
 
     def on(self, grid: Grid) -> "Place":
         """Same place on the nodes of a grid."""
-        return Place(on(grid, self.curve), self.value)
+        return Place(on(grid, self.curve), self.values)
 
     def times(self, factor: float) -> "Place":
         """Multiple of the place."""
         curve = self.curve
         drift = None if curve.drift is None else factor * curve.drift
-        return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.value)
+        return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
+
+    @property
+    def amplitudes(self) -> Array:
+        """Half of the ranges (n,) of the coordinates at the samples, which an offset of angles by full
+        revolutions does not change."""
+        return np.ptp(self.curve.sampled(SAMPLES), axis=1) / 2
 
     @property
     def largest(self) -> Array:
@@ -47,73 +58,87 @@ class Place:
 
 @dataclass(frozen=True)
 class FollowedOrbit:
-    """Orbit of a branch: value of the parameter; figures (q, 7) of coordinates and outputs, the fields of
-    `Statistics`, and their relative errors (q,); spectral radius; distance of the nearest multiplier from +1;
-    errors (2,) of the orbit, relative, and of the spectral radius; whether the orbit has fewer periods."""
+    """Orbit of a branch: values (k,) of the parameters; figures (q, 7) of coordinates and outputs, the fields
+    of `Statistics`, and their relative errors (q,); multipliers (2n,) and spectral radius; errors (2,) of the
+    orbit, relative, and of the spectral radius; whether the orbit has fewer periods."""
 
-    value: float
+    values: Array
     figures: Array
     figure_errors: Array
+    multipliers: Array
     radius: float
-    nearest: float
     errors: Array
     repeats: bool
+
+    @property
+    def nearest(self) -> float:
+        """Distance of the nearest multiplier from +1."""
+        return float(np.abs(self.multipliers - 1).min())
 
 
 @dataclass(frozen=True)
 class Point:
     """Point of a branch: its place, converged on a grid; sizes (n,) of the coordinates, which scale steps;
-    unit tangent `direction` of the branch; the orbit on a grid twice as fine; whether it is a turning
-    point."""
+    unit tangents, orthogonal to each other, one per parameter; the orbit on a grid twice as fine; its kind,
+    one of `solve.results.branch.KINDS`; periods of the model per period of the orbit."""
 
     place: Place
     sizes: Array
-    direction: Place
+    tangents: tuple[Place, ...]
     grid: Grid
     orbit: FollowedOrbit
-    turns: bool = False
+    kind: str = ""
+    periods: int = 1
+
+    @property
+    def direction(self) -> Place:
+        """Unit tangent of a branch with one parameter."""
+        return self.tangents[0]
 
     @property
     def value(self) -> float:
-        """Value of the parameter, as accurate as the orbit."""
-        return self.orbit.value
+        """Value of the first parameter, as accurate as the orbit."""
+        return float(self.orbit.values[0])
 
 
 @dataclass(frozen=True)
-class ContinuationParameter:
-    """Continuation parameter: "speed" (rad/s), or the name of a parameter with respect to which the equations
-    have derivatives. Everything else is as in the task."""
+class ContinuationParameters:
+    """Parameters of a continuation: "speed" (rad/s), or names of parameters with respect to which the
+    equations have derivatives, with the first and last value (k, 2) of each. Everything else is as in the
+    task."""
 
     task: Task
-    name: str = SPEED
+    names: tuple[str, ...]
+    ranges: Array
+    _tasks: dict[bytes, Task] = field(default_factory=dict, init=False, compare=False, repr=False)
 
-    def task_at(self, value: float) -> Task:
-        """Task at a value. Raises SolveError subclasses for values that the model does not allow."""
-        if self.name != SPEED:
-            return replace(self.task, system=self.task.system.varied({self.name: value}))
-        if not value > 0:
+    @property
+    def spans(self) -> Array:
+        """Lengths (k,) of the ranges, to which values are relative."""
+        return np.abs(self.ranges[:, 1] - self.ranges[:, 0])
+
+    def over_periods(self, periods: int) -> "ContinuationParameters":
+        """The same for orbits of another number of periods."""
+        return replace(self, task=replace(self.task, periods=periods))
+
+    def task_at(self, values: Array) -> Task:
+        """Task at values (k,). Raises SolveError subclasses for values that the model does not allow."""
+        key = np.asarray(values).tobytes()
+        if key not in self._tasks:
+            if len(self._tasks) >= _MAX_TASKS:
+                self._tasks.clear()
+            self._tasks[key] = self._task_at(values)
+        return self._tasks[key]
+
+    def _task_at(self, values: Array) -> Task:
+        given = dict(zip(self.names, map(float, values), strict=True))
+        speed = given.pop(SPEED, self.task.speed)
+        if not speed > 0:
             raise NoOrbitError("the branch reaches speed 0")
-        return replace(self.task, speed=value)
+        system = self.task.system.varied(given) if given else self.task.system
+        return replace(self.task, system=system, speed=speed)
 
-    def text(self, value: float) -> str:
-        """Text of a value with its unit."""
-        return self.task.system.unit_of(self.name).text(value, ".4g")
-
-    def slope(self, along: PeriodicSystem, motion: Motion) -> PeriodicSystem:
-        """Linear system whose orbit is the derivative of the next iterate after a motion with respect to the
-        parameter; along: the equations linearised along the motion."""
-        return _ByParameter(along, motion, self.name, columns_by(self.task.engine))
-
-
-class _ByParameter(PeriodicSystem):
-    """Equations linearised along a motion under the load -∂r/∂θ."""
-
-    def __init__(self, along: PeriodicSystem, motion: Motion, name: str, compiled: Columns | None):
-        super().__init__(self._loaded, along.coordinates, along.period, along.breaks)
-        self._along, self._motion = along, motion
-        self._dependence = derivatives_of(along).by([name], compiled)
-
-    def _loaded(self, phase: Array, speed: float) -> Matrices:
-        M, C, K, _ = self._along.at(phase, speed)
-        states = np.stack([self._motion(phase, derivative).T for derivative in (2, 1, 0)], axis=1)
-        return M, C, K, -self._dependence.residual(phase, speed, states)[..., 0]
+    def text(self, values: Array) -> str:
+        """Text of values with their units."""
+        units = (self.task.system.unit_of(name) for name in self.names)
+        return ", ".join(unit.text(float(value), ".4g") for unit, value in zip(units, values, strict=True))

@@ -1,26 +1,27 @@
-"""Branches of nonlinear orbits over the speed."""
+"""Branches of nonlinear orbits over the speed or a parameter."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from solve.arguments import require_integer
-from solve.errors import ValueOutOfBoundsError
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED
 from solve.methods.radau import Radau
-from solve.newton.arclength import follow_branch
-from solve.newton.branch_points import ContinuationParameter, Point
+from solve.newton.arclength import first_point, follow_branch
+from solve.newton.branch_points import ContinuationParameters
 from solve.newton.iteration import Task
 from solve.newton.orbits import nonlinear
 from solve.newton.starts import Start
-from solve.results.branch import Branch
+from solve.newton.switching import Followed, follow_doublings
+from solve.results.branch import KINDS, Branch
 from solve.system import PeriodicSystem, of_system
-from solve.units import checked_rtol, ramp_in_si
+from solve.units import apart, checked_rtol, ramp_in_si
 
-_FIELDS = "figures", "figure_errors", "radius", "errors", "repeats"
+_FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
 
-_MAX_START_RTOL = 1e-3
+MAX_START_RTOL = 1e-3
 """Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
 grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it does at 1e-2, not at 3e-3."""
 
@@ -28,32 +29,40 @@ grids Newton's iteration along the branch may diverge. For the cam at 300 rpm it
 @of_system
 def branch(
     system: PeriodicSystem,
-    speeds: str | tuple[float | str, float | str],
+    speeds: float | str | tuple[float | str, float | str] | None = None,
+    over: str | None = None,
+    switch: bool = False,
+    periods: int = 1,
     start: Start | None = None,
     points: int = 200,
     rtol: float = 1e-3,
     engine: str = "auto",
-    periods: int = 1,
 ) -> Branch:
-    """Continue nonlinear orbits in the speed, through folds.
+    """Continue nonlinear orbits in the speed or a parameter, through folds.
+
+    Folds, period doublings and tori (Neimark–Sacker points) are located to `rtol`.
 
     Parameters
     ----------
     system : Model
         Model with nonlinear equations.
-    speeds : str or (float or str, float or str)
+    speeds : str or (float or str, float or str), optional
         First speed, and the speed towards which the branch is continued: "300:600 rpm", or rad/s. The
-        branch ends where it leaves this range.
+        branch ends where it leaves this range. With `over` the constant speed, by default that of the case.
+    over : str, optional
+        Parameter that varies instead of the speed, with its first and last value: "k1=1e4:9e4".
+    switch : bool
+        Whether to follow the branches of twice the period from each doubling, up to three in sequence.
+    periods : int
+        Number of model periods per period of the orbits.
     start : optional
-        Start of `solve.nonlinear` at the first speed.
+        Start of `solve.nonlinear` at the first value.
     points : int
-        Maximum number of orbits.
+        Maximum number of orbits of each branch.
     rtol : float
         Largest error of the orbits, relative to the scale of each coordinate.
     engine : str
         "auto", "compiled" or "numpy".
-    periods : int
-        Number of model periods per period of the orbits.
 
     Returns
     -------
@@ -62,48 +71,104 @@ def branch(
 
     Raises
     ------
-    ValueOutOfBoundsError
+    ValueOutOfBoundsError, MissingValueError
         For bad input.
     LinearModelError
         For linear systems.
     NoOrbitError
-        If there is no orbit at the first speed.
+        If there is no orbit at the first value.
     NoDerivativeError
-        If the equations have no derivative with respect to the speed.
+        If the equations have no derivative with respect to the parameter.
 
     Notes
     -----
     Every orbit is converged on one grid and corrected once on a grid with twice the number of steps. The
     corrected orbit is returned. The differences give the errors; grids are refined if these exceed rtol.
     """
-    first, last = ramp_in_si(speeds)
-    if not (first > 0 and last > 0) or first == last:
-        raise ValueOutOfBoundsError(
-            f"speeds are {speeds!r}; give two different ones above 0, such as '300:600 rpm'"
-        )
     require_integer("points", points, 2)
+    require_integer("periods", periods)
+    parameters, notes = continuation(system, speeds, over, periods, rtol, engine)
+    task = parameters.task_at(parameters.ranges[:, 0])
+    start_rtol = min(parameters.task.rtol, MAX_START_RTOL)
+    orbit = nonlinear(task.system, task.speed, start, periods, rtol=start_rtol, engine=engine)
+    found, ended = follow_branch(parameters, first_point(parameters, orbit), int(points))
+    followed: list[Followed] = [(parameters, found, ended)]
+    if switch:
+        followed += follow_doublings(parameters, found, int(points))
+    return _result(parameters, followed, notes)
+
+
+def continuation(
+    system: PeriodicSystem,
+    speeds: float | str | tuple[float | str, float | str] | None,
+    over: str | None,
+    periods: int,
+    rtol: float,
+    engine: str,
+) -> tuple[ContinuationParameters, Sequence[str]]:
+    """Parameters of a continuation, and notes of the engine. Raises SolveError subclasses for bad input."""
     rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
-    orbit = nonlinear(system, first, start, periods, rtol=min(rtol, _MAX_START_RTOL), engine=engine)
-    task = Task(system.shown_in(first), float(first), int(periods), Radau(), used, rtol)
-    parameter = ContinuationParameter(task)
-    branch_points, ended = follow_branch(parameter, (float(first), float(last)), orbit, int(points))
-    return _result(parameter, branch_points, ended, notes)
+    if over is None:
+        if speeds is None or isinstance(speeds, float | int):
+            raise MissingValueError("no speeds given; give a range, such as '300:600 rpm', or a parameter")
+        name, (first, last) = SPEED, ramp_in_si(speeds)
+        if not (first > 0 and last > 0) or first == last:
+            raise ValueOutOfBoundsError(
+                f"speeds are {speeds!r}; give two different ones above 0, such as '300:600 rpm'"
+            )
+        speed = first
+    else:
+        name, first, last = range_of(system, over)
+        if isinstance(speeds, tuple):
+            raise ValueOutOfBoundsError(f"speeds are {speeds!r}; give one speed, since {name} varies")
+        speed = system.speed_or_usual(speeds)
+    system = system.shown_in(speed)
+    task = Task(system, float(speed), int(periods), Radau(), used, rtol)
+    return ContinuationParameters(task, (name,), np.array([[first, last]], dtype=float)), notes
 
 
-def _result(
-    parameter: ContinuationParameter, points: Sequence[Point], ended: str, notes: Sequence[str]
-) -> Branch:
-    task, values = parameter.task, np.array([point.value for point in points])
-    at_speed = parameter.name == SPEED
+def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
+    """Name, first and last value of a text NAME=A:B, values in the model's unit. Raises SolveError."""
+    usage = f"over is {over!r}; write NAME=A:B, two different values, such as 'k1=1e4:9e4'"
+    name, equals, values = over.partition("=")
+    name, (limits, _, unit) = name.strip(), apart(values.strip()).partition(" ")
+    ends = limits.split(":")
+    if not equals or len(ends) != 2:
+        raise ValueOutOfBoundsError(usage)
+    if name == SPEED:
+        return name, *ramp_in_si(values)
+    require_name(f"parameter of {system.name}", name, system.parameters)
+    try:
+        first, last = (system.in_own_unit(name, f"{end} {unit}".strip()) for end in ends)
+    except ValueError:
+        raise ValueOutOfBoundsError(usage) from None
+    if first == last:
+        raise ValueOutOfBoundsError(usage)
+    for value in (first, last):
+        system.require_bounds({name: value})
+    return name, float(first), float(last)
+
+
+def _result(parameters: ContinuationParameters, followed: Sequence[Followed], notes: Sequence[str]) -> Branch:
+    task, name = parameters.task, parameters.names[0]
+    points = [point for _, found, _ in followed for point in found]
+    values, at_speed = np.array([point.value for point in points]), name == SPEED
     fields = {name: np.array([getattr(point.orbit, name) for point in points]) for name in _FIELDS}
+    ended = [
+        text if not number else f"branch {number + 1}: {text}"
+        for number, (_, _, text) in enumerate(followed)
+        if text
+    ]
     return Branch(
         task.system,
         values if at_speed else np.full(len(points), task.speed),
-        turns=np.array([point.turns for point in points]),
+        kinds=np.array([KINDS.index(point.kind or KINDS[0]) for point in points]),
+        numbers=np.repeat(np.arange(len(followed)), [len(found) for _, found, _ in followed]),
+        counts=np.array([point.periods for point in points]),
         rtol=task.rtol,
-        ended=ended,
+        ended="; ".join(ended),
         notes=notes,
         periods=task.periods,
-        parameters={} if at_speed else {parameter.name: values},
+        parameters={} if at_speed else {name: values},
         **fields,
     )

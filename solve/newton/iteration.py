@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.correction import CoordinateScale, corrected, correction
+from solve.certify.correction import CoordinateScale, correction, solved_along
 from solve.contracts import Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
@@ -69,9 +69,13 @@ class Task:
 
     def grid(self, steps: int) -> Grid:
         """Grid of about `steps` steps over the period of the orbit."""
+        return Grid.uniform(steps, self.period, self.breaks)
+
+    @cached_property
+    def breaks(self) -> tuple[float, ...]:
+        """Phases at which the equations jump, over the period of the orbit."""
         offsets = np.arange(self.periods) * self.system.period
-        breaks = tuple(float(b) for phase in self.system.breaks for b in phase + offsets)
-        return Grid.uniform(steps, self.period, breaks)
+        return tuple((offsets[:, None] + np.array(self.system.breaks)).ravel().tolist())
 
     @cached_property
     def rigid(self) -> RigidBodyModes | None:
@@ -194,8 +198,12 @@ class _CorrectionNorm:
 
 
 def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:
-    """Curve at a fraction of the way from one to the other, or beyond; both on the same nodes."""
-    return other if fraction == 1 else add(one, fraction, add(other, -1.0, one))
+    """Curve at a fraction of the way from one to the other, or beyond, on the nodes of the other."""
+    if fraction == 1:
+        return other
+    if not np.array_equal(one.nodes, other.nodes):
+        one = on(Grid(other.nodes, np.zeros(len(other.nodes) - 1, dtype=bool)), one)
+    return add(one, fraction, add(other, -1.0, one))
 
 
 def add(one: Curve, factor: float, other: Curve) -> Curve:
@@ -243,7 +251,11 @@ def on(grid: Grid, motion: Motion) -> Curve:
 
 
 def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
-    return corrected(task.system, curve, task.speed, task.method, grid, task.engine, task.factors)
+    """Next iterate after a curve, on a grid of about as many steps with the phases of events as breaks."""
+    along = task.system.along_events(curve, task.speed, columns_by(task.engine))
+    if along.breaks != task.breaks:
+        grid = Grid.uniform(grid.steps, task.period, along.breaks)
+    return solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
 
 
 class Newton(Method):
@@ -278,7 +290,7 @@ class Newton(Method):
     def linearised(self, points: Points, solutions: Solutions) -> Points:
         """Equations along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
-        return OnePoint(self.task.system.along(solutions.curve[0]), self.task.speed)
+        return OnePoint(self.task.system.along_events(solutions.curve[0], self.task.speed), self.task.speed)
 
     @property
     def corrector(self) -> Collocated:
@@ -314,4 +326,4 @@ class Newton(Method):
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""
-        return OnePoint(self.task.system.along(self.start), self.task.speed)
+        return OnePoint(self.task.system.along_events(self.start, self.task.speed), self.task.speed)

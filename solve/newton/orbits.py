@@ -216,7 +216,8 @@ class _Search:
             if self.all_multipliers
             else None
         )
-        linearised, result = task.system.along(result.solutions.curve[0]), replace(result, method=task.method)
+        linearised = task.system.along_events(result.solutions.curve[0], task.speed)
+        result = replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,
             task.speed,
@@ -228,4 +229,6 @@ class _Search:
             failed=tuple(failed),
             periods=task.periods,
             settled=settled,
+            events=linearised.events.phases,
+            grazing=linearised.events.grazing,
         )

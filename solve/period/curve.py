@@ -146,10 +146,13 @@ class Curve:
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
         return self.states(phase, (derivative,))[0]
 
-    def states(self, phase: Array, derivatives: Sequence[int] = (0, 1, 2)) -> list[Array]:
-        """q and its derivatives (…, n, k) with respect to the phase, at phases (k,) in any period."""
+    def states(
+        self, phase: Array, derivatives: Sequence[int] = (0, 1, 2), beside_nodes: bool = False
+    ) -> list[Array]:
+        """q and its derivatives (…, n, k) with respect to the phase, at phases (k,) in any period.
+        beside_nodes: whether phases that differ from nodes by round-off count as different from them."""
         phase, h = np.asarray(phase, dtype=float), self.h
-        theta = self._fractions(phase, h)
+        theta = None if beside_nodes else self._fractions(phase, h)
         if theta is not None:
             shape = *self.coefficients.shape[:-2], phase.size
             found = [self._within(theta, h, each).reshape(shape) for each in derivatives]

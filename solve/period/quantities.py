@@ -2,7 +2,7 @@
 statistics."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -359,20 +359,28 @@ def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, en
     return np.concatenate((of_coordinates, output_figures(system, curve, speed, engine)))
 
 
-def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve) -> Array:
+def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve, engine: str) -> Array:
     """Largest differences (o,) of the outputs between two curves on the same nodes, relative to the largest
     moduli on the other."""
     if not system.outputs:
         return np.zeros(0)
     phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
-    before, after = (_outputs_at(system, phase, speed, curve) for curve in (one, other))
-    changes = ((np.abs(after[name] - before[name]).max(), np.abs(after[name]).max()) for name in after)
-    return np.array([change / (largest or 1.0) for change, largest in changes])
+    before, after = (_outputs_at(system, phase, speed, curve, engine) for curve in (one, other))
+    change, largest = np.abs(after - before).max(axis=1), np.abs(after).max(axis=1)
+    return change / np.where(largest > 0, largest, 1.0)
 
 
-def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve) -> Mapping[str, Array]:
+def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve, engine: str) -> Array:
+    """Outputs (o, k) at phases (k,)."""
     q, v, a = (curve.sampled(_A_STEP, order) for order in range(3))
-    return system.output_values(phase, speed, q, speed * v, speed**2 * a)
+    state = q, speed * v, speed**2 * a
+    formulas = system.output_formulas() if engine == COMPILED else None
+    if formulas is not None:
+        made = kernel.columns(formulas, (phase[None], np.full((1, len(phase)), speed), *state))
+        if made is not None:
+            return made
+    values = system.output_values(phase, speed, *state)
+    return np.array([values[name] for name in system.outputs])
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:

@@ -23,9 +23,12 @@ _NARROW = 1e-3
 _SHOWN = "max", "min", "max_abs", "mean", "rms"
 _MAX_ABS = FIGURES.index("max_abs")
 
+KINDS = "regular", "fold", "doubling", "torus"
+REGULAR, FOLD, DOUBLING, TORUS = KINDS
+"""Kinds of points; folds are turning points, tori are Neimark–Sacker points."""
+
 STABLE, _, UNSTABLE, UNDETERMINED = VERDICTS
 _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
-_YES = {True: "yes", False: ""}
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,18 @@ class Branch(Result):
     figure_errors : (P, q) array
         Estimated errors of the extrema, relative to the largest modulus, or to the scale of a coordinate on
         which the forces cancel.
+    multipliers : (P, 2n) array
+        Floquet multipliers, largest modulus first.
     radius : (P,) array
         Spectral radii.
     errors : (P, 2) array
         Estimated relative errors of the orbits and absolute errors of the spectral radii.
-    turns, repeats : (P,) array of bool
-        Whether the orbit is a turning point; whether an orbit of several periods repeats after one.
+    kinds : (P,) array of int
+        Kinds of the points, as positions in `KINDS`.
+    numbers, counts : (P,) array of int
+        Number of the branch, 0 for the first; number of model periods per period of the orbit.
+    repeats : (P,) array of bool
+        Whether an orbit of several periods repeats after one.
     rtol : float
         Tolerance of the orbits.
     ended : str
@@ -54,7 +63,7 @@ class Branch(Result):
     notes : sequence of str
         Notes of the engine.
     periods : int
-        Number of periods of the model per period of the orbits.
+        Number of model periods per period of the orbits of the first branch.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
     """
@@ -65,9 +74,12 @@ class Branch(Result):
     speeds: Array
     figures: Array
     figure_errors: Array
+    multipliers: Array
     radius: Array
     errors: Array
-    turns: Array
+    kinds: Array
+    numbers: Array
+    counts: Array
     repeats: Array
     rtol: float
     ended: str
@@ -98,7 +110,76 @@ class Branch(Result):
     @property
     def turning(self) -> Array:
         """Values of the continuation parameter at turning points, in the order of the branch."""
-        return self.values[self.turns.astype(bool)]
+        return self.values[self.turns]
+
+    @property
+    def turns(self) -> Array:
+        """Whether each point (P,) is a turning point."""
+        return self.kinds == KINDS.index(FOLD)
+
+    @property
+    def folds(self) -> list[dict[str, Any]]:
+        """Turning points of the branches in their order."""
+        return self._special(FOLD)
+
+    @property
+    def doublings(self) -> list[dict[str, Any]]:
+        """Period doublings, where a multiplier is -1."""
+        return self._special(DOUBLING)
+
+    @property
+    def tori(self) -> list[dict[str, Any]]:
+        """Neimark–Sacker points, where a pair of complex multipliers passes the unit circle."""
+        return self._special(TORUS)
+
+    def _special(self, kind: str) -> list[dict[str, Any]]:
+        """Points of one kind: value of the parameter, spectral radius, the multiplier on the unit circle, the
+        number of the branch, and the periods and error of the orbit."""
+        found = []
+        for at in np.flatnonzero(self.kinds == KINDS.index(kind)).tolist():
+            rho = self.multipliers[at]
+            found.append(
+                {
+                    self.over: float(self.values[at]),
+                    "spectral_radius": float(self.radius[at]),
+                    "multiplier": complex(rho[np.abs(_distance(kind, rho)).argmin()]),
+                    "branch": int(self.numbers[at]),
+                    "periods": int(self.counts[at]),
+                    "error": float(self.errors[at, 0]),
+                }
+            )
+        return found
+
+    @property
+    def jumps(self) -> list[dict[str, Any]]:
+        """Jumps of a slow change of the parameter along the first branch: the direction, the value, and the
+        largest modulus of the first coordinate before and after; None if no stable orbit of the branch is
+        there."""
+        own, found = np.flatnonzero(self.numbers == 0), []
+        values, peaks, verdicts = self.values[own], self.peaks[own, 0], np.array(self.verdicts)[own]
+        stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
+        stable &= (verdicts[:-1] != UNSTABLE) & (verdicts[1:] != UNSTABLE)
+        for at in np.flatnonzero(self.turns[own]).tolist():
+            beside = [side for side in (at - 1, at) if 0 <= side < len(stable) and stable[side]]
+            if len(beside) != 1:
+                continue
+            up = values[at] > values[beside[0] + (beside[0] == at)]
+            passed = (values[:-1] - values[at]) * (values[1:] - values[at]) < 0
+            targets = [
+                float(np.interp(values[at], *_sorted(values, peaks, side)))
+                for side in np.flatnonzero(passed & stable).tolist()
+                if side not in (at - 1, at)
+            ]
+            before = float(peaks[at])
+            found.append(
+                {
+                    "direction": "up" if up else "down",
+                    self.over: float(values[at]),
+                    "from": before,
+                    "to": min(targets, key=lambda peak: abs(peak - before)) if targets else None,
+                }
+            )
+        return found
 
     @property
     def verdicts(self) -> list[str]:
@@ -141,7 +222,15 @@ class Branch(Result):
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        return {"turning": self.turning, "rtol": self.rtol, "periods": self.periods}
+        return {
+            "turning": self.turning,
+            "folds": self.folds,
+            "doublings": self.doublings,
+            "tori": self.tori,
+            "jumps": self.jumps,
+            "rtol": self.rtol,
+            "periods": self.periods,
+        }
 
     @property
     def _digits(self) -> str:
@@ -151,7 +240,7 @@ class Branch(Result):
     @property
     def columns(self) -> Columns:
         """Row per point."""
-        system, turning = self.system, self.turns.astype(bool)
+        system = self.system
         columns = [("speed", speeds_of(system, self.speeds, heading="{}", form=self._digits))]
         columns += [
             (name, Column(values, *system.parameter_labels[name], name, digits(".7g")))
@@ -159,11 +248,14 @@ class Branch(Result):
         ]
         for number, name in enumerate(self.quantities):
             columns += self._columns_of(name, number)
-        meaning = "estimated error of the spectral radius"
+        meaning, several = "estimated error of the spectral radius", "periods" * bool(np.ptp(self.counts))
         columns += [
             ("spectral_radius", Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))),
             ("verdict", Column(np.array(self.verdicts), "", "stability", "verdict", _SHORT.__getitem__)),
-            ("turns", Column(turning, "", "whether the branch turns back", "turns", _YES.__getitem__)),
+            ("kind", Column(np.array(KINDS)[self.kinds], "", "kind of the point", "kind", _shown)),
+            ("turns", Column(self.turns, "", "whether the branch turns back")),
+            ("branch", Column(self.numbers, "", "number of the branch, 0 for the first")),
+            ("periods", Column(self.counts, "", "periods of the model per period of the orbit", several)),
             ("error", Column(self.errors[:, 0], "1", "estimated relative error of the orbit")),
             ("radius_error", Column(self.errors[:, 1], "1", meaning)),
         ]
@@ -187,8 +279,44 @@ class Branch(Result):
 
     @property
     def summary(self) -> str:
-        """Sentence on the range and the turning points."""
-        unit = self.system.unit_of(self.over)
-        ends = unit.span(self.values[0], self.values[-1])
-        turning = ", ".join(unit.text(value, ".6g") for value in self.turning)
-        return f"The branch goes from {ends}" + (f" and turns back at {turning}." if turning else ".")
+        """Sentences on the range, the special points and the jumps."""
+        unit, own = self.system.unit_of(self.over), self.values[self.numbers == 0]
+
+        def texts(points: Sequence[dict[str, Any]]) -> str:
+            return ", ".join(unit.text(point[self.over], ".6g") for point in points)
+
+        sentences = [
+            f"The branch goes from {unit.span(own[0], own[-1])}"
+            + (f" and turns back at {texts(self.folds)}." if self.folds else ".")
+        ]
+        if self.doublings:
+            sentences.append(f"The period doubles at {texts(self.doublings)}.")
+        if self.tori:
+            sentences.append(f"Orbits become tori at {texts(self.tori)}.")
+        for jump in self.jumps:
+            sentences.append(self._jump_text(jump, unit.text(jump[self.over], ".6g")))
+        return " ".join(sentences)
+
+    def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
+        name, ends = self.system.coordinates[0], [jump["from"], jump["to"]]
+        factor, shown = prefixed(self.system.units.get(name, ""), max(end or 0.0 for end in ends))
+        before, after = (None if end is None else f"{end * factor:.4g} {shown}".strip() for end in ends)
+        where = "to no stable orbit of this branch" if after is None else f"to {after}"
+        return f"A slow sweep {jump['direction']} jumps at {at}: max|{name}| from {before} {where}."
+
+
+def _distance(kind: str, multipliers: Array) -> Array:
+    """Distance of multipliers from the place on the unit circle that defines a kind of point."""
+    if kind == TORUS:
+        return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
+    return multipliers - (1 if kind == FOLD else -1)
+
+
+def _sorted(values: Array, peaks: Array, side: int) -> tuple[Array, Array]:
+    """Values and peaks at both ends of a section, by rising values."""
+    order = [side, side + 1] if values[side] < values[side + 1] else [side + 1, side]
+    return values[order], peaks[order]
+
+
+def _shown(kind: str) -> str:
+    return "" if kind == REGULAR else kind

@@ -24,6 +24,10 @@ _STEPS = 256
 """Number of steps between the nodes of prescribed motion in files. It is a choice without influence on the
 statistics, which are those of the continuous curve."""
 
+_MOST_EVENTS, _MOST_NAMED = 32, 3
+"""Number of events per period of the model above which an orbit may chatter, and of phases named in a
+warning. Choices."""
+
 _ROUNDOFF = 1e-14
 """Relative error of an output of prescribed motion: about a hundred operations, each accurate to 1e-16."""
 
@@ -45,6 +49,10 @@ class NonlinearOrbit(Orbit):
         Number of periods of the model per period of the orbit.
     settled : bool
         False if a transient from rest does not settle on an orbit.
+    events : tuple of float
+        Phases in rad at which the orbit passes stops, clearances or contacts, ascending.
+    grazing : tuple of float
+        Phases in rad at which it touches one without passing clearly.
     """
 
     iterations: int = 0
@@ -52,6 +60,8 @@ class NonlinearOrbit(Orbit):
     failed: tuple[str, ...] = ()
     periods: int = 1
     settled: bool = True
+    events: tuple[float, ...] = ()
+    grazing: tuple[float, ...] = ()
 
     @stored_property
     def linearisation_error(self) -> Mapping[str, float] | None:
@@ -96,11 +106,27 @@ class NonlinearOrbit(Orbit):
                 f"the orbit repeats after each of its {self.periods} periods: it has period T; use another "
                 "start to find one of longer period"
             )
+        if self.grazing:
+            places = ", ".join(f"{phase:.4g}" for phase in self.grazing[:_MOST_NAMED])
+            sentences.append(
+                f"the orbit grazes a switch of the equations, such as a stop, at phase {places} rad: its "
+                "multipliers change abruptly nearby, and the verdict is undetermined"
+            )
+        if len(self.events) > _MOST_EVENTS * self.periods:
+            sentences.append(
+                f"the orbit passes switches of the equations {len(self.events)} times: it may chatter, and "
+                "events may be missing"
+            )
         if not self.settled:
             sentences.append(
                 "a transient from rest does not settle on an orbit of this period: there may be no stable one"
             )
         return sentences
+
+    @stored_property
+    def verdict(self) -> str:
+        """Verdict as of linear orbits; undetermined for an orbit that grazes a switch."""
+        return "undetermined" if self.grazing else super().verdict
 
     @property
     def summary(self) -> str:
@@ -109,6 +135,7 @@ class NonlinearOrbit(Orbit):
     @property
     def summary_values(self) -> dict[str, Any]:
         search = {"iterations": self.iterations, "found_by": self.found_by, "periods": self.periods}
+        search["events"] = list(self.events)
         return {**super().summary_values, **search}
 
     def header_rows(self) -> HeaderRows:

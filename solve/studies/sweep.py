@@ -27,6 +27,7 @@ from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps
 from solve.results.validity import Validity
 from solve.single import periodic
+from solve.studies.nonlinear_sweep import nonlinear_points
 from solve.system import PeriodicSystem, of_any_system, of_system
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
@@ -49,6 +50,7 @@ def sweep(
     engine: str = "auto",
     over: Over | None = None,
     store: str | Path | None = None,
+    nonlinear: bool = False,
 ) -> Sweep:
     """Solve for the periodic orbit at every speed, and keep the statistics of each orbit.
 
@@ -78,6 +80,8 @@ def sweep(
         fastest.
     store : str or Path, optional
         Folder that keeps completed chunks; the same call resumes from it.
+    nonlinear : bool
+        Whether to solve the nonlinear equations: each point has its own orbit, found from the nearest one.
 
     Returns
     -------
@@ -109,7 +113,13 @@ def sweep(
     for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
         system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
     task, notes = task_of(family, method, rtol, engine, kept, steps)
-    if system.vibrates:
+    if nonlinear and executor is not None:
+        raise ValueOutOfBoundsError(
+            "a nonlinear sweep finds each orbit from its neighbour, in one process; omit the executor"
+        )
+    if nonlinear:
+        results = nonlinear_points(task, points, store)
+    elif system.vibrates:
         results = task.solved(task.batch(points), points, executor, store)
     elif store is None:
         results = _rigid_points(family, points, kept)

@@ -1,6 +1,7 @@
 """Displays of results: tables, figures, HTML, reports and animations. Matplotlib and HTML are used here
 only."""
 
+from solve.views import branches as branches
 from solve.views import chart as chart
 from solve.views import comparison as comparison
 from solve.views import critical_speeds as critical_speeds

@@ -1,23 +1,18 @@
-"""Figures and tables over speed: sweeps of several systems, branches and the linearisation error."""
+"""Figures and tables over speed: sweeps of several systems and the linearisation error."""
 
 from collections.abc import Sequence
-from itertools import groupby, pairwise
 
 import numpy as np
 
 from solve.arguments import unique_names
-from solve.arrays import Array
-from solve.results.branch import STABLE, UNDETERMINED, UNSTABLE, Branch
 from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import fixed, named, prefixed
 from solve.results.sweeps import Sweeps
 from solve.results.validity import Validity
 from solve.views.panels import draw_through, label_quantity, panels_over, shades
 from solve.views.show import figure, tables
-from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure
-from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
-
-_LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
+from solve.views.style import GREY, Figure
+from solve.views.tables import RenderableType, table, table_of, text
 
 
 @figure.register(Sweeps)
@@ -41,54 +36,6 @@ def sweeps_figure(
         handles, names = panels[0].get_legend_handles_labels()
         page.legend(handles, names, title=sweeps.title, loc="outside right center", handlelength=2.4)
     return page
-
-
-@figure.register(Branch)
-def branch_figure(branch: Branch) -> Figure:
-    """Largest moduli and spectral radius over the continuation parameter, dashed where the branch is
-    unstable."""
-    names = branch.system.coordinates[: MOST_SHOWN - 1]
-    count, title = len(names) + 1, "branch of nonlinear orbits"
-    with panels_over(branch.system, branch.values, title, 1.4 + 1.5 * count, count, branch.over) as (
-        page,
-        panels,
-    ):
-        for axes, name, values in zip(panels, names, branch.peaks.T, strict=False):
-            factor = label_quantity(axes, branch.system, name, values, "max_abs")
-            _draw_branch(axes, branch, factor * values)
-        panels[-1].axhline(1.0, color=BLACK, linewidth=0.9)
-        panels[-1].set_yscale("log")
-        panels[-1].set_ylabel("spectral\nradius |ρ|")
-        _draw_branch(panels[-1], branch, branch.radius)
-        panels[0].legend(loc="best")
-    return page
-
-
-def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
-    """Sections of one verdict each, and the turning points."""
-    places, turning = branch.system.unit_of(branch.over).of(branch.values), branch.turns.astype(bool)
-    first, labelled = 0, set[str]()
-    for verdict, section in groupby(_verdicts_between(branch)):
-        last = first + len([*section])
-        color, line = _LINES[verdict]
-        style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
-        style["label"] = None if verdict in labelled else verdict
-        axes.plot(places[first : last + 1], values[first : last + 1], **style)
-        labelled.add(verdict)
-        first = last
-    if turning.any():
-        style = {"color": BLACK, "markersize": 4.5, "label": "turns back", "clip_on": False}
-        axes.plot(places[turning], values[turning], "o", **style)
-
-
-def _verdicts_between(branch: Branch) -> list[str]:
-    """Verdicts between neighbouring points: undetermined if theirs differ. Turning points, which lie on the
-    stability boundary, do not count."""
-    verdicts = [
-        None if turns else verdict for turns, verdict in zip(branch.turns, branch.verdicts, strict=True)
-    ]
-    both = ({verdict for verdict in pair if verdict is not None} for pair in pairwise(verdicts))
-    return [pair.pop() if len(pair) == 1 else UNDETERMINED for pair in both]
 
 
 @figure.register(Validity)
@@ -139,13 +86,6 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
         ],
         caption="peaks and quiet speeds of the first, among the speeds given",
     )
-
-
-@tables.register(Branch)
-def branch_tables(branch: Branch) -> Sequence[RenderableType]:
-    """Row per point."""
-    points = table_of("Orbits along the branch", branch.columns, most=MOST_ROWS)
-    return [points, text("\n" + branch.summary)]
 
 
 @tables.register(Validity)

@@ -47,6 +47,10 @@ called = {
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
     "branch": solve.branch(cam, "100:110 rpm", points=2, rtol=1e-2),
+    "scatter": solve.scatter(cam, "100 rpm", 2, rtol=1e-2, engine="numpy"),
+    "special_curves": solve.special_curves(
+        mathieu, "doubling", ["delta=0.8:1.2", "epsilon=0.2:0.1"], 1.0, points=3, rtol=1e-2
+    ),
     "transient": solve.transient(cam, "600 rpm", 1, rtol=1e-2),
     "fit": solve.fit(cam, orbit_file, "k1", speed="300 rpm", rtol=1e-3),
     "optimise": solve.optimise(mathieu, "spectral_radius", {"zeta": (0.0, 0.1)}, 1.0, rtol=1e-4),

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from derive import Mechanism, acos, asin, cos, rate, sin
+from derive import Max, Mechanism, acos, asin, cos, rate, sin
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
@@ -210,3 +210,42 @@ def known_system(seed, speed=1.0, size=0.7):
 def trigonometric(coefficients, period=2 * np.pi):
     """The motion Re Σ_k c_k exp(ikφ), coefficients (n, orders)."""
     return FourierCurve(np.array([0.0, period]), np.atleast_2d(np.asarray(coefficients, dtype=complex)))
+
+
+@cache
+def autoparametric():
+    """Two modes of the potential x y² (A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, 6.5): ẍ + c ẋ + k x
+    + α y² = F cos φ, ÿ + c ẏ + ky y + 2 α x y = 0."""
+    made = Mechanism("autoparametric", "Two modes that exchange energy", energy="1/s^2")
+    x, y = made.coordinates(x=("1", "driven mode"), y=("1", "other mode"))
+    c, k, ky, alpha, F = made.parameters(
+        c=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        ky=("1/s^2", "stiffness of the other mode"),
+        alpha=("1/s^2", "coupling"),
+        F=("1/s^2", "load"),
+    )
+    made.kinetic, made.dissipation = (rate(x) ** 2 + rate(y) ** 2) / 2, c * (rate(x) ** 2 + rate(y) ** 2) / 2
+    made.potential = k * x**2 / 2 + ky * y**2 / 2 + alpha * x * y**2
+    made.force(F * cos(made.phase), along=x)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def stop():
+    """Mass that meets an elastic stop beyond a clearance: q̈ + 2ζ q̇ + k q + κ (q - gap)⁺ = f cos φ."""
+    made = Mechanism("stop", "Mass with a stop", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    zeta, k, kappa, gap, f = made.parameters(
+        zeta=("1/s", "damping"),
+        k=("1/s^2", "stiffness"),
+        kappa=("1/s^2", "stiffness of the stop"),
+        gap=("1", "clearance"),
+        f=("1/s^2", "amplitude of the load"),
+    )
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, zeta * rate(q) ** 2
+    made.potential = k * q**2 / 2 + kappa * Max(0, q - gap) ** 2 / 2
+    made.force(f * cos(made.phase), along=q)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)

@@ -159,7 +159,7 @@ def test_only_linear_results_warn_of_neglected_terms():
         (True, solve.transient(model, 1.6, 2)),
         (False, nonlinear),
         (False, solve.transient(model, 1.6, 2, nonlinear=True)),
-        (False, solve.branch(model, "1.6:1.61 rad/s", nonlinear, points=2)),
+        (False, solve.branch(model, "1.6:1.61 rad/s", start=nonlinear, points=2)),
     )
     for linear, found in results:
         assert any(left in text for text in found.warnings) == linear

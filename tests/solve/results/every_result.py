@@ -74,6 +74,13 @@ MADE = {
         lambda: solve.branch(cam(), "100:110 rpm", points=3, rtol=1e-2),
         '--speeds "1.5:2 Hz" --points 3 --rtol 1e-2',
     ),
+    "solve.scatter": (lambda: solve.scatter(cam(), "100 rpm", 3), '--scatter 3 --speed "100 rpm"'),
+    "solve.special_curves": (
+        lambda: solve.special_curves(
+            solve.load("mathieu"), "doubling", ["delta=0.6:1.4", "epsilon=0.4:0.3"], 1.0, points=8
+        ),
+        "--follow doubling --over delta=0.6:1.4 --over epsilon=0.4:0.3 --speed 1rad/s --points 8",
+    ),
     "solve.validity": (lambda: solve.validity(cam(), [10.0, 20.0]), '--speeds "10:20:2 rad/s"'),
     "solve.sensitivities": (
         lambda: solve.sensitivities(cam(), "300 rpm", ["q1.max_abs", "rho1"], ["k1", "speed"]),

@@ -148,7 +148,7 @@ def command_of(name, cell):
     if program == "python":
         run, words = four_bar_command, words.removeprefix("-m models.four_bar ")
     word, *flags = words.split()
-    of_mathieu = name in {"solve.chart", "solve.bands", "solve.speed_sensitivities"}
+    of_mathieu = name in {"solve.chart", "solve.bands", "solve.speed_sensitivities", "solve.special_curves"}
     model = [] if run is four_bar_command else ["mathieu" if of_mathieu else "cam"]
     return run, [word, *model, *flags, *shlex.split(MADE[name][1])]
 

@@ -1,0 +1,139 @@
+"""Phases at which a motion passes the switches of the equations: stops, clearances, contacts.
+
+The switches are the arguments of |x|, sign, max, min and comparisons in the residual that depend on the
+motion."""
+
+from functools import lru_cache
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Events, Motion
+from solve.model.formulas import operation_names
+from solve.model.sampling import Sampler, inputs_of
+
+if TYPE_CHECKING:
+    import casadi
+
+_MAX_CACHED = 64
+"""Number of modules whose switches are kept. A choice."""
+
+_STATES = "q", "qd", "qdd"
+
+_SAMPLES, _MIN_SAMPLES = 8, 512
+"""Phases per step, and least number, at which the switches are evaluated. A switch that is passed twice
+between two of them is not found, but reported as grazing. Choices."""
+
+_SAME = 1e-12
+"""Distance of phases of different switches, relative to the period, below which they are one: round-off."""
+
+_GRAZING = 1e-3
+"""Largest modulus of a switch between two events, or at an extremum, relative to its range over the period,
+at which the motion grazes it. A choice."""
+
+_REST = 1e-13
+"""Range of a switch, relative to its largest modulus, below which it is constant: round-off."""
+
+
+@lru_cache(_MAX_CACHED)
+def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
+    """Function of the inputs of a generated residual that returns its switches (s,); None without any."""
+    import casadi
+
+    residual, names = module.residual(**dict(options)), operation_names()
+    inputs = inputs_of(residual)
+    symbols, registers, found = list(inputs.values()), dict[int, Any](), list[Any]()
+    for k in range(residual.n_instructions()):
+        operation, code = names[residual.instruction_id(k)], residual.instruction_id(k)
+        at, to = residual.instruction_input(k), residual.instruction_output(k)
+        if operation == "CONST":
+            registers[to[0]] = casadi.SX(residual.instruction_constant(k))
+        elif operation == "INPUT":
+            registers[to[0]] = symbols[at[0]].nz[at[1]]
+        elif operation != "OUTPUT":
+            arguments = [registers[register] for register in at]
+            if operation in ("FABS", "SIGN"):
+                found.append(arguments[0])
+            elif operation in ("FMAX", "FMIN", "LT", "LE"):
+                found.append(arguments[0] - arguments[1])
+            combine = casadi.SX.unary if len(arguments) == 1 else casadi.SX.binary
+            registers[to[0]] = combine(code, *arguments)
+    states = casadi.vertcat(*(inputs[name] for name in _STATES))
+    moving = [each for each in found if any(casadi.which_depends(each, states, 1))]
+    if not moving:
+        return None
+    return casadi.Function("switches", symbols, [casadi.vertcat(*moving)], list(inputs), ["values"])
+
+
+class EventFinder:
+    """Switches of a model as functions of the phase along a motion at a speed (rad/s). p (p,): parameters."""
+
+    def __init__(self, function: "casadi.Function", p: Array):
+        self._sampler, self._p = Sampler(function, shared=1), p
+
+    def along(self, motion: Motion, speed: float) -> Events:
+        """Events over the period of a motion."""
+        count = max(_MIN_SAMPLES, _SAMPLES * (len(motion.nodes) - 1))
+        phase = np.linspace(0.0, float(motion.nodes[-1]), count + 1)
+        values = self._values(motion, speed, phase)
+        largest = np.abs(values).max(axis=0)
+        moves = np.ptp(values, axis=0) > _REST * largest
+        columns = np.flatnonzero(moves & (values.min(axis=0) < 0) & (values.max(axis=0) > 0))
+        phases = self._passed(motion, speed, phase, values, columns)
+        grazing = [
+            _grazed(phase, values[:, column], np.sort(passed))
+            for column, passed in [
+                *zip(columns.tolist(), phases, strict=True),
+                *(
+                    (column, np.zeros(0))
+                    for column in np.flatnonzero(moves).tolist()
+                    if column not in columns
+                ),
+            ]
+        ]
+        same = _SAME * float(phase[-1])
+        return Events(_ascending(phases, same), _ascending(grazing, same))
+
+    def _values(self, motion: Motion, speed: float, phase: Array) -> Array:
+        """Switches (k, s) at phases (k,)."""
+        states = [(speed**order * motion(phase, order)).T for order in range(3)]
+        return self._sampler(phase, np.full(len(phase), speed), *states, self._p)
+
+    def _passed(
+        self, motion: Motion, speed: float, phase: Array, values: Array, columns: Array
+    ) -> list[Array]:
+        """Phases at which each of some switches changes its sign."""
+        from scipy.optimize.elementwise import find_root
+
+        above = values[:, columns] > 0
+        at, which = np.nonzero(above[1:] != above[:-1])
+        if not len(at):
+            return [np.zeros(0)] * len(columns)
+
+        def switch(places: Array, column: Array) -> Array:
+            rows = self._values(motion, speed, places.ravel())
+            return rows[np.arange(len(rows)), column.astype(int).ravel()].reshape(places.shape)
+
+        found = find_root(switch, (phase[at], phase[at + 1]), args=(columns[which],))
+        return [found.x[which == column] for column in range(len(columns))]
+
+
+def _grazed(phase: Array, values: Array, passed: Array) -> Array:
+    """Phases at which a switch is near zero between two of its zeros, or at an extremum without zeros."""
+    moduli, limit = np.abs(values[:-1]), _GRAZING * np.ptp(values)
+    turns = (moduli <= np.roll(moduli, 1)) & (moduli < np.roll(moduli, -1)) & (moduli <= limit)
+    same = (np.roll(values[:-1], 1) > 0) == (np.roll(values[:-1], -1) > 0)
+    found = [float(each) for each in phase[:-1][turns & same]]
+    for first, last in zip(passed, np.roll(passed, -1), strict=True) if len(passed) > 1 else ():
+        between = (phase > first) & (phase < last) if first < last else (phase > first) | (phase < last)
+        if np.abs(values[between]).max(initial=0.0) <= limit:
+            found.append(float(first))
+    return np.array(found)
+
+
+def _ascending(groups: list[Array], same: float) -> tuple[float, ...]:
+    """All phases in ascending order, those of several switches at one place once."""
+    phases = np.sort(np.concatenate(groups)) if groups else np.zeros(0)
+    return tuple(phases[np.diff(phases, prepend=-np.inf) > same].tolist())

@@ -1,0 +1,259 @@
+"""All solutions of the linear periodic problem along a motion while parameters vary.
+
+The state x at phase 0 and the changes p of k parameters satisfy x = Φ x + g + G p. These are 2n equations for
+2n + k unknowns, so that their solutions are one particular solution and k tangents. At a fold, where I - Φ is
+singular, they remain regular (H. B. Keller, Lectures on Numerical Methods in Bifurcation Problems, 1987,
+4.3)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Columns, Matrices, Motion
+from solve.errors import NoOrbitError, SolveError
+from solve.kernel.engines import COMPILED
+from solve.kernel.formulas import columns_by
+from solve.methods.collocation import Collocation
+from solve.methods.free import free, solutions_on
+from solve.newton.branch_points import ContinuationParameters, Place
+from solve.newton.iteration import Task
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.multipliers import Multipliers
+from solve.period.points import OnePoint
+from solve.system import PeriodicSystem, derivatives_of
+
+_BLOCKS, _MANY_STATES = 8, 24
+"""Number of blocks of the period whose initial states are unknowns, and number of states above which there is
+one block: choices. A solution that grows by |ρ| over the period costs log10|ρ|/8 digits."""
+
+
+_REGULAR = 1e-2
+"""Distance of all multipliers from +1 above which I - Φ is regular: round-off grows by its inverse. A
+choice."""
+
+
+@dataclass(frozen=True)
+class LinearFamily:
+    """Solutions of a linear periodic problem: one place, the tangents (k) at it, and the monodromy matrix."""
+
+    place: Place
+    tangents: tuple[Place, ...]
+    Phi: Array
+
+    @property
+    def multipliers(self) -> Array:
+        """Floquet multipliers (2n,), largest modulus first."""
+        if not np.isfinite(self.Phi).all():
+            raise NoOrbitError("the multipliers are beyond all bounds")
+        return Multipliers.of(self.Phi[None]).values[0]
+
+
+def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> LinearFamily:
+    """Next iterates of Newton's method after a place, on a grid. sizes (n,): scales of the coordinates.
+    Raises SolveError subclasses without solutions."""
+    task = parameters.task_at(place.values)
+    along = task.system.along(place.curve, columns_by(task.engine))
+    equations = _Equations(along, task, place.curve, parameters.names)
+    if parameters.task.rigid is not None:
+        return _by_periodic_solutions(equations, place, grid)
+    if task.engine == COMPILED:
+        family = _if_regular(equations, place, grid)
+        if family is not None:
+            return family
+    steps = _Steps(equations, grid)
+    unit = np.concatenate((np.tile(np.tile(sizes, 2), steps.blocks), parameters.spans))
+    columns = _null_space(*steps.closing(), unit)
+    curves = steps.curves(columns)
+    count = len(parameters.names)
+    changes = columns[len(columns) - count :].T
+    tangents = tuple(Place(curves[k + 1], changes[k + 1]) for k in range(count))
+    return LinearFamily(Place(curves[0], place.values + changes[0]), tangents, steps.monodromy)
+
+
+def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
+    """Columns (c, 1 + k): a solution z of matrix z = right, followed by a basis of the null space. unit (c,):
+    scales of the unknowns."""
+    rows = unit[: len(matrix), None]
+    scaled = matrix * unit / rows
+    Q, R = np.linalg.qr(scaled.T, mode="complete")
+    size = len(right)
+    try:
+        first = Q[:, :size] @ np.linalg.solve(R[:size].T, right / rows[:, 0])
+    except np.linalg.LinAlgError:
+        raise NoOrbitError("the equations along the branch are singular") from None
+    columns = unit[:, None] * np.column_stack((first, Q[:, size:]))
+    if not np.isfinite(columns).all():
+        raise NoOrbitError("the equations along the branch are singular")
+    return columns
+
+
+@dataclass(frozen=True)
+class _Equations:
+    """Equations linearised along a motion, and their loads: d, then -∂r/∂θ for each parameter θ."""
+
+    along: PeriodicSystem
+    task: Task
+    motion: Motion
+    names: Sequence[str]
+
+    def at(self, phase: Array) -> Matrices:
+        """Ω²M, ΩC, K (m, n, n) and the loads (m, n, 1 + k) at phases (m,)."""
+        speed = self.task.speed
+        M, C, K, d = self.along.in_phase(phase, speed)
+        return M, C, K, np.concatenate((d[..., None], self.by_parameters(phase)), axis=-1)
+
+    def by_parameters(self, phase: Array) -> Array:
+        """-∂r/∂θ (m, n, k) at phases (m,)."""
+        compiled: Columns | None = columns_by(self.task.engine)
+        dependence = derivatives_of(self.along).by(list(self.names), compiled)
+        states = np.stack([self.motion(phase, derivative).T for derivative in (2, 1, 0)], axis=1)
+        return -dependence.residual(phase, self.task.speed, states)
+
+    def under(self, load: int) -> PeriodicSystem:
+        """Linear system under one of the loads -∂r/∂θ."""
+
+        def matrices(phase: Array, speed: float) -> Matrices:
+            M, C, K, _ = self.along.at(phase, speed)
+            return M, C, K, self.by_parameters(phase)[..., load]
+
+        return PeriodicSystem(matrices, self.along.coordinates, self.along.period, self.along.breaks)
+
+
+class _Steps:
+    """Radau's method on a grid for several loads: maps of the steps, joined in blocks."""
+
+    def __init__(self, equations: _Equations, grid: Grid):
+        method: Collocation = equations.task.method.collocation
+        phases, n = grid.stages(np.array(method.c)), equations.along.n
+        M, C, K, loads = (
+            part.reshape(1, *phases.shape, *part.shape[1:]) for part in equations.at(phases.ravel())
+        )
+        self._equations, self._grid, self._method = equations, grid, method
+        self._stages = method.stage_accelerations(grid.h, M, C, K, loads)
+        self._states = 2 * n
+        self.blocks = _BLOCKS if self._states <= _MANY_STATES else 1
+        self._chain = _joined(method.maps(grid.h, self._stages)[0], self._states, self.blocks)
+
+    @property
+    def monodromy(self) -> Array:
+        """Φ(T) (2n, 2n)."""
+        Phi = np.eye(self._states)
+        for block in self._chain[:, -1, :, : self._states]:
+            Phi = block @ Phi
+        return Phi
+
+    def closing(self) -> tuple[Array, Array]:
+        """Matrix (B·2n, B·2n + k) and right side (B·2n,) of the equations that join the blocks."""
+        ends, N, B = self._chain[:, -1], self._states, self.blocks
+        matrix = np.zeros((B * N, B * N + ends.shape[-1] - N - 1))
+        for block, end in enumerate(ends):
+            rows = slice(block * N, (block + 1) * N)
+            after = (block + 1) % B
+            matrix[rows, after * N : (after + 1) * N] += np.eye(N)
+            matrix[rows, rows] -= end[:, :N]
+            matrix[rows, B * N :] = -end[:, N + 1 :]
+        return matrix, ends[:, :, N].ravel()
+
+    def from_start(self, start: Array, size: int) -> Array:
+        """Unknowns (size,) of the homogeneous motion from a state (2n,) at phase 0."""
+        unknowns, N = np.zeros(size), self._states
+        for block, end in enumerate(self._chain[:, -1, :, :N]):
+            unknowns[block * N : (block + 1) * N] = start
+            start = end @ start
+        return unknowns
+
+    def curves(self, columns: Array) -> Curve:
+        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c); the first is under the load d."""
+        N, B, grid, method = self._states, self.blocks, self._grid, self._method
+        loads = np.zeros((self._chain.shape[-1] - N, columns.shape[1]))
+        loads[0, 0], loads[1:] = 1.0, columns[B * N :]
+        starts = np.concatenate(
+            (columns[: B * N].reshape(B, N, -1), np.broadcast_to(loads, (B, *loads.shape))), axis=1
+        )
+        ends = (self._chain @ starts[:, None]).reshape(-1, N, columns.shape[1])[: grid.steps]
+        x = np.concatenate((starts[:1, :N], ends))
+        driven = np.concatenate((x[:-1], np.broadcast_to(loads, (grid.steps, *loads.shape))), axis=1)
+        stages = self._stages[0].reshape(grid.steps, -1, driven.shape[1]) @ driven
+        stages = np.moveaxis(stages.reshape(grid.steps, len(method.c), N // 2, -1), -1, 0)
+        last = stages[:, :, -1]
+        first = np.roll(last, 1, axis=1)
+        behind = np.flatnonzero(grid.at_break)
+        if len(behind):
+            M, C, K, d = self._equations.at(grid.stages(np.array([0.0, 1.0]))[behind, 0])
+            q, v = x[behind, : N // 2], x[behind, N // 2 :]
+            first[:, behind] = np.moveaxis(np.linalg.solve(M, d @ loads - K @ q - C @ v), -1, 0)
+        return method.curve(grid.nodes, np.moveaxis(x, -1, 0), first, stages, last)
+
+
+def _joined(maps: Array, states: int, blocks: int) -> Array:
+    """Maps (B, l, N, N + r) from the start of each block to the ends of its steps, from those of the steps
+    (m, N, N + r)."""
+    length = -(-len(maps) // blocks)
+    padded = np.zeros((blocks * length, *maps.shape[1:]))
+    padded[..., :states] = np.eye(states)
+    padded[: len(maps)] = maps
+    chain = padded.reshape(blocks, length, *maps.shape[1:])
+    for step in range(1, length):
+        one = chain[:, step].copy()
+        chain[:, step] = one[..., :states] @ chain[:, step - 1]
+        chain[:, step, :, states:] += one[..., states:]
+    return chain
+
+
+def _if_regular(equations: "_Equations", place: Place, grid: Grid) -> LinearFamily | None:
+    """The same if no multiplier is near +1; otherwise None."""
+    try:
+        family = _by_periodic_solutions(equations, place, grid)
+        regular = np.abs(family.multipliers - 1).min() > _REGULAR
+    except SolveError:
+        return None
+    return family if regular else None
+
+
+def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> LinearFamily:
+    """The same from periodic solutions, one per load, in compiled code: for machines with rigid-body modes,
+    and where I - Φ is regular. Raises SolveError."""
+    along, task = equations.along, equations.task
+    held = free(OnePoint(along, task.speed)) if equations.task.rigid is not None else None
+    systems = [along, *map(equations.under, range(len(equations.names)))]
+    found = [
+        solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
+        for system in systems
+    ]
+    for solutions in found:
+        for reason in solutions.failures.values():
+            raise reason
+    curves = [solutions.curve for solutions in found]
+    assert all(isinstance(curve, Curve) for curve in curves)
+    tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
+    places = (Place(curve[0], change) for curve, change in tangents)  # pyright: ignore
+    return LinearFamily(Place(curves[0][0], place.values), tuple(places), found[0].Phi[0])  # pyright: ignore
+
+
+def multipliers_of(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> Array:
+    """Floquet multipliers (2n,) of the linear problem along a place, largest modulus first. Raises
+    SolveError."""
+    task = parameters.task_at(place.values)
+    if task.engine != COMPILED or task.rigid is not None:
+        return linear_family(parameters, place, grid, sizes).multipliers
+    along = task.system.along(place.curve, columns_by(task.engine))
+    found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
+    for reason in found.failures.values():
+        raise reason
+    return LinearFamily(place, (), found.Phi[0]).multipliers
+
+
+def mode_of(parameters: ContinuationParameters, place: Place, grid: Grid, multiplier: float) -> Curve:
+    """Real motion over one period of the homogeneous problem along a place that a period multiplies by the
+    multiplier nearest to a real one."""
+    task = parameters.task_at(place.values)
+    along = task.system.along(place.curve, columns_by(task.engine))
+    steps = _Steps(_Equations(along, task, place.curve, parameters.names), grid)
+    values, vectors = np.linalg.eig(steps.monodromy)
+    start = np.real(vectors[:, np.abs(values - multiplier).argmin()])
+    columns = np.zeros((steps.blocks * len(start) + len(parameters.names), 2))
+    columns[:, 1] = steps.from_start(start, len(columns))
+    return steps.curves(columns)[1]

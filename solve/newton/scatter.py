@@ -1,0 +1,151 @@
+"""Basins of attraction by scattered initial states: which share of them leads to which orbit."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.arguments import require_integer, require_size
+from solve.arrays import Array
+from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
+from solve.kernel.engines import chosen_engine
+from solve.methods.radau import Radau
+from solve.newton.iteration import Task, joined
+from solve.newton.orbits import nonlinear
+from solve.newton.strategies import linear_sizes
+from solve.results.scatter import Scatter
+from solve.results.special_orbits import NonlinearOrbit
+from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
+from solve.units import checked_rtol
+
+_TURNS = 400
+"""Periods after which a motion counts as not settled. A choice."""
+
+_STATES, _RTOL = 128, 1e-7
+"""States per period and tolerance of the motions. Choices."""
+
+_SETTLED, _SAME = 1e-4, 1e-2
+"""Change of the state over the period of an orbit, relative to the sizes of the coordinates, below which a
+motion has settled; difference below which two states are of one orbit. Choices."""
+
+
+@of_system
+def scatter(
+    system: PeriodicSystem,
+    speed: float | str | None = None,
+    count: int = 100,
+    seed: int = 0,
+    spread: float = 4.0,
+    periods: int = 2,
+    rtol: float = 1e-6,
+    engine: str = "auto",
+) -> Scatter:
+    """Find the orbits to which motions from scattered initial states lead, and their shares.
+
+    Parameters
+    ----------
+    speed : float or str, optional
+        Speed in rad/s, or a text with unit; by default that of the case.
+    count : int
+        Number of initial states.
+    seed : int
+        Seed of the initial states, uniform in a box about 0.
+    spread : float
+        Half width of the box, relative to the largest values of the coordinates on the linear orbit, and to
+        these times the speed for velocities.
+    periods : int
+        Largest number of model periods per period of an orbit.
+    rtol : float
+        Tolerance of the orbits.
+    engine : str
+        "auto", "compiled" or "numpy".
+
+    Returns
+    -------
+    Scatter
+
+    Raises
+    ------
+    LinearModelError
+        For systems without nonlinear equations.
+    SolveError
+        Other subclasses for bad input.
+    """
+    for name, value in (("count", count), ("periods", periods)):
+        require_integer(name, value)
+    require_size("count", count, 2 * system.n)
+    if not (isinstance(seed, int | np.integer) and seed >= 0):
+        raise ValueOutOfBoundsError(f"seed is {seed!r}; allowed: an integer from 0 on")
+    if not 0 < spread < np.inf:
+        raise ValueOutOfBoundsError(f"spread is {spread}; allowed: a number above 0")
+    omega, (used, _) = system.speed_or_usual(speed), chosen_engine(engine)
+    if not system.nonlinear:
+        raise LinearModelError(f"{system.name} is linear by construction; all motions lead to one orbit")
+    system.checked(omega)
+    system = system.shown_in(omega)
+    task = Task(system, omega, 1, Radau(), used, checked_rtol(rtol))
+    sizes = linear_sizes(task, task.grid(_STATES))
+    scales = np.concatenate((sizes, omega * sizes))
+    starts = np.random.default_rng(seed).uniform(-spread, spread, (count, 2 * system.n)) * scales
+    return _search(task, starts, sizes, int(periods), int(seed))
+
+
+def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Scatter:
+    """Orbits of all starts."""
+    orbits, states, leads = list[NonlinearOrbit](), list[Array](), np.full(len(starts), -1)
+    with progress.task("starts", len(starts)) as count:
+        for number, start in enumerate(starts):
+            motions = _settled(task, start, sizes, most)
+            if motions:
+                leads[number] = _number_of(task, motions, sizes, orbits, states)
+            count.add()
+    order = sorted(range(len(orbits)), key=lambda number: -int((leads == number).sum()))
+    places = {old: new for new, old in enumerate(order)}
+    leads = np.array([places.get(int(lead), -1) for lead in leads])
+    return Scatter(task.system, task.speed, starts, leads, [orbits[k] for k in order], seed, _TURNS)
+
+
+def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
+    """Motions over the periods of the orbit on which the motion from a state settles; empty if it does
+    not."""
+    n, system = task.system.n, task.system
+    march = system.marcher(sizes, _STATES, _RTOL)
+    state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()
+    scale = np.tile(sizes, 2)
+    for turn in range(_TURNS):
+        try:
+            motion = march(state, turn * system.period, task.speed)
+        except SolveError:
+            return []
+        state, motions = motion[:2, :, -1].ravel(), [*motions, motion][-most:]
+        for periods in range(1, len(motions) + 1):
+            before = motions[-periods][:2, :, 0].ravel()
+            if np.abs(state - before).max() <= _SETTLED * float(scale.max()) and (turn + 1) % periods == 0:
+                return motions[-periods:]
+    return []
+
+
+def _number_of(
+    task: Task,
+    motions: Sequence[Array],
+    sizes: Array,
+    orbits: list[NonlinearOrbit],
+    states: list[Array],
+) -> int:
+    """Number of the orbit on which a motion has settled, a new one if it is not known; -1 if none is found.
+    Orbits of several periods that differ by a period in time count as one."""
+    state = motions[0][:2, :, 0].ravel()
+    for number, known in enumerate(states):
+        limit = _SAME * np.maximum(np.tile(sizes, 2), np.abs(known).max(axis=0))
+        if (np.abs(known - state) <= limit).all(axis=1).any():
+            return number
+    periods = len(motions)
+    start = joined(motions, periods * task.system.period, task.rigid)
+    try:
+        orbit = nonlinear(task.system, task.speed, start, periods, rtol=task.rtol, engine=task.engine)
+    except SolveError:
+        return -1
+    phases = np.arange(periods) * task.system.period
+    orbits.append(orbit)
+    states.append(np.concatenate((orbit.curve(phases), orbit.curve(phases, 1))).T)
+    return len(orbits) - 1

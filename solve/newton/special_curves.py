@@ -1,0 +1,204 @@
+"""Curves of folds and of period doublings in two parameters.
+
+The orbits over both parameters are a surface. A function g on it is zero at the special points: at folds the
+determinant of the parameters of two tangents, since some direction then changes neither; at doublings
+Π (1 + ρ)/(1 + |ρ|). The curve g = 0 is followed on the surface, where it is smooth also at cusps (Y. A.
+Kuznetsov, Elements of Applied Bifurcation Theory, 10.3)."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import NoOrbitError, SolveError
+from solve.newton.branch_points import ContinuationParameters, Place, Point
+from solve.newton.manifold import Manifold
+from solve.newton.special_points import doubling_test, is_located, zero_between
+from solve.results.branch import DOUBLING
+from solve.results.special_curves import CUSP
+from solve.terminal import progress
+from solve.threads import one_thread
+
+_FIRST_STEP, _MAX_STEP, _MIN_STEP, _GROWTH = 0.03, 0.15, 1e-4, 1.5
+"""Step lengths, in scaled coordinates and fractions of the ranges: initial, largest, and smallest before the
+curve ends; factor by which a step grows after a success. Choices."""
+
+_FEW, _MAX_CORRECTIONS = 4, 12
+"""Number of evaluations of g up to which the next step is longer; the largest one. Choices."""
+
+_MIN_COSINE = 0.9
+"""Least cosine of the angle between a step and the tangent before it. A choice."""
+
+_EDGE = 1e-9
+"""Distance beyond the end of a range, relative to it, up to which a point is inside. A choice: above
+round-off."""
+
+_DIFFERENCE = 1e-3
+"""Step of the central differences of g: errors of 1e-6 of its curvature, and round-off of 1e-10. A choice."""
+
+
+@dataclass(frozen=True)
+class _OnCurve:
+    """Point of the curve, the tangent of the curve in the basis of the tangents at the point (2,), and the
+    derivative of g normal to it."""
+
+    point: Point
+    along: Array
+    slope: float
+
+    @property
+    def rates(self) -> Array:
+        """Changes of both parameters along the tangent."""
+        return self.along @ np.array([each.values for each in self.point.tangents])
+
+
+def follow_curve(
+    parameters: ContinuationParameters, start: Point, kind: str, most: int
+) -> tuple[list[Point], str]:
+    """Points of the curve of folds or doublings from one of them on, into the ranges of the parameters, and
+    the reason if they end inside."""
+    with one_thread(parameters.task.system.n), progress.task("points", most) as count:
+        return _CurveFollower(parameters, kind).follow(start, most, count.add)
+
+
+class _CurveFollower:
+    """Continuation of a curve of special points of one kind."""
+
+    def __init__(self, parameters: ContinuationParameters, kind: str):
+        self.manifold, self.kind = Manifold(parameters), kind
+        self.ranges = np.sort(parameters.ranges, axis=1)
+        self.spans = parameters.spans
+
+    def follow(self, start: Point, most: int, count: Callable[[], None]) -> tuple[list[Point], str]:
+        """See `follow_curve`."""
+        current, length = self._first(start), _FIRST_STEP
+        points = [current.point]
+        while len(points) < most:
+            try:
+                after, length, evaluations = self._step(current, length)
+                if not self._inside(after.point):
+                    return [*points, self._at_the_edge(current, length, after)], ""
+                if float((current.rates * after.rates / self.spans**2).sum()) < 0:
+                    points.append(self._cusp(current, length))
+            except NoOrbitError as reason:
+                return points, str(reason)
+            points.append(after.point)
+            count()
+            current = after
+            length = min(length * (_GROWTH if evaluations <= _FEW else 1.0), _MAX_STEP)
+        return points[:most], f"the curve continues beyond the {most} points requested; request more"
+
+    def test(self, point: Point) -> float:
+        """g at a point whose tangents are orientated as those of its neighbours."""
+        if self.kind == DOUBLING:
+            return doubling_test(point)
+        return float(np.linalg.det(np.array([each.values / self.spans for each in point.tangents])))
+
+    def _first(self, start: Point) -> _OnCurve:
+        """First point, from a point of a branch over the first parameter."""
+        second = self.manifold.parameters.ranges[1]
+        place = Place(start.place.curve, np.array([start.place.value, second[0]]))
+        point = replace(self.manifold.point(place, (), start.grid), kind=self.kind)
+        found = self._with_tangent(point)
+        back = found.rates[1] * (second[1] - second[0]) < 0
+        return replace(found, along=-found.along, slope=-found.slope) if back else found
+
+    def _with_tangent(self, point: Point) -> _OnCurve:
+        """Point of the curve with its tangent, from central differences of g."""
+        gradient = np.zeros(2)
+        for axis in range(2):
+            for sign in (-1, 1):
+                moved = [sign * _DIFFERENCE if axis == each else 0.0 for each in range(2)]
+                beside, _ = self.manifold.reached(point, point.tangents, moved)
+                gradient[axis] += sign * self.test(beside) / (2 * _DIFFERENCE)
+        size = float(np.linalg.norm(gradient))
+        if size == 0:
+            raise NoOrbitError("the curve has no tangent")
+        return _OnCurve(point, np.array([-gradient[1], gradient[0]]) / size, -size)
+
+    def _step(self, before: _OnCurve, length: float) -> tuple[_OnCurve, float, int]:
+        """Next point, the length of the step to it and its number of evaluations of g."""
+        while length > _MIN_STEP:
+            try:
+                after, evaluations = self._corrected(before, length)
+                return after, length, evaluations
+            except SolveError:
+                length /= 2
+        at = self.manifold.parameters.text(before.point.orbit.values)
+        raise NoOrbitError(f"the curve cannot be continued beyond {at}")
+
+    def _corrected(self, before: _OnCurve, length: float) -> tuple[_OnCurve, int]:
+        """Point of the curve at a length along the tangent of another, by the secant method normal to it, and
+        the number of evaluations of g. Raises SolveError subclasses."""
+        normal, slope = np.array([before.along[1], -before.along[0]]), before.slope
+        point, aside = self._beside(before, length * before.along), 0.0
+        value = self.test(point)
+        for evaluation in range(2, _MAX_CORRECTIONS + 1):
+            step = -value / slope
+            if not abs(step) <= length:
+                break
+            aside += step
+            last, previous = value, point
+            point = self._beside(before, length * before.along + aside * normal)
+            value = self.test(point)
+            if value == last or is_located(self.manifold, previous, point):
+                return self._on_curve(before, point, slope), evaluation
+            slope = (value - last) / step
+        raise NoOrbitError("the step is too long")
+
+    def _beside(self, before: _OnCurve, lengths: Array) -> Point:
+        point, _ = self.manifold.reached(before.point, before.point.tangents, lengths.tolist())
+        return replace(point, kind=self.kind)
+
+    def _on_curve(self, before: _OnCurve, point: Point, slope: float) -> _OnCurve:
+        """Point with its tangent: the reflection of that before it in the chord. Raises NoOrbitError if the
+        curve bends too much."""
+        first = before.point
+        chord = point.place.on(first.grid).plus(-1.0, first.place)
+        along = np.array([self.manifold.inner(chord, each, first.sizes) for each in first.tangents])
+        along /= np.linalg.norm(along)
+        cosine = float(along @ before.along)
+        if cosine < _MIN_COSINE:
+            raise NoOrbitError("the curve bends too much within the step")
+        after = 2 * cosine * along - before.along
+        return _OnCurve(point, after / np.linalg.norm(after), slope)
+
+    def _cusp(self, before: _OnCurve, length: float) -> Point:
+        """Point within a step at which both parameters are stationary along the curve."""
+        towards = before.rates / self.spans**2
+
+        def at(part: float) -> tuple[float, Point]:
+            found, _ = self._corrected(before, part)
+            exact = self._with_tangent(found.point)
+            side = math.copysign(1.0, float(exact.along @ found.along))
+            return side * float(exact.rates @ towards), found.point
+
+        value, _ = at(length)
+        ends = (0.0, length), (float(before.rates @ towards), value)
+        _, point = zero_between(at, *ends, lambda *two: is_located(self.manifold, *two), before.point)
+        return replace(point, kind=CUSP)
+
+    def _inside(self, point: Point) -> bool:
+        """Whether the parameters of a point are in their ranges."""
+        within = _EDGE * self.spans
+        values, (low, high) = point.orbit.values, self.ranges.T
+        return bool(((values >= low - within) & (values <= high + within)).all())
+
+    def _at_the_edge(self, before: _OnCurve, length: float, after: _OnCurve) -> Point:
+        """Point within a step at which the curve leaves the ranges."""
+        first, last = before.point.orbit.values, after.point.orbit.values
+        edges = np.where(last > first, self.ranges[:, 1], self.ranges[:, 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            parts = np.where((last - edges) * (last - first) > 0, (edges - first) / (last - first), np.inf)
+        axis = int(np.argmin(parts))
+
+        def at(part: float) -> tuple[float, Point]:
+            found, _ = self._corrected(before, part)
+            return float(found.point.orbit.values[axis] - edges[axis]), found.point
+
+        ends = (0.0, length), (float(first[axis] - edges[axis]), float(last[axis] - edges[axis]))
+        if ends[1][0] * ends[1][1] >= 0:
+            return after.point
+        return zero_between(at, *ends, lambda *two: is_located(self.manifold, *two), before.point)[1]

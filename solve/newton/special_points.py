@@ -1,0 +1,132 @@
+"""Folds, period doublings and tori (Neimark–Sacker points) between two points of a branch, located as zeros
+of functions along it (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import NoOrbitError, SolveError
+from solve.newton.branch_points import Point
+from solve.newton.manifold import Manifold
+from solve.period.multipliers import EPS
+from solve.results.branch import DOUBLING, FOLD, TORUS
+
+_MAX_REFINEMENTS = 30
+"""Largest number of interpolations towards a point. A choice; five to eight are usual."""
+
+_RTOL_FRACTION, _ROUNDOFF = 1e-3, 64 * EPS
+"""Change of the parameter between two interpolations, as a fraction of rtol, at which a point is located, and
+its least value. Choices: another interpolation costs as much as a point."""
+
+_REAL = 1e-12
+"""Imaginary part, relative to the modulus, up to which a multiplier is real. A choice: NumPy returns real
+eigenvalues of real matrices without imaginary part."""
+
+Test = Callable[[Point], float]
+
+
+def special_points(manifold: Manifold, before: Point, after: Point) -> list[Point]:
+    """Special points between two neighbouring points of a branch in their order; without those to which the
+    interpolation does not converge."""
+    found = []
+    for kind, test in _tests(before, after).items():
+        try:
+            length, point = _located(manifold, before, after, test)
+        except SolveError:
+            continue
+        found.append((length, replace(point, kind=kind)))
+    return [point for _, point in sorted(found, key=lambda pair: pair[0])]
+
+
+def _tests(before: Point, after: Point) -> dict[str, Test]:
+    """Functions with a zero between two points, by the kind of point at the zero."""
+    tests: dict[str, Test] = {}
+    if before.direction.value * after.direction.value < 0:
+        tests[FOLD] = lambda point: point.direction.value
+    first, second = before.orbit.multipliers, after.orbit.multipliers
+    beyond = [_count(second, test) - _count(first, test) for test in (_below_minus_one, _above_one)]
+    if beyond[0] % 2:
+        tests[DOUBLING] = doubling_test
+    leaving = int((np.abs(second) > 1).sum() - (np.abs(first) > 1).sum())
+    if abs(leaving - sum(change for change in beyond if change % 2)) == 2:
+        tests[TORUS] = _torus_test
+    return tests
+
+
+def _count(multipliers: Array, test: Callable[[Array], Array]) -> int:
+    real = np.abs(np.imag(multipliers)) <= _REAL * np.abs(multipliers)
+    return int((test(np.real(multipliers)) & real).sum())
+
+
+def _below_minus_one(values: Array) -> Array:
+    return values < -1
+
+
+def _above_one(values: Array) -> Array:
+    return values > 1
+
+
+def doubling_test(point: Point) -> float:
+    """Π (1 + ρ)/(1 + |ρ|), which is zero for a multiplier -1 and changes its sign there."""
+    rho = point.orbit.multipliers
+    return float(np.prod((1 + rho) / (1 + np.abs(rho))).real)
+
+
+def _torus_test(point: Point) -> float:
+    """|ρ| - 1 of the pair of complex multipliers that is nearest to the unit circle."""
+    rho = point.orbit.multipliers
+    pairs = np.abs(rho[np.imag(rho) > _REAL * np.abs(rho)])
+    if not len(pairs):
+        raise NoOrbitError("no multipliers are complex")
+    return float(pairs[np.abs(pairs - 1).argmin()] - 1)
+
+
+def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
+    """Length along the direction at the first point, and point, at which a function is zero. Raises
+    SolveError subclasses."""
+    way, sizes = before.direction, before.sizes
+    chord = after.place.on(before.grid).plus(-1.0, before.place)
+
+    def at(length: float) -> tuple[float, Point]:
+        point, _ = manifold.reached(before, [way], [length])
+        return test(point), point
+
+    ends = (0.0, manifold.inner(chord, way, sizes)), (test(before), test(after))
+    return zero_between(at, *ends, lambda one, other: is_located(manifold, one, other), before)
+
+
+def is_located(manifold: Manifold, one: Point, other: Point) -> bool:
+    """Whether two interpolations agree within a fraction of rtol in all parameters."""
+    spans = manifold.parameters.spans
+    limit = max(_RTOL_FRACTION * manifold.parameters.task.rtol, _ROUNDOFF)
+    moved = np.abs(other.orbit.values - one.orbit.values)
+    return bool((moved <= limit * np.maximum(np.abs(other.orbit.values), spans)).all())
+
+
+def zero_between(
+    function: Callable[[float], tuple[float, Point]],
+    ends: tuple[float, float],
+    values: tuple[float, float],
+    agree: Callable[[Point, Point], bool],
+    reached: Point,
+) -> tuple[float, Point]:
+    """Argument and point at which a function, which returns its value and a point, is zero, by the Illinois
+    algorithm (M. Dowell, P. Jarratt, BIT 11 (1971) 168). ends, values: arguments with values of different
+    signs; agree: whether two successive points agree; reached: the point before the first. Raises
+    NoOrbitError."""
+    (low, high), (first, second), kept = ends, values, False
+    for _ in range(_MAX_REFINEMENTS):
+        argument, previous = (low * second - high * first) / (second - first), reached
+        value, reached = function(argument)
+        if value == 0 or agree(previous, reached):
+            return argument, reached
+        if value * second < 0:
+            low, first, kept = high, second, False
+        elif kept:
+            first /= 2
+        else:
+            kept = True
+        high, second = argument, value
+    raise NoOrbitError("the point is not located")

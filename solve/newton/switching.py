@@ -1,0 +1,109 @@
+"""Branches of orbits of twice the period, which begin at period doublings (Y. A. Kuznetsov, Elements of
+Applied Bifurcation Theory, 10.2)."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import NoOrbitError, SolveError
+from solve.newton.arclength import follow_branch
+from solve.newton.branch_points import SAMPLES, ContinuationParameters, Place, Point
+from solve.newton.iteration import on
+from solve.newton.linear_families import mode_of
+from solve.newton.manifold import Manifold
+from solve.period.curve import Curve
+from solve.results.branch import DOUBLING
+
+_FIRST_LENGTHS = 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4
+"""Lengths of the first step onto a branch, in scaled coordinates, from the longest. Choices."""
+
+_MOST_MOVED = 0.01
+"""Largest change of the parameter, as a fraction of its range, in the first step. A choice."""
+
+_MOST_DOUBLINGS = 3
+"""Number of doublings in a sequence at which branches are switched: each doubles the time per
+orbit. A choice."""
+
+Followed = tuple[ContinuationParameters, list[Point], str]
+
+
+def follow_doublings(parameters: ContinuationParameters, found: Sequence[Point], most: int) -> list[Followed]:
+    """Branches that begin at the doublings among points of a branch, and at theirs, up to a number of points
+    each; a branch that returns to one period ends there."""
+    waiting, followed, last = [(parameters, point) for point in _doublings(found)], list[Followed](), []
+    limit = parameters.task.periods * 2**_MOST_DOUBLINGS
+    while waiting:
+        before, point = waiting.pop(0)
+        if 2 * before.task.periods > limit or any(_same(point, one, size) for one, size in last):
+            continue
+        doubled = before.over_periods(2 * before.task.periods)
+        try:
+            start = _start(before, doubled, point)
+        except SolveError:
+            continue
+        left = _Returns(start)
+        points, ended = follow_branch(doubled, start, most, left)
+        if left.returned and len(points) > 1:
+            last.append((points[-1], abs(points[-1].value - points[-2].value)))
+        followed.append((doubled, points, ended))
+        waiting += [(doubled, one) for one in _doublings(points)]
+    return followed
+
+
+def _doublings(points: Sequence[Point]) -> list[Point]:
+    return [point for point in points if point.kind == DOUBLING]
+
+
+def _same(point: Point, end: Point, size: float) -> bool:
+    """Whether a branch that ended near a point began or ended at it."""
+    return 2 * point.periods == end.periods and abs(point.value - end.value) <= 2 * size
+
+
+def _start(before: ContinuationParameters, doubled: ContinuationParameters, point: Point) -> Point:
+    """First point of the branch that begins at a doubling. Raises NoOrbitError."""
+    mode = mode_of(before, point.place, point.grid, -1.0)
+    grid = doubled.task.grid(2 * point.grid.steps)
+    place = Place(on(grid, _twice(point.place.curve, 1.0)), point.place.values)
+    way = Place(on(grid, _twice(mode, -1.0)), np.zeros_like(place.values))
+    manifold = Manifold(doubled)
+    way = manifold.unit(way, (), point.sizes)
+    start = replace(point, place=place, grid=grid, tangents=(way,))
+    for length in _FIRST_LENGTHS:
+        try:
+            reached, _ = manifold.reached(start, [way], [length])
+        except SolveError:
+            continue
+        if abs(reached.value - point.value) <= _MOST_MOVED * doubled.spans[0]:
+            return reached
+    raise NoOrbitError("the doubled branch is not reached")
+
+
+def _twice(curve: Curve, factor: float) -> Curve:
+    """Curve over two periods, the second of which is a multiple of the first."""
+    period = curve.nodes[-1]
+    coefficients = np.concatenate((curve.coefficients, factor * curve.coefficients), axis=-2)
+    return Curve(np.append(curve.nodes[:-1], curve.nodes + period), coefficients, drift=curve.drift)
+
+
+class _Returns:
+    """Whether a doubled branch has returned to orbits of half its period: the difference of its two halves
+    then changes its sign."""
+
+    def __init__(self, start: Point):
+        self.returned, self._before = False, _difference(start)
+
+    def __call__(self, point: Point) -> bool:
+        after = _difference(point)
+        self.returned = float((after * self._before).sum()) < 0
+        self._before = after
+        return self.returned
+
+
+def _difference(point: Point) -> Array:
+    """Difference of both halves of an orbit at fixed phases, in units of the coordinates."""
+    period = float(point.place.curve.nodes[-1])
+    phase = np.arange(64 * SAMPLES) * (period / 2 / (64 * SAMPLES))
+    curve = point.place.curve
+    return (curve(phase) - curve(phase + period / 2)) / point.sizes[:, None]

@@ -1,0 +1,96 @@
+"""Orbits to which motions from scattered initial states lead."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, digits, require_different_names
+from solve.results.formatting import headed, prefixed
+from solve.results.result import Result
+from solve.results.serialization import stored_property
+from solve.results.special_orbits import NonlinearOrbit
+from solve.system import PeriodicSystem
+
+
+@dataclass(frozen=True)
+class Scatter(Result):
+    """Orbits to which motions from N scattered initial states lead, from `solve.scatter`.
+
+    Attributes
+    ----------
+    speed : float
+        Speed in rad/s.
+    starts : (N, 2n) array
+        Initial q and q̇ at phase 0, derivatives by time.
+    leads : (N,) array of int
+        Number of the orbit in `orbits` to which each start leads; -1 if the motion does not settle.
+    orbits : sequence of NonlinearOrbit
+        Orbits in the order of their shares, the largest first.
+    seed : int
+        Seed of the initial states.
+    turns : int
+        Number of periods after which a motion counts as not settled.
+    """
+
+    _rows: ClassVar[str] = "orbits_found"
+    _title: ClassVar[str] = "Where scattered starts lead"
+
+    system: PeriodicSystem
+    speed: float
+    starts: Array
+    leads: Array
+    orbits: Sequence[NonlinearOrbit]
+    seed: int
+    turns: int
+
+    @property
+    def shares(self) -> Array:
+        """Fraction of the starts that leads to each orbit."""
+        return np.array([float((self.leads == number).mean()) for number in range(len(self.orbits))])
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful about the result."""
+        lost = int((self.leads < 0).sum())
+        sentences = [text for orbit in self.orbits for text in orbit.warnings]
+        if lost:
+            sentences.append(f"{lost} of {len(self.leads)} motions do not settle within {self.turns} periods")
+        return list(dict.fromkeys(sentences))
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        return {
+            "speed": self.speed,
+            "starts": len(self.leads),
+            "seed": self.seed,
+            "not_settled": int((self.leads < 0).sum()),
+        }
+
+    def header_rows(self) -> HeaderRows:
+        return [("starts", f"{len(self.leads)}, seed {self.seed}")]
+
+    @property
+    def columns(self) -> Columns:
+        """Row per orbit."""
+        shares, orbits = self.shares, self.orbits
+        columns = [
+            ("share", Column(shares, "1", "fraction of the starts", "share (%)", digits(".3g", 100.0))),
+            ("periods", Column([o.periods for o in orbits], "", "periods of the orbit", "periods")),
+        ]
+        for name in self.system.coordinates:
+            peaks = np.array([orbit.statistics(name).max_abs for orbit in orbits])
+            unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
+            factor, shown = prefixed(unit, float(peaks.max(initial=0.0)))
+            title = headed(f"max|{name}|", shown) if len(columns) < MOST_SHOWN else ""
+            form = digits(".5g", factor)
+            columns.append((f"{name}_max_abs", Column(peaks, unit, f"max_abs of {meaning}", title, form)))
+        radii = [orbit.spectral_radius for orbit in orbits]
+        columns += [
+            ("spectral_radius", Column(radii, "1", "spectral radius", "radius", digits(".5g"))),
+            ("verdict", Column([orbit.verdict for orbit in orbits], "", "stability", "verdict")),
+        ]
+        require_different_names(columns)
+        return dict(columns)

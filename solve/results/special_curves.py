@@ -1,0 +1,126 @@
+"""Curves of folds or of period doublings in two parameters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.labels import SPEED
+from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
+from solve.results.formatting import headed, prefixed
+from solve.results.result import Result
+from solve.results.serialization import stored_property
+from solve.system import PeriodicSystem
+
+CUSP = "cusp"
+"""Kind of a point at which two curves of folds meet."""
+
+
+@dataclass(frozen=True)
+class SpecialCurves(Result):
+    """Curves of P folds or period doublings in two parameters, from `solve.special_curves`.
+
+    Attributes
+    ----------
+    kind : str
+        "fold" or "doubling".
+    names : tuple of str
+        Names of both parameters, one of which may be "speed".
+    values : (P, 2) array
+        Values of both; speeds in rad/s.
+    peaks : (P, n) array
+        Largest moduli of the coordinates.
+    radius : (P,) array
+        Spectral radii.
+    errors : (P,) array
+        Estimated relative errors of the orbits.
+    cusps : (P,) array of bool
+        Whether two curves of folds meet at the point.
+    numbers : (P,) array of int
+        Number of the curve, from 0.
+    rtol : float
+        Tolerance of the orbits.
+    ended : str
+        Reasons why curves end within the ranges.
+    notes : sequence of str
+        Notes of the engine.
+    periods : int
+        Number of model periods per period of the orbits.
+    """
+
+    _rows: ClassVar[str] = "points"
+
+    system: PeriodicSystem
+    kind: str
+    names: tuple[str, str]
+    values: Array
+    peaks: Array
+    radius: Array
+    errors: Array
+    cusps: Array
+    numbers: Array
+    rtol: float
+    ended: str
+    notes: Sequence[str] = ()
+    periods: int = 1
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful about the result."""
+        sentences, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors.max(initial=0.0))
+        if worst > self.rtol:
+            sentences.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
+        if not len(self.values):
+            sentences.append(f"the branch over {self.names[0]} has no {self.kind}")
+        return sentences
+
+    @property
+    def at_cusps(self) -> list[dict[str, float]]:
+        """Values of both parameters at the cusps."""
+        return [dict(zip(self.names, map(float, row), strict=True)) for row in self.values[self.cusps]]
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        return {"kind": self.kind, "cusps": self.at_cusps, "rtol": self.rtol, "periods": self.periods}
+
+    @property
+    def columns(self) -> Columns:
+        """Row per point."""
+        columns = [("curve", Column(self.numbers, "", "number of the curve", "curve"))]
+        for name, values in zip(self.names, self.values.T, strict=True):
+            if name == SPEED:
+                column = speeds_of(self.system, values, heading="{}", form=".7g")
+            else:
+                column = Column(values, *self.system.parameter_labels[name], name, digits(".7g"))
+            columns.append((name, column))
+        for name, values in zip(self.system.coordinates, self.peaks.T, strict=True):
+            unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
+            factor, shown = prefixed(unit, float(values.max(initial=0.0)))
+            title = headed(f"max|{name}|", shown) if len(columns) < MOST_SHOWN else ""
+            form = digits(".5g", factor)
+            columns.append((f"{name}_max_abs", Column(values, unit, f"max_abs of {meaning}", title, form)))
+        radius = Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))
+        kinds = np.where(self.cusps, CUSP, self.kind)
+        columns += [
+            ("spectral_radius", radius),
+            ("kind", Column(kinds, "", "kind of the point", "kind")),
+            ("error", Column(self.errors, "1", "estimated relative error of the orbit")),
+        ]
+        require_different_names(columns)
+        return dict(columns)
+
+    @property
+    def summary(self) -> str:
+        """Sentence on the number of curves and their cusps."""
+        count = len(set(self.numbers.tolist()))
+        text = f"{count} curve{'s' * (count != 1)} of {self.kind}s."
+        units = [self.system.unit_of(name) for name in self.names]
+        for row in self.values[self.cusps]:
+            at = (
+                f"{name} = {unit.text(float(value), '.6g')}"
+                for name, unit, value in zip(self.names, units, row, strict=True)
+            )
+            text += f" Two meet in a cusp at {', '.join(at)}."
+        return text

@@ -1,0 +1,124 @@
+"""Nonlinear orbits at the points of a sweep, each found from its nearest solved neighbour."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.store import opened
+from solve.batch.task import POINTS, Task
+from solve.contracts import Statistics
+from solve.errors import LinearModelError, SolveError
+from solve.newton.orbits import nonlinear
+from solve.period.multipliers import UNSTABLE, VERDICTS
+from solve.period.quantities import FIGURES
+from solve.results.points import Kept, PointResults
+from solve.results.special_orbits import NonlinearOrbit
+from solve.terminal import progress
+
+_ON_A_LINE = 1e-9
+"""Distance from a line, relative to the ranges, within which a point is on it: round-off."""
+
+
+def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:
+    """Results of nonlinear orbits at points (P, v), in their order. A store keeps each point.
+
+    Raises SolveError subclasses for errors that affect all points."""
+    n = task.family.example.n
+    results = PointResults.blank(len(points), n, task.kept)
+    orbits = dict[int, NonlinearOrbit]()
+    with ExitStack() as opening:
+        kept = None
+        if store is not None:
+            columns = dict(zip(task.family.names, points.T, strict=True))
+            description = {**task.description(points, points), "nonlinear": True}
+            kept = opening.enter_context(opened(store, description, columns, n, task.kept, 1))
+        count = opening.enter_context(progress.task(POINTS, len(points)))
+        for at in range(len(points)):
+            index = np.array([at])
+            stored = None if kept is None else kept.read(index)
+            if stored is None:
+                stored = PointResults.blank(1, n, task.kept)
+                _solve(task, points, at, stored, orbits)
+                if kept is not None:
+                    kept.write(index, stored)
+            results.insert(index, stored)
+            count.add()
+        if kept is not None:
+            kept.finish()
+    return results
+
+
+def _solve(
+    task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
+) -> None:
+    """Write the results of a point; its orbit joins the others, from which neighbours are found."""
+    try:
+        orbit = _orbit(task, points, at, orbits)
+    except LinearModelError:
+        raise
+    except SolveError as error:
+        results.failures[0] = str(error)
+        return
+    orbits[at] = orbit
+    results.multipliers[0], results.verdicts[0] = orbit.multipliers, VERDICTS.index(orbit.verdict)
+    results.errors[0] = orbit.error_estimate
+    results.steps[0], results.methods[0] = orbit.steps, orbit.method
+    _write_figures(results, orbit)
+    if orbit.warnings:
+        results.warnings[0] = [*orbit.warnings]
+
+
+def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
+    """Orbit from the nearest solved point; without one, and if that leads nowhere or to an unstable orbit, by
+    the strategies of `solve.nonlinear`."""
+    system, speed = task.family.system(points[at])
+    request = task.request
+    given = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
+    found = None
+    if orbits:
+        try:
+            found = nonlinear(system, speed, _predicted(points, at, orbits), **given)
+        except SolveError:
+            found = None
+        if found is not None and found.verdict != VERDICTS[UNSTABLE]:
+            return found
+    try:
+        return nonlinear(system, speed, **given)
+    except SolveError:
+        if found is None:
+            raise
+        return found
+
+
+def _predicted(
+    points: Array, at: int, orbits: dict[int, NonlinearOrbit]
+) -> NonlinearOrbit | Callable[[Array], Array]:
+    """Start for a point: the line through the orbits of the two nearest points, if these and the point are on
+    a line, otherwise the orbit of the nearest."""
+    spans, solved = np.ptp(points, axis=0), list(orbits)
+    scaled = (points - points[at]) / np.where(spans > 0, spans, 1.0)
+    ways = scaled[solved]
+    order = np.argsort(np.abs(ways).sum(axis=1), kind="stable")[:2]
+    nearest, other = orbits[solved[order[0]]], orbits[solved[order[-1]]]
+    one, two = ways[order[0]], ways[order[-1]]
+    step = one - two
+    square = float(step @ step)
+    if not square:
+        return nearest
+    ahead = -float(one @ step) / square
+    if np.abs(one + ahead * step).max() > _ON_A_LINE:
+        return nearest
+    return lambda phase: (1 + ahead) * nearest.curve(phase) - ahead * other.curve(phase)
+
+
+def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:
+    """Write statistics and amplitudes of the quantities that are kept."""
+    kept: Kept = results.kept
+    for row, name in enumerate(kept.names):
+        statistics: Statistics = orbit.statistics(name)
+        results.figures[0, row] = [getattr(statistics, figure) for figure in FIGURES]
+    for row, name in enumerate(kept.spectra):
+        results.amplitudes[0, row], _ = orbit.harmonics(name, kept.harmonics)

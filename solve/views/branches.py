@@ -1,0 +1,149 @@
+"""Figures and tables of branches of nonlinear orbits, and of curves of folds and doublings."""
+
+from collections.abc import Sequence
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.branch import (
+    DOUBLING,
+    FOLD,
+    KINDS,
+    STABLE,
+    TORUS,
+    UNDETERMINED,
+    UNSTABLE,
+    Branch,
+)
+from solve.results.contents import MOST_SHOWN
+from solve.results.formatting import headed
+from solve.results.scatter import Scatter
+from solve.results.special_curves import SpecialCurves
+from solve.views.panels import axis_label, label_quantity, label_speeds, panels_over, shades, title_of
+from solve.views.show import figure, tables
+from solve.views.style import BLACK, BLUE, GREY, MANY, VERMILION, Axes, Figure, page
+from solve.views.tables import MOST_ROWS, RenderableType, table_of, text
+
+_LINES = {STABLE: (BLUE, "-"), UNSTABLE: (VERMILION, "--"), UNDETERMINED: (GREY, "-")}
+
+_MARKS = {FOLD: ("o", "turns back"), DOUBLING: ("^", "period doubles"), TORUS: ("s", "torus")}
+"""Markers and labels of special points."""
+
+
+_SIGNS = "o", "^", "s", "D", "v"
+"""Markers of the initial states of different orbits."""
+
+
+@figure.register(Branch)
+def branch_figure(branch: Branch) -> Figure:
+    """Largest moduli and spectral radius over the continuation parameter, dashed where the branch is
+    unstable."""
+    names = branch.system.coordinates[: MOST_SHOWN - 1]
+    count, title = len(names) + 1, "branch of nonlinear orbits"
+    with panels_over(branch.system, branch.values, title, 1.4 + 1.5 * count, count, branch.over) as (
+        sheet,
+        panels,
+    ):
+        for axes, name, values in zip(panels, names, branch.peaks.T, strict=False):
+            factor = label_quantity(axes, branch.system, name, values, "max_abs")
+            _draw_branch(axes, branch, factor * values)
+        panels[-1].axhline(1.0, color=BLACK, linewidth=0.9)
+        panels[-1].set_yscale("log")
+        panels[-1].set_ylabel("spectral\nradius |ρ|")
+        _draw_branch(panels[-1], branch, branch.radius)
+        sheet.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
+    return sheet
+
+
+def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
+    """Sections of one verdict each, and the special points."""
+    places, labelled = branch.system.unit_of(branch.over).of(branch.values), set[str]()
+    for number in range(int(branch.numbers.max()) + 1):
+        own = np.flatnonzero(branch.numbers == number)
+        first = 0
+        for verdict, section in groupby(_verdicts_between(branch, own)):
+            last = first + len([*section])
+            color, line = _LINES[verdict]
+            style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
+            style["label"] = None if verdict in labelled else verdict
+            axes.plot(places[own[first : last + 1]], values[own[first : last + 1]], **style)
+            labelled.add(verdict)
+            first = last
+    for kind, (marker, label) in _MARKS.items():
+        special = branch.kinds == KINDS.index(kind)
+        if special.any():
+            style = {"color": BLACK, "markersize": 4.5, "label": label, "clip_on": False}
+            axes.plot(places[special], values[special], marker, linestyle="none", **style)
+
+
+def _verdicts_between(branch: Branch, own: Array) -> list[str]:
+    """Verdicts between neighbouring points of one branch: undetermined if theirs differ. Special points,
+    which lie on the stability boundary, do not count."""
+    verdicts = [
+        None if branch.kinds[at] else verdict
+        for at, verdict in zip(own.tolist(), np.array(branch.verdicts)[own].tolist(), strict=True)
+    ]
+    both = ({verdict for verdict in pair if verdict is not None} for pair in pairwise(verdicts))
+    return [pair.pop() if len(pair) == 1 else UNDETERMINED for pair in both]
+
+
+@figure.register(SpecialCurves)
+def special_curves_figure(curves: SpecialCurves) -> Figure:
+    """Curves in the plane of both parameters, with their cusps."""
+    first, second = curves.names
+    with page(4.2, f"{title_of(curves.system)}: {curves.kind}s in two parameters") as sheet:
+        axes, count = sheet.subplots(), int(curves.numbers.max(initial=-1)) + 1
+        units = [curves.system.unit_of(name) for name in curves.names]
+        x, y = (unit.of(values) for unit, values in zip(units, curves.values.T, strict=True))
+        for number, shade in enumerate(shades(count)):
+            own = curves.numbers == number
+            axes.plot(x[own], y[own], marker=".", label=f"{curves.kind}s, curve {number + 1}", **shade)
+        if curves.cusps.any():
+            axes.plot(x[curves.cusps], y[curves.cusps], "D", color=BLACK, label="cusp")
+        if count:
+            label_speeds(axes, curves.system, np.sort(curves.values[:, 0]), first)
+            axes.margins(x=0.05)
+            axes.autoscale(axis="x")
+            axes.legend()
+        axes.set_ylabel(axis_label(curves.system, second))
+    return sheet
+
+
+@figure.register(Scatter)
+def scatter_figure(scatter: Scatter) -> Figure:
+    """Initial states in the plane of the first coordinate and its velocity, in the colour of their orbit."""
+    system, n = scatter.system, scatter.system.n
+    name = system.coordinates[0]
+    with page(4.6, f"{title_of(system)}: where {len(scatter.leads)} starts lead") as sheet:
+        axes = sheet.subplots()
+        for number, share in enumerate(scatter.shares):
+            own = scatter.leads == number
+            peak = scatter.orbits[number].statistics(name).max_abs
+            label = f"{100 * share:.3g} % to max|{name}| = {peak:.4g}"
+            x, y = scatter.starts[own, 0], scatter.starts[own, n]
+            axes.plot(x, y, _SIGNS[number % len(_SIGNS)], color=MANY[number % len(MANY)], label=label)
+        lost = scatter.leads < 0
+        if lost.any():
+            axes.plot(
+                scatter.starts[lost, 0], scatter.starts[lost, n], "x", color=GREY, label="do not settle"
+            )
+        unit = system.units.get(name, "")
+        axes.set_xlabel(headed(f"initial {name}", unit))
+        axes.set_ylabel(headed(f"initial velocity of {name}", f"{unit}/s" if unit else ""))
+        sheet.legend(loc="outside lower center", ncols=2)
+    return sheet
+
+
+@tables.register(Branch)
+def branch_tables(branch: Branch) -> Sequence[RenderableType]:
+    """Row per point."""
+    points = table_of("Orbits along the branch", branch.columns, most=MOST_ROWS)
+    return [points, text("\n" + branch.summary)]
+
+
+@tables.register(SpecialCurves)
+def special_curves_tables(curves: SpecialCurves) -> Sequence[RenderableType]:
+    """Row per point."""
+    points = table_of(f"{curves.kind.capitalize()}s in two parameters", curves.columns, most=MOST_ROWS)
+    return [points, text("\n" + curves.summary)]

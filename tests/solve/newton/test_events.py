@@ -1,0 +1,101 @@
+"""Orbits through stops against integration from event to event."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import solve
+from tests.solve.newton.mechanisms import duffing, model_of, stop
+
+NUMBERS = {"zeta": 0.1, "k": 1.0, "kappa": 10.0, "gap": 0.5, "f": 1.0}
+SPEED = 1.3
+
+
+def integrated(start):
+    """State after a period, its derivatives with respect to the first one, and the phases of contact and
+    release, of a mass at a stop: two linear systems in turn."""
+    zeta, k, kappa, gap, f = NUMBERS.values()
+    time, last, x, Phi, events = 0.0, 2 * np.pi / SPEED, np.array(start), np.eye(2), []
+    while True:
+        touches = x[0] > gap or (x[0] == gap and x[1] > 0)
+        A = np.array([[0, 1], [-k - kappa * touches, -2 * zeta]])
+
+        def rate(t, y, A=A, touches=touches):
+            load = np.array([0, f * np.cos(SPEED * t) + kappa * gap * touches])
+            return np.concatenate((A @ y[:2] + load, (A @ y[2:].reshape(2, 2)).ravel()))
+
+        def passes(t, y):
+            return y[0] - gap
+
+        passes.terminal, passes.direction = True, -1 if touches else 1
+        run = solve_ivp(
+            rate, (time, last), np.append(x, Phi.ravel()), "DOP853", rtol=1e-13, atol=1e-14, events=passes
+        )
+        time, x, Phi = run.t[-1], run.y[:2, -1], run.y[2:, -1].reshape(2, 2)
+        if run.status == 0:
+            return x, Phi, events
+        x[0] = gap
+        events.append(SPEED * float(time))
+
+
+def by_imaginary_part(values):
+    return values[np.argsort(values.imag)]
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """State of the orbit, its multipliers and events, by Newton's method on the return map."""
+    x = np.array([0.5, 0.5])
+    x = solve_ivp(
+        lambda t, y: [
+            y[1],
+            np.cos(SPEED * t) - 0.2 * y[1] - y[0] - 10 * max(0.0, y[0] - 0.5),
+        ],
+        (0, 60 * np.pi / SPEED),
+        x,
+        rtol=1e-8,
+    ).y[:, -1]
+    for _ in range(5):
+        after, Phi, _ = integrated(x)
+        x = x + np.linalg.solve(np.eye(2) - Phi, after - x)
+    _, Phi, events = integrated(x)
+    return x, by_imaginary_part(np.linalg.eigvals(Phi)), events
+
+
+def test_an_orbit_through_a_stop_equals_integration(exact):
+    state, multipliers, events = exact
+    orbit = solve.nonlinear(model_of(stop(), **NUMBERS), SPEED)
+    assert [orbit.q[0, 0], orbit.qd[0, 0]] == pytest.approx(state, abs=1e-10)
+    np.testing.assert_allclose(by_imaginary_part(orbit.multipliers), multipliers, atol=1e-10)
+    assert orbit.events == pytest.approx(events, abs=1e-9)
+    assert orbit.summary_values["events"] == list(orbit.events)
+    assert orbit.grazing == ()
+    assert orbit.verdict == "asymptotically stable"
+
+
+def test_methods_keep_their_order_through_events(exact):
+    """Radau's method of order 9 has curves of order 8."""
+    state, multipliers, _ = exact
+    model = model_of(stop(), **NUMBERS)
+    start, errors = solve.nonlinear(model, SPEED), []
+    for steps in (8, 32):
+        orbit = solve.nonlinear(model, SPEED, start, method="radau", steps=steps)
+        off = by_imaginary_part(orbit.multipliers) - multipliers
+        errors.append((abs(orbit.q[0, 0] - state[0]), np.abs(off).max()))
+    orders = np.log2(np.array(errors[0]) / errors[1]) / 2
+    assert orders.min() > 4
+
+
+def test_an_orbit_that_touches_the_stop_is_undetermined():
+    """Up to the clearance the orbit is that of a linear oscillator, whose amplitude is known."""
+    reach = NUMBERS["f"] / abs(1 - SPEED**2 + 2j * NUMBERS["zeta"] * SPEED)
+    orbit = solve.nonlinear(model_of(stop(), **NUMBERS | {"gap": 1.00001 * reach}), SPEED)
+    assert orbit.statistics("q").max == pytest.approx(reach, rel=1e-7)
+    assert len(orbit.grazing) == 1
+    assert orbit.verdict == "undetermined"
+    assert any("grazes" in text for text in orbit.warnings)
+
+
+def test_equations_without_switches_have_no_events():
+    orbit = solve.nonlinear(model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.1), 0.5)
+    assert (orbit.events, orbit.grazing) == ((), ())
