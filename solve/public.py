@@ -46,6 +46,7 @@ from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, validity, variants
 from solve.system import PeriodicSystem
 from solve.views.animation import Animation, animate
+from solve.views.live.window import LiveWindow, explore
 from solve.views.page import Report
 from solve.views.report import report
 
@@ -60,6 +61,7 @@ __all__ = [
     "Frequencies",
     "Gauss",
     "HarmonicTransfer",
+    "LiveWindow",
     "Model",
     "Newmark",
     "NonlinearOrbit",
@@ -88,6 +90,7 @@ __all__ = [
     "chart",
     "compare",
     "critical_speeds",
+    "explore",
     "export",
     "fit",
     "floquet",
