@@ -114,9 +114,12 @@ class Tab:
     def text(self, selector: str) -> str:
         return self.evaluate(f"document.querySelector({json.dumps(selector)}).textContent")
 
-    def screenshot(self, file: Path, whole: bool = False) -> None:
-        data = self.command("Page.captureScreenshot", captureBeyondViewport=whole)["data"]
-        file.write_bytes(base64.b64decode(data))
+    def picture(self) -> bytes:
+        """Picture of the window as PNG."""
+        return base64.b64decode(self.command("Page.captureScreenshot")["data"])
+
+    def screenshot(self, file: Path) -> None:
+        file.write_bytes(self.picture())
 
 
 class Browser:

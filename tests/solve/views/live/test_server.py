@@ -3,6 +3,7 @@
 import asyncio
 import json
 import re
+import shlex
 import signal
 import socket
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 
 import solve
 from solve.commands.app import run
+from tests.pages import DOCS
 
 tornado = pytest.importorskip("tornado", reason="the live window needs the extra `explore`")
 
@@ -21,6 +23,10 @@ from tornado.httpclient import HTTPClientError, HTTPRequest  # noqa: E402
 from tornado.websocket import websocket_connect  # noqa: E402
 
 _SECONDS = 60
+PRINTED = re.findall(
+    r"python -m solve explore (\w+(?: --[^`\n]*)?)[`\n]",
+    "".join((DOCS / f"{name}.md").read_text("utf-8") for name in ("live", "commands", "../README")),
+)
 
 
 @pytest.fixture(scope="module")
@@ -180,6 +186,15 @@ def test_interruption_ends_the_command_in_order():
     process, address = started("mathieu")
     assert fetched(address)[0] == 200
     process.send_signal(signal.SIGINT)
+    assert ended(process) == (0, "", "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", sorted({shlex.join(shlex.split(text)) for text in PRINTED}))
+def test_command_that_the_documentation_prints_opens_a_window(command):
+    process, address = started(*shlex.split(command))
+    assert fetched(address)[0] == 200
+    process.send_signal(signal.SIGTERM)
     assert ended(process) == (0, "", "")
 
 
