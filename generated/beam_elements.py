@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "365bf0da4d2da694d5a7cbc7fa44da8f6b16dfe174d9290be63dd444d6bb9020"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+DERIVE_SHA256 = "83f2c2eccc11a5761f8a7ddee397498d70d00e712a0fb2b589788d9fa0b6d8a8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "abfa930ab4545f6130223a1d6eb733cc3eb031340f34033c8432e9e737e2bdc3"
+FILE_SHA256 = "c55331acf5f5043d73f25db055f8f6af3bc81c1cc17180d685c9a66515210c95"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "daece77158bd98c17558df59f2327eccbe6f7ba1279add1121a9e2bd33cbd350"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+DERIVE_SHA256 = "83f2c2eccc11a5761f8a7ddee397498d70d00e712a0fb2b589788d9fa0b6d8a8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6a01d9d80ed3d4f33dc97e432024ab344394dbff933eb683ac06bda416ad9a4f"
+FILE_SHA256 = "1b3c06d6ace6ae489a99603a6ef94e0d31e6929734e6eb2bad76672364cf9c18"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (

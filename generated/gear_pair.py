@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "c6149bdc6541eee5ac37296178c383af49ee1ac441abf837bfe066288da7f186"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+DERIVE_SHA256 = "83f2c2eccc11a5761f8a7ddee397498d70d00e712a0fb2b589788d9fa0b6d8a8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e4df09172bb0cc3c0903fb3b76f2408ec7b14429c668ba6deaadacfd21669dcf"
+FILE_SHA256 = "fb68878dbc9fe6292acd917bd2cf72aba5a427a3f53605a70aa021eb9fae5fa2"
 NAME = "gear_pair"
 TITLE = "Gear pair with tooth errors (chapter 4.2)"
 COORDINATES = (

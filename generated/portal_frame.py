@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "451d55efccaa2c6b1b6d8620916cf527b54833e1fb2d2ede6efafdf8473629af"
-DERIVE_SHA256 = "fa9daa8ed8d35b91309ba682dabe38551ea0b363052abee463f7f868580b7890"
+DERIVE_SHA256 = "83f2c2eccc11a5761f8a7ddee397498d70d00e712a0fb2b589788d9fa0b6d8a8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d16c3adcc8b30a65c8d5f281da8b2eb222127f46d2771c0e4ba1f1f56c580895"
+FILE_SHA256 = "60a39dcafe6c88771be75479cf5fa7da5a6daaa090cafd5e76346c65d47aa17c"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()
