@@ -29,7 +29,10 @@ _ZIG = ("-fno-sanitize=all",)
 """Flags of Zig's C compiler, which otherwise checks for undefined behaviour while the code runs."""
 
 _HEADERS = Path(__file__).parent
-_SECONDS = 120.0
+_SECONDS = 300.0
+"""Seconds that a compilation may take. The first one by Zig builds its run-time library too: up to 40 s were
+measured on a busy machine."""
+
 _LOGGER = logging.getLogger(__name__)
 
 
