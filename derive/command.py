@@ -39,6 +39,10 @@ def derive(
         list[str] | None, Argument(metavar="MODEL...", help="Names, or paths that end in .py.")
     ] = None,
     every: Annotated[bool, Option("--all", help="All mechanisms of the package.")] = False,
+    new: Annotated[
+        str | None,
+        Option(metavar="FILE", help="Write a first mechanism, with its case file, that you edit."),
+    ] = None,
     out: Annotated[Path | None, Option(metavar="DIR", help="Folder of the generated modules.")] = None,
     check: Annotated[
         bool,
@@ -54,6 +58,9 @@ def derive(
     debug: Annotated[bool, Option("--debug", help="Show the traceback of an internal error.")] = False,
 ) -> None:
     """Derive the equations of motion and generate CasADi code for them."""
+    if new is not None:
+        _begin(new, bool(models) or every or check or show or out is not None)
+        return
     if (full and not check) or (show and check):
         raise UsageError("--full requires --check, and --show excludes both")
     if numbers is not None and not show:
@@ -65,6 +72,17 @@ def derive(
         raise typer.Exit(1 if sum(_is_stale(source, full) for source in _reported(sources)) else 0)
     else:
         _write(sources)
+
+
+def _begin(file: str, has_more: bool) -> None:
+    """Write a first mechanism and its case file."""
+    if has_more:
+        raise UsageError("--new takes a file and nothing else; run derive again to derive it")
+    from derive.new import new_mechanism
+
+    path, cases = new_mechanism(file)
+    run = f"python -m derive {path} && python -m solve periodic {path}"
+    typer.echo(f"wrote {path} and {cases}; next: {run}", err=True)
 
 
 def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:

@@ -85,7 +85,7 @@ def find(model: str, out: Path | None = None) -> Source:
             raise UnknownMechanismError(
                 f"there is no file {model}; give a mechanism's name or the path of its file"
             )
-        _require_own_name(path)
+        require_own_name(path)
         return Source(path.stem, path, (out or path.parent / "generated") / path.name, model, out)
     if path.name != model or "\\" in model:
         raise UnknownMechanismError(f'"{model}" is neither a name nor a file: a path must end in .py')
@@ -107,7 +107,7 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _require_own_name(path: Path) -> None:
+def require_own_name(path: Path) -> None:
     """Raise MechanismFileError for names that are not identifiers or would shadow a Python module."""
     taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
     if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):

@@ -53,6 +53,7 @@ from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, validity, variants
 from solve.system import PeriodicSystem
 from solve.views.animation import Animation, animate
+from solve.views.live.window import LiveWindow, explore
 from solve.views.page import Report
 from solve.views.report import report
 
@@ -68,6 +69,7 @@ __all__ = [
     "Frequencies",
     "Gauss",
     "HarmonicTransfer",
+    "LiveWindow",
     "MixedSystem",
     "Model",
     "Newmark",
@@ -100,6 +102,7 @@ __all__ = [
     "chart",
     "compare",
     "critical_speeds",
+    "explore",
     "export",
     "fit",
     "floquet",

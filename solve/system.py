@@ -248,9 +248,9 @@ class PeriodicSystem(Labels):
         """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,),
         rad/s."""
 
-    def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
-        """Lines of the sketch by name: points x + iy (points, k) for q (n, k) at phases (k,). Raises
-        NoSketchError without a sketch."""
+    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
+        """Lines of the sketch by name: points x + iy (points, k) for q (n, k) at phases (k,). fineness:
+        fraction of the usual points of curves. Raises NoSketchError without a sketch."""
         raise NoSketchError(
             f"{self.name} states no lines to draw; add mechanism.sketch(name, points) to its file and derive "
             "it again, see docs/motion.md"

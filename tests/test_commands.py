@@ -20,6 +20,7 @@ OWN_TESTS = {
     "first_hour": "tests/test_site.py",
     "four_bar": "tests/models/four_bar/test_page.py",
     "four_bar_design": "tests/models/four_bar/test_design_page.py",
+    "live": "tests/solve/views/live/test_server.py",
     "machines": "tests/published/test_machines.py",
     "sources": "tests/published/test_sources_page.py",
     "walk": "tests/solve/test_walk_page.py",

@@ -19,7 +19,7 @@ from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.bounds import REDUCE
 from solve.model.model import Model
 from solve.model.modes import beyond_critical
-from solve.model.setup import SAMPLES, Setup
+from solve.model.setup import Setup, samples_of
 
 if TYPE_CHECKING:
     pass
@@ -287,14 +287,14 @@ class StructureModel(Model):
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
-    def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
+    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
         """Deflected links, and the lines of the sketch."""
-        fractions = np.linspace(0.0, 1.0, SAMPLES["beam"]).tolist()
+        fractions = np.linspace(0.0, 1.0, samples_of("beam", fineness)).tolist()
         links = {
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
             for link in self.links
         }
-        return {**links, **self.setup.stated_lines(phase, speed, q[:0])}
+        return {**links, **self.setup.stated_lines(phase, speed, q[:0], fineness)}
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
         """Positions x + iy (k,) in m, rigid and with deflections q (n, k), of a point of a link.

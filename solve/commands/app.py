@@ -80,6 +80,7 @@ COMMANDS = {
     "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
     "report": "Everything about a model on one page of HTML.",
     "animate": "Mechanism in motion with magnified vibration, as an animation or a picture.",
+    "explore": "Live window: a local page with sliders for speed and parameters.",
     "export": "Equations for another tool: MATLAB, C, or an FMU.",
     "frequencies": "Natural frequencies and mode shapes with the drive held still.",
 }

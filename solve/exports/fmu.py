@@ -1,6 +1,7 @@
 """Export of nonlinear equations as a functional mock-up unit, FMI 3.0 for model exchange, by CasADi
 (J. A. E. Andersson et al., Math. Program. Comput. 11 (2019) 1-36; https://fmi-standard.org)."""
 
+import shlex
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -105,7 +106,7 @@ def _compiler() -> str:
     if not hasattr(casadi.DaeBuilder, "compile_fmu"):
         raise MissingLibraryError.of_extra(_WHAT, "CasADi 3.8", "fmu")
     try:
-        return c_compiler().path
+        return shlex.join(c_compiler().command)
     except CompilerError as reason:
         raise MissingLibraryError(f"{_WHAT} needs a C compiler: {reason}; install one") from None
 

@@ -51,10 +51,10 @@ int closed(const problem *p) {
     const long length = (p->steps + BLOCKS - 1) / BLOCKS, B = (p->steps + length - 1) / length, c = p->columns;
     const size_t size = NX * CYCLIC + B * (NX * W + NX * CYCLIC + NX * ROW + NX);
     const size_t numbers = B * NX * (NX + c) + NX * (NX + c);
-    lane *maps = aligned_alloc(sizeof(lane), size * sizeof(lane));
+    lane *maps = allocate(size * sizeof(lane));
     double *map = malloc(numbers * sizeof(double));
     if (!maps || !map) {
-        free(maps), free(map);
+        release(maps), free(map);
         return 0;
     }
     lane *z = maps + B * NX * W, *saved = z + NX * CYCLIC, *rows = saved + B * NX * CYCLIC, *x = rows + B * NX * ROW;
@@ -81,6 +81,6 @@ int closed(const problem *p) {
             const long at = (k - 1) * NX * c;
             next(p->maps + (k - 1) * NX * NX, p->states + at, p->loads + at, p->states + at + NX * c, c);
         }
-    free(maps), free(map);
+    release(maps), free(map);
     return 1;
 }

@@ -51,7 +51,7 @@ void columns(const problem *p) { each(p, 0, store); }
 /* 1 where there is memory. */
 int sums(const problem *p) {
     const size_t size = OUTPUTS * p->sums * sizeof(lane);
-    lane *kept = aligned_alloc(sizeof(lane), size);
+    lane *kept = allocate(size);
     if (!kept) return 0;
     memset(kept, 0, size);
     each(p, kept, add);
@@ -59,6 +59,6 @@ int sums(const problem *p) {
         p->values[k] = 0.0;
         for (int l = 0; l < LANES; l++) p->values[k] += kept[k][l];
     }
-    free(kept);
+    release(kept);
     return 1;
 }

@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 from collections.abc import Mapping
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,8 +25,14 @@ _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _CONTRACTED = ("-ffp-contract=fast",)
 """Contraction of products and sums to one rounding, except in formulas, whose terms may cancel exactly."""
 
+_ZIG = ("-fno-sanitize=all",)
+"""Flags of Zig's C compiler, which otherwise checks for undefined behaviour while the code runs."""
+
 _HEADERS = Path(__file__).parent
-_SECONDS = 120.0
+_SECONDS = 300.0
+"""Seconds that a compilation may take. The first one by Zig builds its run-time library too: up to 40 s were
+measured on a busy machine."""
+
 _LOGGER = logging.getLogger(__name__)
 
 
@@ -48,9 +55,17 @@ _WHAT = {
 
 def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
     """Library of a C file, with the sizes as macros, and with FORMULAS as the name of a file if there are
-    formulas.
+    formulas. Raises CompilerError."""
+    library = library_file(source, sizes, formulas)
+    try:
+        return ctypes.CDLL(str(library))
+    except OSError as error:
+        raise CompilerError(f"compiled code cannot be loaded: {error}") from None
 
-    A first compilation is logged in one line. Raises CompilerError."""
+
+def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> Path:
+    """File of the library of a C file, see `compiled`. A first compilation is logged in one line. Raises
+    CompilerError."""
     compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
     flags = (*compiler.machine, *_FLAGS, *(() if formulas else _CONTRACTED))
@@ -61,11 +76,11 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
         if not _sound(library):
             of = f" of {sizes['N']} coordinates" if "N" in sizes else ""
             _LOGGER.warning("compiling %s%s for this machine, once", _WHAT.get(source.stem, source.stem), of)
-            command = [compiler.path, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
+            command = [*compiler.command, *flags, f"-I{_HEADERS}", *macros, str(source), "-lm"]
             _compile(command, library, formulas)
-        return ctypes.CDLL(str(library))
+        return library
     except OSError as error:
-        raise CompilerError(f"compiled code cannot be kept or loaded: {error}") from None
+        raise CompilerError(f"compiled code cannot be kept: {error}") from None
 
 
 def _sound(library: Path) -> bool:
@@ -98,29 +113,43 @@ def _hash(content: bytes) -> str:
 class Compiler(NamedTuple):
     """C compiler.
 
-    machine: flags for the processor. macros: those that the compiler defines with these flags, which identify
-    both."""
+    command: program with its first arguments. machine: flags for the processor. macros: those that the
+    compiler defines with these flags, which identify both."""
 
-    path: str
+    command: tuple[str, ...]
     machine: tuple[str, ...]
     macros: str
 
 
 @lru_cache
 def c_compiler() -> Compiler:
-    """C compiler of this machine. Raises CompilerError."""
-    wanted = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
+    """C compiler of this machine: GCC or Clang, otherwise Zig's if it is installed for this Python. Raises
+    CompilerError."""
+    named = os.environ.get("CC")
+    wanted = [named] if named else ["cc", "gcc", "clang"]
     found = next(filter(None, map(shutil.which, wanted)), None)
-    if found is None:
-        raise CompilerError(f"no C compiler ({', '.join(wanted)}) on this machine")
+    command = (found,) if found else () if named else zig()
+    if not command:
+        remedy = "" if named else '; pip install "parametric-vibration[compiler]" installs one'
+        raise CompilerError(f"no C compiler ({', '.join(wanted)}) on this machine{remedy}")
     failures = []
     for native in _NATIVE:
         machine = (*native, *MACHINE)
         try:
-            return Compiler(found, machine, _run([found, *machine, "-dM", "-E", "-x", "c", os.devnull]))
+            macros = _run([*command, *machine, "-dM", "-E", "-x", "c", os.devnull])
+            return Compiler(command, machine, macros)
         except CompilerError as error:
             failures.append(error)
     raise failures[0]
+
+
+def zig() -> tuple[str, ...]:
+    """Command of the C compiler of the package `ziglang`; empty if it is not installed."""
+    package = find_spec("ziglang")
+    if package is None or package.origin is None:
+        return ()
+    program = shutil.which("zig", path=str(Path(package.origin).parent))
+    return (program, "cc", *_ZIG) if program else ()
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:

@@ -18,6 +18,16 @@ typedef long long mask __attribute__((vector_size(8 * LANES)));
 
 const int lanes = LANES;
 
+/* Memory for lanes, in whole ones. */
+#ifdef _WIN32
+#include <malloc.h>
+#define allocate(bytes) _aligned_malloc(bytes, sizeof(lane))
+#define release(memory) _aligned_free(memory)
+#else
+#define allocate(bytes) aligned_alloc(sizeof(lane), bytes)
+#define release(memory) free(memory)
+#endif
+
 static inline lane absolute(lane x) { return (lane)((mask)x & 0x7fffffffffffffffLL); }
 
 static inline lane chosen(mask m, lane x, lane y) { return (lane)(((mask)x & m) | ((mask)y & ~m)); }

@@ -328,7 +328,7 @@ static int open_room(const problem *p, long most_blocks, room *r) {
     const size_t B = r->blocks + LANES, stages = (ORBIT ? p->steps : 1) * (size_t)(ROWS * W);
     size_t size = ENTRIES + (size_t)ROWS * (COLS + 1) + 3 * NX * W + B * NX * W + stages;
     if (ORBIT) size += NX * CYCLIC + B * (NX * CYCLIC + NX * ROW + NX) + p->steps * (size_t)(ROWS + NX + 2 * N) + NX;
-    r->memory = aligned_alloc(sizeof(lane), size * sizeof(lane));
+    r->memory = allocate(size * sizeof(lane));
     if (!r->memory) return 1;
     r->e = r->memory, r->rows = r->e + ENTRIES, r->inverse = r->rows + ROWS * COLS, r->map = r->inverse + ROWS;
     r->sum = r->map + NX * W, r->next = r->sum + NX * W, r->maps = r->next + NX * W;
@@ -409,7 +409,7 @@ int level(const problem *p) {
         condition += 0.0 * write(p, group, &r);
         if (ORBIT) ((loose *)p->condition)[group] = condition;
     }
-    free(r.memory);
+    release(r.memory);
     return 0;
 }
 
@@ -431,6 +431,6 @@ int segments(const problem *p) {
     const lane total = write(p, 0, &r);
     for (int l = 0; l < LANES; l++) condition += 0.0 * total[l];
     if (ORBIT) *(loose *)p->condition = condition;
-    free(r.memory);
+    release(r.memory);
     return 0;
 }

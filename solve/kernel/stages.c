@@ -64,7 +64,7 @@ static void step_map(const problem *p, lane h, lane rows[ROWS][COLS], lane map[N
 
 /* 1 where there is memory. */
 int factorised(const problem *p) {
-    lane e[ENTRIES], map[NX][NX], (*rows)[COLS] = aligned_alloc(sizeof(lane), sizeof(lane[ROWS][COLS]));
+    lane e[ENTRIES], map[NX][NX], (*rows)[COLS] = allocate(sizeof(lane[ROWS][COLS]));
     mask order[ROWS];
     if (!rows) return 0;
     memset(e, 0, sizeof(e));
@@ -100,7 +100,7 @@ int factorised(const problem *p) {
                 for (int j = 0; j < NX; j++) p->maps[((start + l) * NX + i) * NX + j] = map[i][j][l];
         }
     }
-    free(rows);
+    release(rows);
     return 1;
 }
 

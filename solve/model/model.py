@@ -197,8 +197,9 @@ class Model(PeriodicSystem):
         shapes = self.setup.function("fields").map(fraction.size)(fraction.reshape(1, -1))
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
-    def sketched(self, phase: Array, speed: float, q: Array) -> Mapping[str, Plane]:
-        return self.setup.stated_lines(phase, speed, q) or super().sketched(phase, speed, q)
+    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
+        lines = self.setup.stated_lines(phase, speed, q, fineness)
+        return lines or super().sketched(phase, speed, q)
 
     @property
     def left_out(self) -> tuple[str, ...]:

@@ -24,8 +24,17 @@ if TYPE_CHECKING:
 _CONDITION_PHASES = 720
 """Phases per period at which conditions on the parameters are checked. A choice."""
 
-SAMPLES = {"points": 1, "curve": 361, "beam": 33}
+_SAMPLES = {"points": 1, "curve": 361, "beam": 33}
 """Points drawn per stated element of a line, by the kind of the line."""
+
+
+def samples_of(kind: str, fineness: float = 1.0) -> int:
+    """Points drawn per stated element of a line of a kind.
+
+    >>> samples_of("curve", 0.2), samples_of("points", 0.2)
+    (73, 1)
+    """
+    return 1 + max(round(fineness * (_SAMPLES[kind] - 1)), min(1, _SAMPLES[kind] - 1))
 
 
 @dataclass(frozen=True)
@@ -174,15 +183,16 @@ class Setup:
                     f"{meaning}: {condition} does not hold for {values}; choose numbers for which it does"
                 )
 
-    def stated_lines(self, phase: Array, speed: float, q: Array) -> dict[str, Plane]:
+    def stated_lines(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> dict[str, Plane]:
         """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
-        (k,). Raises ValueOutOfBoundsError for a line without finite points."""
+        (k,). fineness: fraction of the usual points of curves. Raises ValueOutOfBoundsError for a line
+        without finite points."""
         lines: dict[str, Plane] = {}
         if not getattr(self.module, "SKETCH", ()):
             return lines
         function = self.function("sketch")
         for number, (name, _, kind) in enumerate(self.module.SKETCH):
-            samples = SAMPLES[kind]
+            samples = samples_of(kind, fineness)
             fractions = np.tile(np.linspace(0.0, 1.0, samples), len(phase))
             columns = np.repeat(np.vstack((phase, np.full(len(phase), speed), q)), samples, axis=1)
             values = function.call([columns[:1], columns[1:2], columns[2:], fractions[None], self.p])

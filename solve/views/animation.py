@@ -36,7 +36,7 @@ MOST_FRAMES, MOST_POSITIONS = 720, 12
 _PANELS = 4
 """Number of coordinates whose curves are shown by default."""
 
-_VISIBLE = 0.12
+VISIBLE = 0.12
 """Largest displacement by automatic magnification, relative to the size of the mechanism: clearly visible
 without distorting the mechanism."""
 
@@ -299,7 +299,7 @@ def _scaled(animation: Animation, scale: float | None) -> Animation:
         points = np.concatenate([places.ravel() for places in rigid.values()])
         size = max(np.ptp(points.real), np.ptp(points.imag))
         largest = max(float(np.abs(moved[name] - places).max()) for name, places in rigid.items())
-        scale = round_magnification(_VISIBLE * size / largest) if largest > 0 else 1.0
+        scale = round_magnification(VISIBLE * size / largest) if largest > 0 else 1.0
     return replace(animation, scale=float(scale))
 
 

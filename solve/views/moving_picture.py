@@ -186,36 +186,46 @@ def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
     movers, size = [], abs(np.subtract(*_frame(drawn)))
     for name, rigid in drawn.rigid.items():
         moved = drawn.moved[name]
-        if _still(moved, size):
+        if is_still(moved, size):
             axes.plot(moved[:, 0].real, moved[:, 0].imag, **_GROUND)
             continue
         movers += [_mover(axes, rigid, _RIGID), _mover(axes, moved, _MOVED)]
         for end in {0: moved[0], -1: moved[-1]}.values():
-            if _still(end[None], size) and not _closed(moved, size):
+            if is_still(end[None], size) and not is_closed(moved, size):
                 axes.plot(end[0].real, end[0].imag, **_HELD)
     joints = _joints(drawn, size)
     return [*movers, *(_mover(axes, each[None], _JOINT) for each in joints)]
 
 
 def _joints(drawn: Drawn, size: float) -> list[Plane]:
-    """Places (k,) of joints, where ends of two moving lines always coincide."""
-    open_lines = [name for name, places in drawn.rigid.items() if not _closed(places, size)]
+    """Places (k,) of joints."""
+    ends = meeting_ends(drawn.rigid, drawn.moved, size)
+    return [drawn.moved[name][end] for name, end in ends]
+
+
+def meeting_ends(
+    rigid: Mapping[str, Plane], moved: Mapping[str, Plane], size: float
+) -> list[tuple[str, int]]:
+    """Line and end (0 or -1) of each joint, where ends of two moving lines always coincide. size: of the
+    mechanism."""
+    open_lines = [name for name, places in rigid.items() if not is_closed(places, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
     found = []
     for number, (name, end) in enumerate(ends):
-        rigid, moved = drawn.rigid[name][end], drawn.moved[name][end]
-        others = [drawn.rigid[other][at] for other, at in ends[number + 1 :] if other != name]
-        meets = any(np.abs(rigid - other).max() < _SAME * size for other in others)
-        if meets and not _still(moved[None], size):
-            found.append(moved)
+        others = [rigid[other][at] for other, at in ends[number + 1 :] if other != name]
+        meets = any(np.abs(rigid[name][end] - other).max() < _SAME * size for other in others)
+        if meets and not is_still(moved[name][end][None], size):
+            found.append((name, end))
     return found
 
 
-def _still(places: Plane, size: float) -> bool:
+def is_still(places: Plane, size: float) -> bool:
+    """Whether a line stays at its place in all frames."""
     return bool(np.abs(places - places[:, :1]).max() < _SAME * size)
 
 
-def _closed(places: Plane, size: float) -> bool:
+def is_closed(places: Plane, size: float) -> bool:
+    """Whether a line ends where it begins."""
     return bool(np.abs(places[0] - places[-1]).max() < _SAME * size)
 
 

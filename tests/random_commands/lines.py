@@ -45,13 +45,17 @@ NEEDED = {
 """What a command needs, or is quick with, unless the line has it already."""
 
 
+ENDLESS = {"explore"}
+"""Commands that serve until they are interrupted."""
+
+
 @cache
 def flags() -> dict[tuple[str, ...], dict[str, bool]]:
     """By program and command, its flags and whether each has a value, as the commands themselves say."""
     found: dict[tuple[str, ...], dict[str, bool]] = {("derive",): _flags_of(get_command(app))}
     models = {program: importlib.import_module(f"{program}.__main__").PROGRAM for program in MODELS}
     for words, program in {"solve": SOLVE, **models}.items():
-        for name in program.listed:
+        for name in (name for name in program.listed if name not in ENDLESS):
             names = [name] if len(program.listed) > 1 else None
             found |= _flags_in(words, get_command(program.commands(name)), names)
     return found

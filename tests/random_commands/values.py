@@ -252,6 +252,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--magnification": ("10", "0"),
     "--method": METHOD,
     "--most": ("500", "1200", "0", "1e300"),
+    "--new": ("begun.py", "spring.py", "file.txt", "none/a.py", "a b.py", "math.py", "x" * 300 + ".py"),
     "--numbers": ("1", "2", "x"),
     "--of": (*NAME, "q1.max_abs", "spectral_radius", "rho1.re", "exponent1.im", "q1.harmonic3", "rho99.abs"),
     "--option": OPTION,

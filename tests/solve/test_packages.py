@@ -75,6 +75,7 @@ called = {
     "prove": solve.prove(mathieu, 1.0),
     "report": solve.report(solve.load("portal_frame")),
     "animate": solve.animate(cam, "100 rpm", rtol=1e-2),
+    "explore": solve.explore("mathieu").close(),
     "frequencies_over": solve.frequencies_over(cam, "k1", [8e4, 9e4], np.zeros(1)),
     "boundaries": solve.boundaries(at, [0.5, 1.0, 1.5]),
     "open": reopened(tempfile.mkdtemp()),

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import solve
-from solve.kernel import library
+from solve.kernel import compiler, library
 from solve.kernel.engines import EngineError
 from solve.kernel.library import Size, trouble
 
@@ -80,6 +80,7 @@ def test_compiler_may_lack_processor_flags(own_cache, tmp_path, monkeypatch, kno
 def test_missing_compiler_is_reported_in_one_line(own_cache, tmp_path, monkeypatch):
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(compiler, "zig", lambda: ())
     assert refused(own_cache).startswith("no C compiler (cc, gcc, clang) on this machine; ")
 
 

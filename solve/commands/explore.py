@@ -1,0 +1,19 @@
+"""The command `explore`: the live window."""
+
+from typing import Annotated
+
+from solve.commands.groups import Flag, Problem, Speed
+from solve.views.live.texts import Origin
+from solve.views.live.window import run, server
+
+
+def explore(
+    problem: Problem,
+    speed: Speed,
+    port: Annotated[int | None, Flag("Port of the page on this machine; by default a free one.", "N")] = None,
+    no_browser: Annotated[bool, Flag("Print the address of the page without opening it.")] = False,
+) -> None:
+    """Live window: a local page with sliders for speed and parameters."""
+    model = problem.loaded(rigid=True)
+    origin = Origin(problem.model, problem.cases)
+    run(server(model, origin, speed.speed, 0 if port is None else port), not no_browser)

@@ -1,0 +1,233 @@
+"""Sliders of the live window: ranges from the bounds of the model, and values typed with units."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.labels import SPEED
+from solve.model.bounds import clauses
+from solve.model.model import Model
+from solve.results.formatting import greek
+from solve.studies.frequencies import frequencies
+from solve.units import GivenSpeed, ShownUnit, raised, speed_in_si, unit_given
+
+_SPAN = 10.0
+"""Factor from the value of a positive parameter to either end of its slider. A choice."""
+
+_SPEEDS = 0.2, 3.0
+"""Ends of the slider of the speed, relative to the first speed. A choice."""
+
+_BELOW_RESONANCE = 0.1
+"""First speed, relative to the lowest natural frequency, if the case states none: the tenth harmonic of the
+motion is then in resonance. A choice."""
+
+_DIGITS = 4
+"""Significant digits of values that a slider takes."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """Range of a slider in the unit of its quantity.
+
+    logarithmic: scale of the slider. integer: whether only whole numbers are allowed.
+    """
+
+    low: float
+    high: float
+    logarithmic: bool = False
+    integer: bool = False
+
+
+@dataclass(frozen=True)
+class Control:
+    """Slider of a parameter or of the speed.
+
+    value: in `unit`. bound: as the model states it. further: whether it belongs among the parameters that
+    rarely matter, because its value is 0.
+    """
+
+    name: str
+    label: str
+    unit: str
+    meaning: str
+    bound: str
+    value: float
+    range: Range
+    further: bool = False
+
+    def record(self) -> dict[str, Any]:
+        """Values for the page."""
+        return asdict(self)
+
+
+def controls_of(model: Model, speed: GivenSpeed) -> list[Control]:
+    """Slider of the speed, then of each parameter, in the order of the model."""
+    unit = unit_given(speed, model.speed_unit)
+    value = rounded(unit.of(float(speed)), 12)
+    drive = Control(SPEED, "Ω", unit.name, "speed of the drive", "> 0", value, speed_range(value))
+    return [drive, *(_of_parameter(model, *row) for row in model.module.PARAMETERS)]
+
+
+def _of_parameter(model: Model, name: str, unit: str, meaning: str, bound: str) -> Control:
+    value = float(model.parameters[name])
+    similar = [
+        abs(float(model.parameters[other]))
+        for other, other_unit, *_ in model.module.PARAMETERS
+        if other_unit == unit and _family(other) == _family(name)
+    ]
+    span = parameter_range(value, bound, max(similar, default=0.0) or 1.0)
+    shown = raised(unit) if unit != "1" else ""
+    return Control(name, greek(name), shown, meaning, bound, value, span, further=value == 0)
+
+
+def _family(name: str) -> str:
+    """Name without its number.
+
+    >>> _family("a12")
+    'a'
+    """
+    return name.rstrip("0123456789")
+
+
+def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
+    """Given speed, that of the case, or one well below the lowest natural frequency, in rad/s with its unit.
+    Raises SolveError subclasses for bad input, and MissingValueError without any speed."""
+    try:
+        return speed_in_si(model.speed_or_usual(speed))
+    except MissingValueError:
+        if not model.vibrates:
+            raise
+    modes = [value for value in frequencies(model).values.ravel().tolist() if value > 0]
+    if not modes:
+        raise MissingValueError(f'{model.name} names no speed; give one, such as --speed "600 rpm"')
+    rpm = model.speed_unit.of(_BELOW_RESONANCE * min(modes))
+    return speed_in_si(f"{rounded(rpm, 2)!r} {model.speed_unit.name}")
+
+
+def speed_range(value: float) -> Range:
+    """Range of the speed around a value."""
+    low, high = (rounded(factor * value, 2) for factor in _SPEEDS)
+    return Range(low, high)
+
+
+def parameter_range(value: float, bound: str, scale: float) -> Range:
+    """Range of a parameter within its bound.
+
+    scale: half the width of the range of a value of 0 without bounds.
+
+    >>> parameter_range(8e4, "> 0", 1.0)
+    Range(low=8000.0, high=800000.0, logarithmic=True, integer=False)
+    >>> parameter_range(0.0, ">= 0", 2.0)
+    Range(low=0.0, high=2.0, logarithmic=False, integer=False)
+    """
+    conditions = clauses(bound)
+    integer = "integer" in conditions
+    lower, upper = _limits(conditions)
+    if value > 0 and lower == 0 and upper == math.inf:
+        low, high = rounded(value / _SPAN), rounded(value * _SPAN)
+        if integer:
+            return Range(max(1.0, math.ceil(low)), math.ceil(high), integer=True)
+        return Range(low, high, logarithmic=True)
+    width = 2 * abs(value) or scale
+    low = value - width if lower == -math.inf else lower
+    high = value + width if upper == math.inf else upper
+    # An open end is not a value.
+    margin = 1e-3 * (high - low)
+    low += margin * any(text.startswith("> ") for text in conditions)
+    high -= margin * any(text.startswith("< ") for text in conditions)
+    if integer:
+        return Range(math.ceil(low), math.floor(high), integer=True)
+    return Range(rounded(low), rounded(high))
+
+
+def _limits(conditions: Sequence[str]) -> tuple[float, float]:
+    """Lower and upper limit of the conditions, infinite without one."""
+    relations = [text.split() for text in conditions if text != "integer"]
+    lower = (float(limit) for relation, limit in relations if relation.startswith(">"))
+    upper = (float(limit) for relation, limit in relations if relation.startswith("<"))
+    return max(lower, default=-math.inf), min(upper, default=math.inf)
+
+
+def widened(span: Range, value: float) -> Range:
+    """Range that contains a value.
+
+    >>> widened(Range(1.0, 10.0), 12.0).high
+    12.0
+    """
+    logarithmic = span.logarithmic and value > 0
+    return Range(min(span.low, value), max(span.high, value), logarithmic, span.integer)
+
+
+def rounded(value: float, digits: int = _DIGITS) -> float:
+    """Number with few significant digits.
+
+    >>> rounded(123456.0), rounded(0.0)
+    (123500.0, 0.0)
+    """
+    return float(f"{value:.{digits}g}")
+
+
+def number(value: float) -> str:
+    """Shortest text of a number.
+
+    >>> number(8e4), number(0.1)
+    ('80000', '0.1')
+    """
+    return repr(value).removesuffix(".0")
+
+
+def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
+    """Number of a typed text, in the unit of the slider.
+
+    Parameters
+    ----------
+    model : Model
+        Model with the values of all other parameters.
+    name : str
+        Parameter, or "speed".
+    text : str
+        Number with or without a unit, such as "30 mm".
+    unit : ShownUnit
+        Unit of the slider of the speed, in which a speed without unit is understood.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UnknownNameError, UnitError, ValueOutOfBoundsError
+    """
+    text = text.strip()
+    if name == SPEED:
+        return rounded(unit.of(float(speed_in_si(with_speed_unit(text, unit)))), 12)
+    require_name(f"parameter of {model.name}", name, model.parameters)
+    try:
+        value = model.in_own_unit(name, text)
+    except ValueError:
+        own = model.parameter_labels[name][0]
+        raise ValueOutOfBoundsError(
+            f"{name} is '{text}'; give a number, in {own} unless a unit follows, such as '1.5 {own}'".replace(
+                " 1'", "'"
+            )
+        ) from None
+    model.require_bounds({name: value})
+    return value
+
+
+def with_speed_unit(text: str, unit: ShownUnit) -> str:
+    """Text of a speed, with the unit of the slider if it has none."""
+    try:
+        return f"{number(float(text))} {unit.name}"
+    except ValueError:
+        return text
+
+
+def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]:
+    """Values of parameters from the texts of the page: numbers in the units of the model, or texts with
+    unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
+    for name in texts:
+        require_name(f"parameter of {model.name}", name, model.parameters)
+    return {name: model.in_own_unit(name, text) for name, text in texts.items()}

@@ -1,0 +1,119 @@
+"""Mechanism in motion, as points that the page draws and interpolates."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array, Plane
+from solve.results.formatting import prefixed, round_magnification
+from solve.system import PeriodicSystem
+from solve.views.animation import VISIBLE
+from solve.views.live.picture import Solution
+from solve.views.moving_picture import is_closed, is_still, meeting_ends
+
+FRAMES = 36
+"""Number of frames over a period, between which the page interpolates: a rotating point then lies within
+0.4 % of its circle."""
+
+COARSE = 0.25
+"""Fraction of the points of curves, while sliders move, of those in animations: a quarter of the time."""
+
+
+def motion(
+    solution: Solution, scale: float | None, fineness: float = COARSE
+) -> tuple[dict[str, Any], bytes] | None:
+    """Lines of the mechanism over a period.
+
+    Parameters
+    ----------
+    solution : Solution
+        Present solution.
+    scale : float, optional
+        Magnification of the vibration; by default the vibration is visible.
+    fineness : float
+        Fraction of the points of curves in animations.
+
+    Returns
+    -------
+    record : dict
+        Names, sizes and kinds of the lines, magnification, and the area that all frames need.
+    points : bytes
+        Coordinates as little-endian 32-bit floats: for each line the rigid motion, then the magnified one,
+        each frame by frame, point by point, x before y. None for a model without a sketch.
+    """
+    system, speed = solution.orbit.system, solution.orbit.speed
+    if not _has_sketch(system):
+        return None
+    phase = np.arange(FRAMES) * (solution.span / FRAMES)
+    vibration = solution.vibration(phase)
+    rigid = _lines(system, phase, speed, 0.0 * vibration, fineness)
+    if scale is None:
+        scale = _visible_scale(solution, phase, vibration, rigid, fineness)
+    moved = _lines(system, phase, speed, scale * vibration, fineness) if system.vibrates else rigid
+    return _record(system, rigid, moved, scale), _points(rigid, moved)
+
+
+def _has_sketch(system: PeriodicSystem) -> bool:
+    return bool(system.links) or bool(getattr(getattr(system, "module", None), "SKETCH", ()))
+
+
+def _lines(
+    system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float
+) -> Mapping[str, Plane]:
+    return system.sketched(phase, speed, q, fineness)
+
+
+def _size(lines: Sequence[Plane]) -> float:
+    low, high = _corners(lines)
+    return max((high - low).real, (high - low).imag) or 1.0
+
+
+def _corners(lines: Sequence[Plane]) -> tuple[complex, complex]:
+    """Lower left and upper right corner of the area that lines need."""
+    x, y = (np.concatenate([part(line).ravel() for line in lines]) for part in (np.real, np.imag))
+    return complex(x.min(), y.min()), complex(x.max(), y.max())
+
+
+def _visible_scale(
+    solution: Solution, phase: Array, q: Array, rigid: Mapping[str, Plane], fineness: float
+) -> float:
+    """Largest round magnification that distorts the mechanism little, from a third of the frames."""
+    if not q.any():
+        return 1.0
+    some, system, speed = slice(None, None, 3), solution.orbit.system, solution.orbit.speed
+    moved = _lines(system, phase[some], speed, q[:, some], fineness)
+    largest = max(float(np.abs(moved[name] - places[:, some]).max()) for name, places in rigid.items())
+    return float(round_magnification(VISIBLE * _size([*rigid.values()]) / largest)) if largest > 0 else 1.0
+
+
+def _record(
+    system: PeriodicSystem, rigid: Mapping[str, Plane], moved: Mapping[str, Plane], scale: float
+) -> dict[str, Any]:
+    low, high = _corners([*rigid.values(), *moved.values()])
+    size = abs(high - low)
+    lines = []
+    for name, line in moved.items():
+        fixed = is_still(line, size)
+        ends = [line[0], line[-1]] if not fixed and not is_closed(line, size) else []
+        held = [[end[0].real, end[0].imag] for end in ends if is_still(end[None], size)]
+        lines.append({"name": name, "points": len(line), "fixed": fixed, "held": held})
+    factor, unit = prefixed(system.sketch_unit, abs(size))
+    return {
+        "frames": FRAMES,
+        "lines": lines,
+        "joints": meeting_ends(rigid, moved, size),
+        "low": [low.real, low.imag],
+        "high": [high.real, high.imag],
+        "factor": factor,
+        "unit": unit,
+        "scale": scale,
+    }
+
+
+def _points(rigid: Mapping[str, Plane], moved: Mapping[str, Plane]) -> bytes:
+    pieces = []
+    for name, line in rigid.items():
+        for places in (line, moved[name]):
+            pieces.append(np.stack((np.real(places.T), np.imag(places.T)), axis=-1).ravel())
+    return np.concatenate(pieces).astype("<f4").tobytes()

@@ -1,0 +1,156 @@
+"""Solution at the present position of the sliders, as data for the page."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import NoLoadError
+from solve.model.model import Model
+from solve.newton.orbits import nonlinear
+from solve.newton.transients import transient
+from solve.results.formatting import greek, measured, prefixed
+from solve.results.orbit import Orbit
+from solve.results.special_orbits import RigidOrbit
+from solve.results.transient import Transient
+from solve.single import periodic
+from solve.system import require_load
+
+PHASES = 361
+"""Number of points of a curve: every degree of a revolution, more than a narrow panel has pixels."""
+
+FREE_PERIODS = 8
+"""Number of periods of the free vibration that is shown without a load."""
+
+_FREE_RTOL = 1e-6
+"""Tolerance of the free vibration: far below a pixel."""
+
+_HARMONICS = 60
+_VISIBLE = 1e-3
+"""Amplitude relative to the largest below which the tail of a spectrum is not shown."""
+
+_DIGITS = 5
+"""Significant digits of points of curves: a panel has fewer than 1e4 pixels."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Orbit at the present position of the sliders; without a load also the free vibration from q = 1."""
+
+    orbit: Orbit
+    free: Transient | None = None
+
+    @property
+    def span(self) -> float:
+        """Last phase of the curves in rad; the first is 0."""
+        period = self.orbit.system.period
+        return period if self.free is None else FREE_PERIODS * period
+
+    def vibration(self, phase: Array) -> Array:
+        """Coordinates (n, k) at phases (k,)."""
+        if self.free is None:
+            return self.orbit.at(phase) if self.orbit.system.vibrates else np.zeros((0, len(phase)))
+        return self._free_curve(phase)
+
+    @property
+    def _free_curve(self) -> Callable[[Array], Array]:
+        from scipy.interpolate import CubicHermiteSpline
+
+        free, speed = self.free, self.orbit.speed
+        assert free is not None
+        return CubicHermiteSpline(free.phase, free.q, free.qd / speed, axis=1)
+
+    def curve(self, name: str, phase: Array) -> Array:
+        """Coordinate or output (k,) at phases (k,)."""
+        if self.free is None:
+            return self.orbit.signal(name)(phase)
+        if name in self.orbit.coordinates:
+            return self.vibration(phase)[self.orbit.coordinates.index(name)]
+        return np.interp(phase, self.free.phase, self.free.outputs[name])
+
+
+def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solution:
+    """Orbit of a model at a speed in rad/s, and the free vibration if it has no load. Raises SolveError
+    subclasses."""
+    find = nonlinear if is_nonlinear else periodic
+    orbit = find(model, speed, rtol=rtol)
+    if not model.vibrates:
+        return Solution(orbit)
+    try:
+        require_load(model, speed)
+    except NoLoadError:
+        start = np.ones(model.n), np.zeros(model.n)
+        return Solution(orbit, transient(model, speed, FREE_PERIODS, start, rtol=_FREE_RTOL))
+    return Solution(orbit)
+
+
+def record(solution: Solution, shown: Sequence[str]) -> dict[str, Any]:
+    """Values that follow the sliders: curves and spectra of the quantities shown, multipliers, verdict,
+    errors and warnings."""
+    orbit = solution.orbit
+    values: dict[str, Any] = {
+        "span": math.degrees(solution.span),
+        "period": math.degrees(orbit.system.period),
+        "curves": [_curve(solution, name) for name in shown],
+        "warnings": orbit.warnings,
+        "free": solution.free is not None,
+    }
+    if isinstance(orbit, RigidOrbit):
+        return {**values, "verdict": "", "errors": "", "multipliers": [], "small": 0}
+    errors, multipliers = orbit.error_estimate, orbit.spectrum.leading.tolist()
+    texts = [f"orbit {errors.orbit:.1e}", f"multipliers {errors.multipliers:.1e}"]
+    return {
+        **values,
+        "verdict": orbit.verdict,
+        "errors": ", ".join(texts),
+        "radius": _finite(orbit.spectral_radius),
+        "multipliers": [[_finite(rho.real), _finite(rho.imag)] for rho in multipliers],
+        "small": 2 * orbit.system.n - len(multipliers),
+    }
+
+
+def details(solution: Solution) -> dict[str, Any]:
+    """Values that take longer: the sentence on verdict and linearisation, and the notes."""
+    orbit = solution.orbit
+    if isinstance(orbit, RigidOrbit):
+        return {"summary": orbit.summary, "method": "", "notes": []}
+    method = f"{orbit.described}, {orbit.steps} steps a period"
+    return {"summary": orbit.summary, "method": method, "notes": orbit.notes}
+
+
+def _curve(solution: Solution, name: str) -> dict[str, Any]:
+    """Curve of a quantity with its spectrum, in a prefixed unit."""
+    orbit = solution.orbit
+    phase = np.linspace(0.0, solution.span, PHASES)
+    values = solution.curve(name, phase)
+    finite = values[np.isfinite(values)]
+    largest = float(np.abs(finite).max()) if len(finite) else 0.0
+    factor, unit = prefixed(orbit.system.units.get(name, ""), largest)
+    amplitudes: list[float | None] = []
+    if solution.free is None:
+        largest = float(orbit.statistics(name).max_abs)
+        spectrum = orbit.harmonics(name, _HARMONICS)[0]
+        visible = np.flatnonzero(spectrum[1:] > _VISIBLE * np.nan_to_num(spectrum[1:]).max(initial=0.0))
+        last = max(10, int(visible[-1]) + 2) if len(visible) else 10
+        amplitudes = shortened(factor * spectrum[: last + 1])
+    return {
+        "name": name,
+        "label": greek(name),
+        "unit": unit,
+        "meaning": orbit.system.meanings.get(name, ""),
+        "largest": measured(largest, orbit.system.units.get(name, "")).removesuffix(" 1"),
+        "values": shortened(factor * values),
+        "spectrum": amplitudes,
+    }
+
+
+def shortened(values: Array) -> list[float | None]:
+    """Numbers with few digits for the page; None for NaN and infinity."""
+    return [float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None for value in values.tolist()]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

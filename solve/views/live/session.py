@@ -1,0 +1,234 @@
+"""One window of the live page: its sliders, and answers to its messages."""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.labels import SPEED
+from solve.model.model import Model
+from solve.terminal import progress
+from solve.units import GivenSpeed, ShownUnit, speed_in_si, unit_given
+from solve.views.animation import require_magnification
+from solve.views.live import controls, picture
+from solve.views.live.motion import COARSE, motion
+from solve.views.live.picture import Solution
+from solve.views.live.survey import Survey, choices
+from solve.views.live.texts import Origin, State, default_file, save_case
+
+MOST_SHOWN = 6
+"""Largest number of quantities shown at a time: each takes a row of the page. A choice."""
+
+_FIRST_SHOWN = 3
+
+_MOTION_DELAY, _DETAILS_DELAY = 0.04, 0.25
+"""Seconds after a solution until the motion of the mechanism, and the linearisation error and the notes, are
+computed unless the sliders have moved on: these take as long as the solution. A choice."""
+
+_DELAY, _INTERVAL = 0.4, 0.25
+"""Seconds until the progress of a solution is shown, and between two reports of it. A choice."""
+
+Send = Callable[[dict[str, Any], bytes | None], object]
+"""Function that sends a message to the page, with points that follow it, if any."""
+
+Later = Callable[[float, Callable[[], None]], object]
+"""Function that carries out work after a delay in seconds, in the thread of the session."""
+
+
+class Replaced(BaseException):
+    """A newer request has replaced the one under way. Not an Exception, which numerical code may convert."""
+
+
+class Session:
+    """State of a window.
+
+    Parameters
+    ----------
+    base : Model
+        Model with the first values of the sliders.
+    origin : Origin
+        Files of the model.
+    speed : GivenSpeed
+        First speed in rad/s, with its unit.
+    send : callable
+        Sends a message to the page, from any thread.
+    later : callable
+        Carries out work after a delay, in the thread of the session.
+
+    Notes
+    -----
+    All methods run in one thread, except `replace`.
+    """
+
+    def __init__(self, base: Model, origin: Origin, speed: GivenSpeed, send: Send, later: Later):
+        self.base, self.origin, self.send, self.later = base, origin, send, later
+        self.unit: ShownUnit = unit_given(speed, base.speed_unit)
+        self.first = controls.controls_of(base, speed)
+        self.stated = origin.stated(base)
+        self.state = State(
+            origin, self.stated, base, {}, f"{controls.number(self.first[0].value)} {self.unit.name}"
+        )
+        self._newest, self._lock = 0, threading.Lock()
+
+    def replace(self, number: int) -> None:
+        """Announce a newer request, which ends the one under way."""
+        with self._lock:
+            self._newest = max(self._newest, number)
+
+    def hello(self) -> None:
+        """Send the model: sliders, quantities, and choices of sweeps and charts."""
+        model = self.base
+        quantities = [
+            {"name": name, "unit": model.units.get(name, ""), "meaning": model.meanings.get(name, "")}
+            for name in model.known_quantities()
+        ]
+        self.send(
+            {
+                "is": "model",
+                "name": model.name,
+                "title": model.title,
+                "case": model.case or "",
+                "controls": [control.record() for control in self.first],
+                "quantities": quantities,
+                "shown": [row["name"] for row in quantities[:_FIRST_SHOWN]],
+                "most_shown": MOST_SHOWN,
+                "of": choices(model),
+                "vibrates": model.vibrates,
+                "nonlinear": model.nonlinear and model.vibrates,
+                "file": default_file(self.origin, model),
+            },
+            None,
+        )
+
+    def check(self, message: Mapping[str, Any]) -> None:
+        """Check a typed value and send it in the unit of its slider, or the reason of its refusal."""
+        name, text = str(message.get("name")), str(message.get("text"))
+        try:
+            value = controls.typed(self.base, name, text, self.unit)
+        except SolveError as error:
+            self.send({"is": "refused", "name": name, "message": str(error)}, None)
+            return
+        if name == SPEED:
+            text = controls.with_speed_unit(text, self.unit)
+        self.send({"is": "checked", "name": name, "value": value, "text": text}, None)
+
+    def solve(self, message: Mapping[str, Any]) -> None:
+        """Solve at the position of the sliders and send curves, verdict and errors. The motion of the
+        mechanism and what takes longer follow, unless a newer request comes."""
+        number, started = int(message.get("number", 0)), time.perf_counter()
+        with self._answering(number):
+            self._require_newest(number)
+            with progress.listen(partial(self._report, number, [time.monotonic() + _DELAY])):
+                speed, shown = self._moved(message), self._shown(message)
+                solution = picture.solved(
+                    self.state.model, speed, _rtol(message), bool(message.get("nonlinear"))
+                )
+                values = picture.record(solution, shown)
+            seconds = time.perf_counter() - started
+            texts = {"command": self._command(message), "python": self._python(message)}
+            self.send({"is": "solution", "number": number, "seconds": seconds, **values, **texts}, None)
+            scale = message.get("scale")
+            require_magnification(scale)
+            move = partial(self._send_motion, number, solution, None if scale is None else float(scale))
+            steps = (
+                (_MOTION_DELAY, partial(move, COARSE)),
+                (_DETAILS_DELAY, partial(self._detail, number, solution)),
+                (_DETAILS_DELAY, partial(move, 1.0)),
+            )
+            for delay, step in steps:
+                self.later(delay, partial(self._follow_up, number, step))
+
+    @contextmanager
+    def _answering(self, number: int) -> Iterator[None]:
+        """Context of an answer: the page learns why there is none."""
+        try:
+            yield
+        except Replaced:
+            self.send({"is": "replaced", "number": number}, None)
+        except SolveError as error:
+            self.send({"is": "fault", "number": number, "message": str(error)}, None)
+
+    def _follow_up(self, number: int, step: Callable[[], None]) -> None:
+        """Carry out a further step of a solution, unless a newer request has come."""
+        if number == self._newest:
+            with self._answering(number):
+                step()
+
+    def _detail(self, number: int, solution: Solution) -> None:
+        with progress.listen(partial(self._report, number, [math.inf])):
+            self.send({"is": "details", "number": number, **picture.details(solution)}, None)
+
+    def _send_motion(self, number: int, solution: Solution, scale: float | None, fineness: float) -> None:
+        moving = motion(solution, scale, fineness)
+        if moving is not None:
+            self.send({"is": "motion", "number": number, **moving[0]}, moving[1])
+
+    def _require_newest(self, number: int) -> None:
+        if number < self._newest:
+            raise Replaced
+
+    def _report(self, number: int, next_time: list[float], tracker: progress.Tracker | None = None) -> None:
+        """Raise Replaced if a newer request has come; send the progress now and then."""
+        self._require_newest(number)
+        now = time.monotonic()
+        status = tracker.status(now) if tracker is not None and now >= next_time[0] else None
+        if status is not None:
+            next_time[0] = now + _INTERVAL
+            self.send({"is": "progress", "of": "solution", "number": number, **status._asdict()}, None)
+
+    def _moved(self, message: Mapping[str, Any]) -> float:
+        """Speed in rad/s; moves the state to the position of the sliders. Raises SolveError subclasses."""
+        texts = {str(name): str(text) for name, text in (message.get("values") or {}).items()}
+        text = controls.with_speed_unit(str(message.get("speed") or self.state.speed), self.unit)
+        speed, model = speed_in_si(text), self.state.model
+        values = controls.changed_parameters(self.base, texts)
+        if {**self.base.parameters, **values} != dict(model.parameters):
+            model = self.base.varied(values)
+        self.state = State(self.origin, self.stated, model, texts, text)
+        return speed
+
+    def _shown(self, message: Mapping[str, Any]) -> list[str]:
+        names = [str(name) for name in message.get("shown") or []]
+        if len(names) > MOST_SHOWN:
+            raise ValueOutOfBoundsError(
+                f"{len(names)} quantities are chosen; allowed: up to {MOST_SHOWN} at a time"
+            )
+        return list(self.base.known_quantities(names))
+
+    def _command(self, message: Mapping[str, Any]) -> str:
+        flags = [" --nonlinear"] if message.get("nonlinear") else []
+        flags += [f" --rtol {_rtol(message):g}"] if message.get("rtol") else []
+        return self.state.command + "".join(flags) if self.state.command else ""
+
+    def _python(self, message: Mapping[str, Any]) -> str:
+        text = self.state.python
+        if message.get("rtol"):
+            text = text.replace('")\n', f'", rtol={_rtol(message):g})\n')
+        return text.replace("solve.periodic(", "solve.nonlinear(") if message.get("nonlinear") else text
+
+    def survey(self, message: Mapping[str, Any]) -> Survey:
+        """Sweep or chart that a page requests. Raises SolveError subclasses."""
+        speed = self._moved(message)
+        return Survey.of_page(self.state.model, speed, self.unit, message)
+
+    def save(self, message: Mapping[str, Any]) -> None:
+        """Save the state as a case, and send the sentence on it or the reason of the refusal."""
+        try:
+            self._moved(message)
+            text = save_case(self.state, str(message.get("case")), str(message.get("file")))
+            self.send({"is": "saved", "message": text}, None)
+        except SolveError as error:
+            self.send({"is": "not saved", "message": str(error)}, None)
+
+
+def _rtol(message: Mapping[str, Any]) -> float:
+    """Tolerance of a request, 1e-8 by default. Raises ValueOutOfBoundsError."""
+    text = message.get("rtol") or 1e-8
+    try:
+        return float(text)
+    except (TypeError, ValueError):
+        raise ValueOutOfBoundsError(f"rtol is '{text}'; give a number, such as 1e-6") from None

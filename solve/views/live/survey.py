@@ -1,0 +1,175 @@
+"""Sweeps and charts of the live window: requested by the page, computed in the background, returned as
+data."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError, require_name
+from solve.labels import SPEED
+from solve.model.model import Model
+from solve.period.named import HARMONIC, RADIUS, Named
+from solve.period.quantities import FIGURES
+from solve.results.formatting import greek, headed, named, prefixed
+from solve.studies.chart import chart
+from solve.studies.sweep import sweep
+from solve.units import ShownUnit, raised
+from solve.views.live.picture import shortened
+
+MOST_POINTS, MOST_ACROSS = 2000, 120
+"""Largest number of points of a sweep, and along either side of a chart: more than pixels can show."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Quantity that varies, with its values from `low` to `high` in the unit of its slider."""
+
+    name: str
+    low: float
+    high: float
+    count: int
+    logarithmic: bool = False
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any], most: int) -> Self:
+        """Axis from the request of a page. Raises ValueOutOfBoundsError."""
+        try:
+            axis = cls(
+                str(values["name"]),
+                float(values["low"]),
+                float(values["high"]),
+                int(values["count"]),
+                bool(values.get("logarithmic")),
+            )
+        except (KeyError, TypeError, ValueError):
+            raise ValueOutOfBoundsError("give a quantity, two numbers and a count of points") from None
+        if not (np.isfinite([axis.low, axis.high]).all() and axis.low < axis.high):
+            raise ValueOutOfBoundsError(
+                f"{axis.name} from {axis.low:g} to {axis.high:g}; give a smaller number first"
+            )
+        if not 2 <= axis.count <= most:
+            raise ValueOutOfBoundsError(f"{axis.count} points; allowed: 2 … {most}")
+        return axis
+
+    @property
+    def values(self) -> Array:
+        """Values in the unit of the slider."""
+        if self.logarithmic and self.low > 0:
+            return np.geomspace(self.low, self.high, self.count)
+        return np.linspace(self.low, self.high, self.count)
+
+    def own(self, unit: ShownUnit) -> Array:
+        """Values in the unit of the model, in rad/s for the speed in a display unit."""
+        return self.values * unit.size if self.name == SPEED else self.values
+
+    def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
+        """Values for the page."""
+        own, meaning = model.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
+        shown = unit.name if self.name == SPEED else raised(own)
+        label = "Ω" if self.name == SPEED else greek(self.name)
+        return {
+            "name": self.name,
+            "label": headed(label, shown),
+            "meaning": meaning,
+            "values": self.values.tolist(),
+            "logarithmic": self.logarithmic,
+        }
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Request for a sweep (y None) or a chart of a model.
+
+    speed: in rad/s, of the axes that do not vary it. unit: of the slider of the speed. of: quantity by name.
+    """
+
+    model: Model
+    speed: float
+    unit: ShownUnit
+    x: Axis
+    y: Axis | None
+    of: str
+
+    @classmethod
+    def of_page(cls, model: Model, speed: float, unit: ShownUnit, request: Mapping[str, Any]) -> Self:
+        """Survey from the request of a page. Raises SolveError subclasses."""
+        of = Named.of(model, str(request.get("of", RADIUS)))
+        most = MOST_ACROSS if request.get("y") else MOST_POINTS
+        x = Axis.of(request.get("x") or {}, most)
+        y = Axis.of(request["y"], most) if request.get("y") else None
+        for axis in filter(None, (x, y)):
+            if axis.name != SPEED:
+                require_name(f"parameter of {model.name}", axis.name, model.parameters)
+        if y is not None and x.name == y.name:
+            raise ValueOutOfBoundsError(f"x and y are both {x.name}; vary two different quantities")
+        return cls(model, speed, unit, x, y, of.text)
+
+    def run(self) -> dict[str, Any]:
+        """Values for the page. Raises SolveError subclasses."""
+        return self._sweep() if self.y is None else self._chart(self.y)
+
+    def _sweep(self) -> dict[str, Any]:
+        model, x, of = self.model, self.x, Named.of(self.model, self.of)
+        varies_speed = x.name == SPEED
+        speeds = x.own(self.unit) if varies_speed else [self.speed]
+        over = None if varies_speed else {x.name: x.values}
+        shown = [of.subject] if of.of_orbit else []
+        spectra = shown if of.figure == HARMONIC else []
+        result = sweep(model, speeds, quantities=shown, spectra=spectra, harmonics=of.number or 1, over=over)
+        if of.figure == HARMONIC:
+            values = result.spectrum(of.subject)[:, of.number]
+        elif of.of_orbit:
+            require_name(f"figure of {of.subject} in a sweep", of.figure, FIGURES)
+            values = result.figures(of.subject, of.figure)
+        elif of.subject == RADIUS:
+            values = result.spectral_radius
+        else:
+            raise ValueOutOfBoundsError(f"a sweep of {of.text} is not drawn; choose another quantity")
+        points = result.points
+        failures = [point.error for point in points]
+        if all(failures):
+            raise ValueOutOfBoundsError(f"no point has a result: {failures[0]}")
+        return {
+            "x": x.record(model, self.unit),
+            **self._values(of, values),
+            "verdicts": [point.verdict for point in points],
+            "failures": failures,
+            "warnings": result.warnings,
+        }
+
+    def _chart(self, y: Axis) -> dict[str, Any]:
+        of = Named.of(self.model, self.of)
+        axes = [{axis.name: axis.own(self.unit)} for axis in (self.x, y)]
+        speed = None if SPEED in (self.x.name, y.name) else self.speed
+        result = chart(self.model, *axes, speed=speed, of=None if of.subject == RADIUS else of.text)
+        values = result.spectral_radius if result.values is None else result.values
+        curves = []
+        for curve in result.boundaries:
+            points = np.array(curve.points)
+            sizes = [self.unit.size if axis.name == SPEED else 1.0 for axis in (self.x, y)]
+            curves.append({"name": curve.name, "points": (points / sizes).tolist()})
+        return {
+            "x": self.x.record(self.model, self.unit),
+            "y": y.record(self.model, self.unit),
+            **self._values(of, np.asarray(values).ravel()),
+            "verdicts": [str(verdict) for verdict in np.ravel(result.verdicts)],
+            "boundaries": curves,
+            "failures": [],
+            "warnings": result.warnings,
+        }
+
+    def _values(self, of: Named, values: Array) -> dict[str, Any]:
+        """Values of the quantity in a prefixed unit, with their label."""
+        finite = values[np.isfinite(values)]
+        factor, unit = prefixed(of.unit, float(np.abs(finite).max()) if len(finite) else 0.0)
+        label = named("max_abs", of.subject) if of.figure == "max_abs" else of.text.replace("_", " ")
+        return {"of": of.text, "label": headed(label, unit), "values": shortened(factor * values)}
+
+
+def choices(model: Model) -> list[str]:
+    """Quantities by name that the page offers for sweeps and charts."""
+    names = [f"{name}.max_abs" for name in model.known_quantities()]
+    return [*names, RADIUS] if model.vibrates else names

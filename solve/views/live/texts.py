@@ -1,0 +1,210 @@
+"""State of the live window as a command, as Python, and as a case of a case file."""
+
+import re
+import shlex
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from solve.errors import CaseFileError, FileError, SolveError, ValueOutOfBoundsError, cause
+from solve.loading import case_numbers, missing_parameters
+from solve.model.bounds import checked_options
+from solve.model.cases import read_cases
+from solve.model.generated import model_files
+from solve.model.model import Model
+from solve.model.tables import series_of
+from solve.results.files import write_atomic
+from solve.views.live.controls import number
+
+SOURCE = "chosen in solve explore"
+"""Source of a number that a slider has changed."""
+
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
+_FILE = re.compile(r"[A-Za-z0-9_-]{1,60}\.toml")
+_NUMBERED = re.compile(r"(.*?)([0-9]+)")
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Files of a model.
+
+    argument: name or path by which commands find it; None for a model in memory. cases: another case file.
+    """
+
+    argument: str | None = None
+    cases: str | None = None
+
+    @classmethod
+    def of(cls, model: Model) -> "Origin":
+        """Origin of a loaded model, from the place of its generated code."""
+        generated = Path(getattr(model.module, "__file__", None) or "")
+        for argument in (model.name, str(generated.parent.parent / generated.name)):
+            try:
+                if model_files(argument).generated.resolve() == generated.resolve():
+                    return cls(argument)
+            except (SolveError, OSError):
+                continue
+        return cls()
+
+    def stated(self, model: Model) -> Mapping[str, float]:
+        """Values of the parameters that the case states; empty for a model in memory."""
+        if self.argument is None:
+            return {}
+        missing = missing_parameters(self.argument, model.case or None, self.cases, {})
+        others = {name: float(model.parameters[name]) for name in missing}
+        case = case_numbers(self.argument, model.case or None, self.cases, others)
+        return {name: value for name, value in case.parameters.items() if name not in missing}
+
+
+@dataclass(frozen=True)
+class State:
+    """State of a window: model with the values of the sliders, texts of the changed values, and the speed as
+    a text with unit."""
+
+    origin: Origin
+    stated: Mapping[str, float]
+    model: Model
+    texts: Mapping[str, str]
+    speed: str
+
+    @property
+    def set(self) -> dict[str, str]:
+        """Texts of the values that differ from those of the case."""
+        stated, parameters = self.stated, self.model.parameters
+        return {
+            name: self.texts.get(name) or number(float(value))
+            for name, value in parameters.items()
+            if stated.get(name) != value
+        }
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options that differ from their defaults."""
+        defaults = checked_options(self.model.module, {})
+        return {name: value for name, value in self.model.options.items() if defaults.get(name) != value}
+
+    @property
+    def command(self) -> str:
+        """Command that computes the same orbit; empty for a model in memory."""
+        if self.origin.argument is None:
+            return ""
+        parts = ["solve", "periodic", shlex.quote(self.origin.argument)]
+        parts += ["--case", shlex.quote(self.model.case)] if self.model.case else []
+        parts += ["--cases", shlex.quote(self.origin.cases)] if self.origin.cases else []
+        for flag, values in (("--option", self.options), ("--set", self.set)):
+            parts += (f"{flag} {_quoted(f'{name}={value}')}" for name, value in values.items())
+        return " ".join([*parts, "--speed", f'"{self.speed}"'])
+
+    @property
+    def python(self) -> str:
+        """Python code that computes the same orbit."""
+        if self.origin.argument is None or self.origin.cases:
+            values = {name: float(value) for name, value in self.model.parameters.items()}
+            changed = {name: value for name, value in values.items() if self.stated.get(name) != value}
+            load = f"model = model.varied({changed})" if changed else "model"
+        else:
+            words = [repr(self.origin.argument)]
+            words += [f"case={self.model.case!r}"] if self.model.case else []
+            words += [f"options={self.options!r}"] if self.options else []
+            words += (f"{name}={_value(text)}" for name, text in self.set.items())
+            load = f"model = solve.load({', '.join(words)})"
+        return f'import solve\n\n{load}\norbit = solve.periodic(model, "{self.speed}")\n'.replace("'", '"')
+
+    def toml(self, name: str) -> str:
+        """Case of this name with every parameter, for a case file. Raises ValueOutOfBoundsError."""
+        if not _NAME.fullmatch(name):
+            raise ValueOutOfBoundsError(
+                f"the case is named '{name}'; allowed: up to 40 letters, digits, - and _, such as 'stiff'"
+            )
+        title = f'title = "{SOURCE}"\n' if self.set else ""
+        head = f'[case.{name}]\n{title}speed = "{self.speed}"\n[case.{name}.parameters]\n'
+        return head + "".join(f"{line}\n" for line in self._entries())
+
+    def _entries(self) -> Iterator[str]:
+        """Line per parameter, or per family of numbered parameters with one source."""
+        model, sources = self.model, self.model.parameter_sources
+        rows = []
+        for name, value in model.parameters.items():
+            source = SOURCE if name in self.set else sources.get(name, SOURCE)
+            rows.append((name, number(float(value)), model.parameter_labels[name][0], source))
+        for (base, unit, source), group in groupby(rows, lambda row: (_base(row[0]), *row[2:])):
+            members = list(group)
+            rest = f'unit = "{_escaped(unit)}", source = "{_escaped(source)}" }}'
+            if len(members) > 1 and [member[0] for member in members] == [
+                f"{base}{k}" for k in range(1, len(members) + 1)
+            ]:
+                values = ", ".join(value for _, value, *_ in members)
+                yield f"{base} = {{ values = [{values}], {rest}"
+            else:
+                yield from (f"{name} = {{ value = {value}, {rest}" for name, value, *_ in members)
+
+
+def save_case(state: State, name: str, file: str) -> str:
+    """Add a case to a case file and return the sentence that names it.
+
+    Parameters
+    ----------
+    state : State
+        State of the window.
+    name : str
+        Name of the new case.
+    file : str
+        File in the current folder, or the case file of the model; created if it does not exist.
+
+    Raises
+    ------
+    ValueOutOfBoundsError, FileError, CaseFileError
+        If a name is invalid, the file has a case of this name, or cannot be read or written.
+    """
+    block, path = state.toml(name), Path(file)
+    if file != state.origin.cases and not _FILE.fullmatch(file):
+        raise ValueOutOfBoundsError(
+            f"the file is '{file}'; allowed: a name that ends in .toml, such as mine.toml"
+        )
+    module = state.model.module
+    units = {parameter: unit for parameter, unit, *_ in module.PARAMETERS}
+    series = series_of(getattr(module, "SERIES", ()))
+    try:
+        old = path.read_text(encoding="utf-8-sig") if path.exists() else ""
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another") from None
+    if old and name in read_cases(path, units, series):
+        raise CaseFileError(f"'{file}' has a case '{name}'; give another name")
+    text = f"{old.rstrip()}\n\n{block}" if old else block
+
+    def write(stream: BinaryIO) -> None:
+        stream.write(text.encode())
+
+    write_atomic(path, write)
+    if state.origin.argument is None:
+        return f"case {name} is in {file}"
+    return f"case {name} is in {file}: solve periodic {state.origin.argument} --cases {file} --case {name}"
+
+
+def default_file(origin: Origin, model: Model) -> str:
+    """File to which cases are added unless another is named."""
+    return origin.cases or f"{model.name}_cases.toml"
+
+
+def _value(text: str) -> str:
+    """Number, or text in quotes."""
+    try:
+        return number(float(text))
+    except ValueError:
+        return repr(text)
+
+
+def _base(name: str) -> str:
+    numbered = _NUMBERED.fullmatch(name)
+    return numbered[1] if numbered else name
+
+
+def _quoted(text: str) -> str:
+    """Text in double quotes if a shell would split it."""
+    return text if re.fullmatch(r"[\w.=+,:/-]+", text) else f'"{text}"'
+
+
+def _escaped(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"')

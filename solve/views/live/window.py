@@ -1,0 +1,183 @@
+"""The live window in Python and in notebooks, and as a command."""
+
+import asyncio
+import os
+import pickle
+import signal
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from html import escape
+from types import FrameType
+from typing import TYPE_CHECKING
+
+from solve.arguments import first_is
+from solve.errors import MissingLibraryError
+from solve.loading import load
+from solve.model.model import Model
+from solve.units import GivenSpeed
+from solve.views.live.controls import first_speed
+from solve.views.live.texts import Origin
+
+if TYPE_CHECKING:
+    from solve.views.live.server import LiveServer
+
+_START = 30.0
+"""Seconds within which the server must start."""
+
+_HEIGHT = 900
+"""Height of the window in a notebook, in pixels."""
+
+
+class LiveWindow:
+    """Live window of a model, from `solve.explore`.
+
+    Attributes
+    ----------
+    address : str
+        Address of the page, with its token.
+
+    Notes
+    -----
+    In a notebook the window is shown in a frame. The server runs in a thread until `close`, or until the page
+    or Python ends it. The notebook's browser must run on the same machine.
+    """
+
+    def __init__(self, server: "LiveServer"):
+        self._server = server
+        self._thread = threading.Thread(target=self._serve, name="live window", daemon=True)
+        self._ready = threading.Event()
+        self._thread.start()
+        self._ready.wait(_START)
+        self.address = server.address
+
+    def _serve(self) -> None:
+        asyncio.run(self._server.serve(self._ready.set))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the server runs."""
+        return self._thread.is_alive()
+
+    @property
+    def speed(self) -> str:
+        """Speed of the last window, as a text with unit."""
+        return self._server.state.speed
+
+    @property
+    def model(self) -> Model:
+        """Model with the values of the sliders of the last window."""
+        return pickle.loads(pickle.dumps(self._server.state.model))
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.stop()
+        self._thread.join()
+
+    def __repr__(self) -> str:
+        return f"Live window of {self._server.model.name}: {self.address}"
+
+    def _repr_html_(self) -> str:
+        """Frame with the page, for a notebook."""
+        style = f"width: 100%; height: {_HEIGHT}px; border: 0"
+        return f'<iframe src="{escape(self.address)}" style="{style}" allow="clipboard-write"></iframe>'
+
+
+def explore(
+    model: Model | str,
+    speed: float | str | None = None,
+    port: int = 0,
+) -> LiveWindow:
+    """Open the live window of a model: sliders for speed and parameters, with the solution beside them.
+
+    Parameters
+    ----------
+    model : Model or str
+        Model, or its name or the path of a mechanism file. Its parameters are the first values of the
+        sliders.
+    speed : float or str, optional
+        First speed in rad/s, or a text with unit; by default that of the case, or one well below resonance.
+    port : int
+        Port on this machine, 0 for a free one.
+
+    Returns
+    -------
+    LiveWindow
+        In a notebook it shows the page; elsewhere open its `address` in a browser.
+
+    Raises
+    ------
+    MissingLibraryError
+        Without the extra `explore` (Tornado).
+    NoMotionError
+        If the model does not move.
+    SolveError
+        For other bad input.
+
+    Examples
+    --------
+    >>> window = explore("mathieu")
+    >>> window.is_open
+    True
+    >>> window.close()
+    """
+    if isinstance(model, str):
+        model, origin = load(model), Origin(model)
+    else:
+        model, origin = _checked(model), Origin.of(model)
+    return LiveWindow(server(model, origin, speed, port))
+
+
+@first_is(Model, such_as="solve.load('cam')")
+def _checked(model: Model) -> Model:
+    return model
+
+
+def server(model: Model, origin: Origin, speed: float | str | None = None, port: int = 0) -> "LiveServer":
+    """Server of a model whose first solution is possible. Raises the exceptions of `explore`."""
+    try:
+        from solve.views.live.server import LiveServer
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] != "tornado":
+            raise
+        raise MissingLibraryError.of_extra("the live window", "Tornado", "explore") from None
+    if model.vibrates:
+        model.require_motion()
+    omega: GivenSpeed = first_speed(model, speed)
+    return LiveServer(model, origin, omega, port)
+
+
+def run(live: "LiveServer", opens_browser: bool) -> None:
+    """Serve until Ctrl-C, or until the page ends it; print the address in one line when the page is ready."""
+
+    def ready() -> None:
+        print(f"{live.model.name}: {live.address} (Ctrl-C ends)", flush=True)
+        if opens_browser and _has_screen():
+            threading.Thread(target=webbrowser.open, args=(live.address,), daemon=True).start()
+
+    with _ended_by_interruption(live.stop):
+        asyncio.run(live.serve(ready))
+
+
+@contextmanager
+def _ended_by_interruption(stop: Callable[[], None]) -> Iterator[None]:
+    """Context in which Ctrl-C and a termination end the server in order."""
+
+    def interrupt(_: int, __: FrameType | None) -> None:
+        stop()
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _has_screen() -> bool:
+    """Whether a browser with a window can be opened; one for terminals would take the terminal."""
+    if sys.platform in ("win32", "darwin"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

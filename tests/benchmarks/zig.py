@@ -1,0 +1,71 @@
+"""python -m tests.benchmarks.zig: code of the kernel compiled by Zig, beside that of GCC or Clang.
+
+Ratios of processor times of steps of Radau's method for points side by side, see `lane_compilers`, and of
+elapsed times of the compilation. Each compiler has an empty cache. Run it with OMP_NUM_THREADS=1.
+"""
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from solve.kernel import compiler, library
+from tests.benchmarks.lane_compilers import by_lanes, problem
+from tests.benchmarks.timing import best
+
+SIZES = 1, 2, 3, 6, 9
+
+
+class Times(NamedTuple):
+    """Elapsed seconds of the compilation, and processor seconds of a run."""
+
+    compilation: float
+    run: float
+
+
+@contextmanager
+def environment(**values: str) -> Iterator[None]:
+    """Context with other variables of the environment, and no compiler or library of this process."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    forget()
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+        forget()
+
+
+def forget() -> None:
+    """Forget the compiler and the libraries of this process."""
+    for cached in (compiler.c_compiler, library.library, library.trouble, library.available, library.loaded):
+        cached.cache_clear()
+
+
+def measured(n: int, **values: str) -> Times:
+    """Times for n coordinates with variables of the environment."""
+    with tempfile.TemporaryDirectory() as cache, environment(XDG_CACHE_HOME=cache, **values):
+        start = time.perf_counter()
+        run = by_lanes(n, *problem(n))
+        run()
+        return Times(time.perf_counter() - start, best(run))
+
+
+def main() -> None:
+    """Print a line per number of coordinates."""
+    if not compiler.zig():
+        sys.exit("ziglang is not installed: pip install ziglang")
+    print(" n  run by Zig / run by the usual compiler  compilation")
+    for n in SIZES:
+        usual, other = measured(n), measured(n, PATH="", CC="")
+        ratios = (one / two for one, two in zip(other, usual, strict=True))
+        compilation, run = ratios
+        print(f"{n:2}  {run:38.2f}  {compilation:11.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,252 @@
+"""Server of the live window: its address, its token, its end, and several windows at once."""
+
+import asyncio
+import json
+import re
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+
+import pytest
+
+import solve
+from solve.commands.app import run
+from tests.pages import DOCS
+
+tornado = pytest.importorskip("tornado", reason="the live window needs the extra `explore`")
+
+from tornado.httpclient import HTTPClientError, HTTPRequest  # noqa: E402
+from tornado.websocket import websocket_connect  # noqa: E402
+
+_SECONDS = 60
+PRINTED = re.findall(
+    r"python -m solve explore (\w+(?: --[^`\n]*)?)[`\n]",
+    "".join((DOCS / f"{name}.md").read_text("utf-8") for name in ("live", "commands", "../README")),
+)
+
+
+@pytest.fixture(scope="module")
+def live():
+    """Live window of the cam."""
+    opened = solve.explore("cam", "300 rpm")
+    yield opened
+    opened.close()
+    assert not opened.is_open
+
+
+def fetched(address, **headers):
+    """Status, headers and text of an answer."""
+    try:
+        with urllib.request.urlopen(
+            urllib.request.Request(address, headers=headers), timeout=_SECONDS
+        ) as got:
+            return got.status, got.headers, got.read().decode()
+    except urllib.error.HTTPError as error:
+        return error.code, error.headers, error.read().decode()
+
+
+async def talk(address, *conversation, origin=None):
+    """Answers of the kinds that a conversation of (message, kind of the answer) waits for."""
+    headers = {"Origin": origin} if origin else {}
+    request = HTTPRequest(address.replace("http", "ws", 1) + "messages", headers=headers)
+    connection = await websocket_connect(request)
+    found = []
+    for message, kind in conversation:
+        if message is not None:
+            await connection.write_message(json.dumps(message))
+        while True:
+            text = await asyncio.wait_for(connection.read_message(), _SECONDS)
+            assert text is not None, f"closed before {kind}"
+            answer = json.loads(text) if isinstance(text, str) else {"is": "points"}
+            if answer["is"] == kind or answer.get("outcome") == kind:
+                found.append(answer)
+                break
+    connection.close()
+    return found
+
+
+def test_address_is_local_with_a_token_and_pages_load_nothing_from_elsewhere(live):
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{22}/", live.address)
+    status, headers, page = fetched(live.address)
+    assert status == 200
+    names = re.findall(r'(?:src|href)="(?!data:)([^"]+)"', page)
+    assert set(names) == {"live.css", "live.js"}
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    texts = [
+        fetched(live.address + name)
+        for name in (*names, "plots.js", "controls.js", "mechanism.js", "survey.js")
+    ]
+    for status, headers, text in texts:
+        assert status == 200
+        assert headers["Content-Type"].startswith("text/")
+        assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text)
+
+
+@pytest.mark.parametrize("path", ["", "x/", "x/live.js", "favicon.ico", "%00/", "../etc/passwd"])
+def test_request_without_the_token_is_refused(live, path):
+    root = live.address.split("/", 3)[:3]
+    status, _, text = fetched("/".join([*root, path]))
+    assert status == 403
+    assert text == "The address lacks the token; open the one that solve explore has printed.\n"
+
+
+@pytest.mark.parametrize("name", ["../server.py", "..%2fserver.py", "session.py", "x.js"])
+def test_only_files_of_the_page_are_served(live, name):
+    assert fetched(live.address + name)[0] == 404
+
+
+def test_other_names_of_this_machine_are_refused(live):
+    """A page of another site may give its own name this machine's address."""
+    assert fetched(live.address, Host="example.org")[0] == 403
+
+
+@pytest.mark.parametrize("origin", ["http://example.org", "null", "http://127.0.0.1:1"])
+def test_page_of_another_site_cannot_connect(live, origin):
+    with pytest.raises(HTTPClientError, match="403"):
+        asyncio.run(talk(live.address, origin=origin))
+
+
+def test_connection_without_the_token_is_refused(live):
+    root = "/".join(live.address.split("/", 3)[:3])
+    with pytest.raises(HTTPClientError, match="403"):
+        asyncio.run(talk(f"{root}/x/"))
+
+
+def test_two_windows_have_their_own_sliders(live):
+    async def both():
+        ask = {"do": "solve", "number": 1, "shown": ["q1"], "speed": "300 rpm"}
+        one = talk(live.address, (None, "model"), ({**ask, "values": {"k1": "9e4"}}, "solution"))
+        other = talk(live.address, (None, "model"), ({**ask, "values": {"k1": "7e4"}}, "solution"))
+        return await asyncio.gather(one, other)
+
+    radii = [answers[-1]["radius"] for answers in asyncio.run(both())]
+    expected = [solve.floquet(solve.load("cam", k1=k1), "300 rpm").spectral_radius for k1 in (9e4, 7e4)]
+    assert radii == pytest.approx(expected, rel=1e-6)
+
+
+def test_window_in_python_has_the_model_of_the_sliders():
+    with_closing = solve.explore(solve.load("mathieu", delta=1.5))
+    try:
+        ask = {"do": "solve", "number": 1, "shown": ["q"], "values": {"epsilon": "0.25"}}
+        asyncio.run(talk(with_closing.address, (None, "model"), (ask, "solution")))
+        assert with_closing.model.parameters["delta"] == 1.5
+        assert with_closing.model.parameters["epsilon"] == 0.25
+        assert with_closing.speed == "1 rad/s"
+        assert with_closing.address in with_closing._repr_html_()
+    finally:
+        with_closing.close()
+    assert not with_closing.is_open
+
+
+@pytest.mark.slow
+def test_sweep_reports_progress_and_can_be_cancelled(live):
+    sweep = {
+        "do": "survey",
+        "of": "q1.max_abs",
+        "x": {"name": "speed", "low": 20, "high": 900, "count": 2000},
+        "speed": "300 rpm",
+    }
+    small = {**sweep, "x": {"name": "speed", "low": 300, "high": 320, "count": 3}}
+    answers = asyncio.run(
+        talk(
+            live.address,
+            (None, "model"),
+            (sweep, "progress"),
+            ({"do": "cancel"}, "cancelled"),
+            (small, "done"),
+        )
+    )
+    assert "points" in answers[1]["text"]
+    orbit = solve.periodic(solve.load("cam"), "310 rpm")
+    assert answers[-1]["values"][1] == pytest.approx(1e3 * orbit.statistics("q1").max_abs, rel=1e-3)
+
+
+def started(*arguments):
+    """Process of the command, and the address that it prints."""
+    command = [sys.executable, "-m", "solve", "explore", *arguments, "--no-browser"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    line = process.stdout.readline()
+    found = re.fullmatch(r"\w+: (http://127\.0\.0\.1:\d+/[\w-]+/) \(Ctrl-C ends\)\n", line)
+    assert found, (line, process.stderr.read())
+    return process, found[1]
+
+
+def ended(process):
+    """Exit status and both streams of a process that ends by itself."""
+    out, err = process.communicate(timeout=_SECONDS)
+    return process.returncode, out, err
+
+
+@pytest.mark.slow
+def test_interruption_ends_the_command_in_order():
+    process, address = started("mathieu")
+    assert fetched(address)[0] == 200
+    process.send_signal(signal.SIGINT)
+    assert ended(process) == (0, "", "")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", sorted({shlex.join(shlex.split(text)) for text in PRINTED}))
+def test_command_that_the_documentation_prints_opens_a_window(command):
+    process, address = started(*shlex.split(command))
+    assert fetched(address)[0] == 200
+    process.send_signal(signal.SIGTERM)
+    assert ended(process) == (0, "", "")
+
+
+@pytest.mark.slow
+def test_page_ends_the_command():
+    process, address = started("cam", "--set", "k1=90kN m/rad", "--speed", "300 rpm")
+
+    async def leave():
+        await talk(address, (None, "model"))
+        connection = await websocket_connect(address.replace("http", "ws", 1) + "messages")
+        await connection.read_message()
+        await connection.write_message('{"do": "quit"}')
+        while await connection.read_message() is not None:
+            pass
+
+    asyncio.run(leave())
+    assert ended(process) == (0, "", "")
+
+
+def test_used_port_is_refused_in_one_line(capsys):
+    with socket.socket() as busy:
+        busy.bind(("127.0.0.1", 0))
+        busy.listen()
+        port = busy.getsockname()[1]
+        assert run(["explore", "mathieu", "--port", str(port), "--no-browser"]) == 2
+    refusal = f"solve: port {port} cannot be used (address already in use); give another, or leave it out for"
+    assert capsys.readouterr().err == f"{refusal} a free one\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["mathieu", "--port", "70000"], "port is 70000; allowed: 1 … 65535"),
+        (["portal_frame"], "portal_frame"),
+        (["cam", "--set", "k1=-1"], "k1 (torsion of the shaft) is -1 N m/rad; allowed: > 0"),
+        (["cam", "--speed", "3 kg"], "unit 'kg' does not convert to 'rad/s'"),
+    ],
+)
+def test_impossible_window_is_refused_before_it_opens(capsys, arguments, message):
+    assert run(["explore", *arguments, "--no-browser"]) == 2
+    said = capsys.readouterr().err
+    assert message in said
+    assert said.count("\n") == 1
+
+
+def test_missing_library_is_named(capsys, monkeypatch):
+    for name in [
+        name for name in sys.modules if name.split(".")[0] == "tornado" or name.endswith("live.server")
+    ]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "tornado", None)
+    assert run(["explore", "mathieu", "--no-browser"]) == 2
+    assert capsys.readouterr().err == (
+        'solve: the live window needs Tornado; install it with: pip install "parametric-vibration[explore]"\n'
+    )
