@@ -24,6 +24,7 @@ from solve.results.branch import Branch
 from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
+from solve.results.followed_modes import FollowedModes
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.orbit import Orbit
 from solve.results.save import opened as open
@@ -41,6 +42,7 @@ from solve.studies.compare import compare
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
+from solve.studies.follow_modes import follow_modes
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, validity, variants
@@ -57,6 +59,7 @@ __all__ = [
     "Chart",
     "CriticalSpeeds",
     "Fitted",
+    "FollowedModes",
     "Frequencies",
     "Gauss",
     "HarmonicTransfer",
@@ -91,6 +94,7 @@ __all__ = [
     "export",
     "fit",
     "floquet",
+    "follow_modes",
     "frequencies",
     "frequencies_over",
     "harmonic_transfer",

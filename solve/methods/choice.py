@@ -45,10 +45,14 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     512 steps then have ω_max h ≤ 1. Radau IIA is selected otherwise, because it damps modes that it does not
     resolve. For few coordinates its order is 13, which takes half the steps and less time."""
     is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
-    damping = Radau(13) if points.n <= _FEW else Radau()
-    for method, is_selected in ((damping, is_stiff), (Gauss(), ~is_stiff)):
+    for method, is_selected in ((damping(points.n), is_stiff), (Gauss(), ~is_stiff)):
         if is_selected.any():
             yield method, np.flatnonzero(is_selected)
+
+
+def damping(coordinates: int) -> Radau:
+    """Radau IIA of the order that suits the number of coordinates."""
+    return Radau(13) if coordinates <= _FEW else Radau()
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:

@@ -14,7 +14,7 @@ from solve.period.blocks import Blocks, carried
 from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
-_ALIASED = 0.1
+ALIASED = 0.1
 """Relative difference between the mean square of the rates and that of the resolved harmonics: a choice."""
 
 _SAME = 1e-6
@@ -64,7 +64,7 @@ def floquet_modes(
     rotation : float
         2π/T in rad/s.
     """
-    p = _periodic_parts(steps, grid, blocks, eigenvalues)
+    p = periodic_parts(steps, grid, blocks, eigenvalues)
     if not grid.smooth:
         p = _evenly(grid, p)
     spectrum = np.fft.fft(p, axis=0)
@@ -76,7 +76,7 @@ def floquet_modes(
     exponents = eigenvalues.logarithms[0] / grid.period + 1j * fundamental * orders[:, None]
     # Other rates than those of the resolved harmonics: the phase advance of the mode per step is too large.
     rates = (np.abs(exponents) ** 2 * of_coordinates).sum(axis=0)
-    is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= _ALIASED * of_rates.sum(axis=0)
+    is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
     shares = of_coordinates / of_coordinates.sum(axis=0)
     folded = np.imag(eigenvalues.logarithms[0]) * rotation / (2 * math.pi)
     return [
@@ -97,7 +97,7 @@ def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> Floqu
     return FloquetMode(folded, unfolded, order, float(shares[at]), mirror)
 
 
-def _periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
+def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
     """p (m, N, N) at the start of every step, one column per mode, in any norm."""
     assert eigenvalues.right is not None
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]

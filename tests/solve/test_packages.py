@@ -51,6 +51,7 @@ called = {
     "fit": solve.fit(cam, orbit_file, "k1", speed="300 rpm", rtol=1e-3),
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
+    "follow_modes": solve.follow_modes(mathieu, [1.0, 1.1], rtol=1e-4),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
     "export": solve.export(cam, tempfile.mkdtemp() + "/cam.c"),
     "state_space": solve.state_space(cam, "600 rpm"),
