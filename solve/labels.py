@@ -45,6 +45,8 @@ class Labels:
     vibrates: bool = True
     """Whether there are coordinates; False for a rigid mechanism, whose motion is prescribed."""
     coordinates: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    """Coordinates without second derivatives, which are the last ones."""
     outputs: tuple[str, ...] = ()
     """Names of the quantities computed from the state; `units` and `meanings` contain theirs too."""
     outputs_apart: bool = False
@@ -65,6 +67,16 @@ class Labels:
     def n(self) -> int:
         """Number of coordinates."""
         return len(self.coordinates)
+
+    @property
+    def first_order(self) -> int:
+        """Number of coordinates without second derivatives, which are the last ones."""
+        return len(self.states)
+
+    @property
+    def multiplier_count(self) -> int:
+        """Number of Floquet multipliers: one per first-order coordinate, two for each of the others."""
+        return 2 * self.n - self.first_order
 
     def shown_in(self, speed: float) -> Self:
         """The same system with the unit of a given speed, if any, as display unit."""

@@ -1,6 +1,6 @@
 """Entries of M, C, K and d, and checks of their periodicity and inertia."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,10 +19,68 @@ _SINGULAR = 0.1 / EPS
 """Condition number of the scaled M above which it is singular: all digits but one are lost."""
 
 
+def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]:
+    """Arrays of floats, one per symbol. Raises MatricesError."""
+    try:
+        pairs = zip(arrays, symbols, strict=True)
+        return [np.asarray(array).astype(float, casting="same_kind", copy=False) for array, _ in pairs]
+    except (TypeError, ValueError) as error:
+        count = {2: "two", 4: "four", 5: "five"}.get(len(symbols), str(len(symbols)))
+        raise MatricesError(f"the {kind} are no {count} real arrays {', '.join(symbols)}: {error}") from None
+
+
+def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) -> None:
+    """Raise MatricesError for NaN or infinite entries of arrays (m, …) at phases (m,)."""
+    for symbol, array in zip(symbols, arrays, strict=True):
+        if not np.isfinite(array).all():
+            first = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
+            raise MatricesError(
+                f"{symbol} has NaN or infinite entries at phase {phase[first % len(phase)]:.6g}; "
+                "check the parameters and the function that gives the matrices"
+            )
+
+
+def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]], names: str) -> None:
+    """Raise MatricesError unless arrays at some phases have the shapes (m, …) by their symbols. names: of the
+    coordinates, for the message."""
+    for symbol, array in arrays.items():
+        if array.shape != shapes[symbol]:
+            raise MatricesError(
+                f"{symbol} at {shapes[symbol][0]} phases has shape {array.shape}; for {names} it must be "
+                f"{shapes[symbol]}"
+            )
+
+
 def split_entries(entries: Array, n: int) -> Matrices:
     """M, C, K (…, n, n) and d (…, n) of entries (…, 3n² + n), concatenated by rows."""
     M, C, K = (entries[..., k * n**2 : (k + 1) * n**2].reshape(*entries.shape[:-1], n, n) for k in range(3))
     return M, C, K, entries[..., 3 * n**2 :]
+
+
+def leading(M: Array, C: Array, first_order: int) -> Array:
+    """Matrices (…, n, n) of the highest derivatives: columns of M, and of C for the last `first_order`
+    coordinates, which have no second derivatives.
+
+    >>> leading(np.diag([2.0, 0.0]), np.diag([5.0, 3.0]), 1).tolist()
+    [[2.0, 0.0], [0.0, 3.0]]
+    """
+    if not first_order:
+        return M
+    return np.concatenate((M[..., :-first_order], C[..., -first_order:]), axis=-1)
+
+
+def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Array, Array]:
+    """M, C and K (…, n, n) with the last `first_order` coordinates taken as rates: their columns of C are
+    those of M, and their columns of K those of C.
+
+    λ²M + λC + K has the eigenvalues of the given matrices, and a zero for each of these coordinates.
+    """
+    if not first_order:
+        return M, C, K
+    rates = np.s_[..., -first_order:]
+    damping, stiffness = C.copy(), K.copy()
+    damping[rates], stiffness[rates] = K[rates], 0.0
+    return leading(M, C, first_order), damping, stiffness
 
 
 def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
@@ -77,8 +135,9 @@ def _negligible(matrices: Sequence[Array]) -> list[Array]:
     ]
 
 
-def require_inertia(M: Array) -> None:
-    """Raise MatricesError if one of the matrices (k, n, n) is singular."""
+def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
+    """Raise MatricesError if one of the matrices (k, n, n) is singular. states: names of first-order
+    coordinates, whose columns are those of C."""
     diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])
@@ -88,6 +147,12 @@ def require_inertia(M: Array) -> None:
         largest = np.abs(scaled).max(axis=axis, keepdims=True)
         scaled = scaled / np.where(largest > 0, largest, 1.0)
     if singular.any() and np.linalg.cond(scaled).max() > _SINGULAR:
+        if states:
+            raise MatricesError(
+                "the columns of M of the coordinates and those of C of the states "
+                f"({', '.join(states)}) are linearly dependent: some highest derivative is in no equation; "
+                "give every coordinate a mass and every state an equation with its derivative"
+            )
         raise MatricesError(
             "M is singular: some coordinate has no inertia; give every coordinate a mass, "
             "or leave a massless coordinate out"

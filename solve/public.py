@@ -5,6 +5,7 @@ from solve.errors import SolveError
 from solve.exports.export import export
 from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
 from solve.exports.state_space import StateSpace, state_space
+from solve.first_order import FirstOrderSystem, MixedSystem
 from solve.loading import case_numbers, load
 from solve.methods.gauss import Gauss
 from solve.methods.hill import boundaries
@@ -58,11 +59,13 @@ __all__ = [
     "Case",
     "Chart",
     "CriticalSpeeds",
+    "FirstOrderSystem",
     "Fitted",
     "FollowedModes",
     "Frequencies",
     "Gauss",
     "HarmonicTransfer",
+    "MixedSystem",
     "Model",
     "Newmark",
     "NonlinearOrbit",

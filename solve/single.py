@@ -7,6 +7,7 @@ from solve.certify.all_multipliers import (
     rigid_multipliers,
 )
 from solve.certify.certified import Certified, Failed, SolveRequest
+from solve.certify.interpolation import with_interpolation_errors, with_margin
 from solve.certify.reduction import with_reduction_errors
 from solve.certify.refinement import STEPS, certified
 from solve.kernel.engines import chosen_engine
@@ -165,8 +166,11 @@ def _solve(
         if isinstance(result, Failed):
             raise result.reason
         result = with_reduction_errors(result, lambda _: (system, omega))
+        result = with_interpolation_errors(result, lambda _: (system, omega))
         refined_spectrum = None
         if all_multipliers:
             rigid = rigid_multipliers(result)
             refined_spectrum = refined_multipliers(point, method_used, solve_request, result.steps, rigid)
+            if refined_spectrum is not None and result.interpolation:
+                refined_spectrum = with_margin(refined_spectrum, result.interpolation[0].multipliers)
     return result, Spectrum(point, result, refined_spectrum)

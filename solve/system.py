@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from typing import Any, Self
 
 import numpy as np
 
-from solve.approximation import Trigonometric
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import (
@@ -33,10 +33,21 @@ from solve.errors import (
     require_name,
 )
 from solve.labels import Labels, require_vibration
-from solve.matrices import changes, require_inertia, with_neighbours
+from solve.matrices import (
+    changes,
+    real_arrays,
+    require_finite_entries,
+    require_inertia,
+    require_shapes,
+    with_neighbours,
+)
+from solve.samples import Samples, checked_period, sampled
 
 _LOAD_PHASES = 128
 """Phases per period at which a load is sampled to find out whether it is zero. A choice."""
+
+_INSET = 1e-12
+"""Fraction of the period by which phases next to a jump are moved away from it. A choice."""
 
 
 class PeriodicSystem(Labels):
@@ -61,7 +72,7 @@ class PeriodicSystem(Labels):
 
     Notes
     -----
-    Capabilities of some systems are None for others: `structure`, `derivatives`, `reduction`.
+    Capabilities of some systems are None for others: `structure`, `derivatives`, `reduction`, `samples`.
 
     Examples
     --------
@@ -78,6 +89,9 @@ class PeriodicSystem(Labels):
     structure: Structure | None = None
     """Frequencies and mode shapes from the elements of a structure; None for other systems."""
 
+    samples: Samples | None = None
+    """Samples from which the matrices are interpolated; None for other systems."""
+
     derivatives: Any = None
     """Derivatives with respect to parameters, `ParameterDerivatives`; None without generated equations."""
 
@@ -88,7 +102,7 @@ class PeriodicSystem(Labels):
         period: float = 2 * math.pi,
         breaks: Sequence[float] = (),
     ):
-        self.period = _checked_period(period)
+        self.period = checked_period(period)
         texts = all(isinstance(name, str) for name in coordinates)
         if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self.vibrates:
             raise ValueOutOfBoundsError(
@@ -102,21 +116,30 @@ class PeriodicSystem(Labels):
 
     @classmethod
     def from_samples(
-        cls, M: Array, C: Array, K: Array, d: Array, coordinates: Sequence[str], period: float = 2 * math.pi
-    ) -> "PeriodicSystem":
-        """Create a system from samples on a uniform grid over the period without its end point.
+        cls,
+        M: Array,
+        C: Array,
+        K: Array,
+        d: Array,
+        coordinates: Sequence[str],
+        period: float = 2 * math.pi,
+        phases: Sequence[float] | Array | None = None,
+    ) -> Self:
+        """Create a system from samples at azimuths of the period, between which the matrices are their
+        trigonometric interpolant. Results state its error, and how many azimuths suffice.
 
         Parameters
         ----------
         M, C, K : (k, n, n) arrays
-            Samples in SI units, valid at the speed at which they were taken. k exceeds twice the highest
-            relevant harmonic: between the samples the matrices are their trigonometric interpolant.
+            Samples in SI units, valid at the speed at which they were taken.
         d : (k, n) array
             Samples of the load.
         coordinates : sequence of str
             Names of the n coordinates.
         period : float
             Period in phase.
+        phases : (k,) array, optional
+            Azimuths in rad, in any order; by default uniform from 0 without the end of the period.
 
         Returns
         -------
@@ -125,7 +148,7 @@ class PeriodicSystem(Labels):
         Raises
         ------
         MatricesError
-            If the samples are not real arrays with the same number of phases.
+            For samples that are not real arrays of one length, and for unsuitable azimuths.
 
         Examples
         --------
@@ -133,21 +156,14 @@ class PeriodicSystem(Labels):
         >>> PeriodicSystem.from_samples(one, 0.1 * one, 4 * one, one[:, 0], ["q"]).coordinates
         ('q',)
         """
-        period = _checked_period(period)
-        samples = _real((M, C, K, d), "samples")
-        counts = {len(array) if array.ndim else 0 for array in samples}
-        if len(counts) != 1 or 0 in counts:
-            raise MatricesError(
-                f"samples of M, C, K, d have shapes {[array.shape for array in samples]}; "
-                "give the same number of phases, 1 or more, first in each"
-            )
-        curves = [Trigonometric(array, period) for array in samples]
+        samples = sampled((M, C, K, d), "MCKd", period, phases)
+        return cls(samples.function, coordinates, samples.period).from_interpolant(samples)
 
-        def matrices(phase: Array, speed: float) -> Matrices:
-            M, C, K, d = (curve(phase) for curve in curves)
-            return M, C, K, d
-
-        return cls(matrices, coordinates, period)
+    def from_interpolant(self, samples: Samples) -> Self:
+        """The same system with other samples of its matrices."""
+        made = copy(self)
+        made._matrices, made.samples = samples.function, samples
+        return made
 
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time.
@@ -165,14 +181,8 @@ class PeriodicSystem(Labels):
                 f"({m}, {self.n}, {self.n}) and d ({m}, {self.n})."
             )
             raise
-        M, C, K, d = _real(values, "matrices")
-        for symbol, array in zip("MCKd", (M, C, K, d), strict=True):
-            if not np.isfinite(array).all():
-                first = int(np.argmin(np.isfinite(array).reshape(len(array), -1).all(axis=1)))
-                raise MatricesError(
-                    f"{symbol} has NaN or infinite entries at phase {phase[first % len(phase)]:.6g}; "
-                    "check the parameters and the function that gives the matrices"
-                )
+        M, C, K, d = real_arrays(values, "MCKd", "matrices")
+        require_finite_entries((M, C, K, d), "MCKd", phase)
         return M, C, K, d
 
     def in_phase(self, phase: Array, speed: float) -> Matrices:
@@ -248,6 +258,10 @@ class PeriodicSystem(Labels):
         entries[:, : self.n**2] *= speed**2
         entries[:, self.n**2 : 2 * self.n**2] *= speed
         return entries
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        """Columns (m, R) of the entries that may differ from zero, and their numbers (R,), ascending."""
+        return self.entries(phase, speed), np.arange(3 * self.n**2 + self.n)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
@@ -326,26 +340,30 @@ class PeriodicSystem(Labels):
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular."""
-        n, inset = self.n, 1e-12 * self.period
-        jumps_at_zero = any(abs(math.remainder(b, self.period)) <= inset for b in self.breaks)
-        phase = np.array([0.0, 0.281, 0.618, 1.0]) * self.period
+        n, phase = self.n, self._checked_phases
+        matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
+        shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
+        require_shapes(matrices, shapes, f"{n} coordinates ({', '.join(self.coordinates)})")
+        self._require_periodicity(phase, speed, "MCKd")
+        require_inertia(matrices["M"])
+
+    @property
+    def _checked_phases(self) -> Array:
+        """Four phases, inside the period if there are breaks."""
+        phase, inset = np.array([0.0, 0.281, 0.618, 1.0]) * self.period, _INSET * self.period
         if self.breaks:
             phase[[0, -1]] += [inset, -inset]
-        matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
-        for symbol, array in matrices.items():
-            expected = (4, n) if symbol == "d" else (4, n, n)
-            if array.shape != expected:
-                raise MatricesError(
-                    f"{symbol} at 4 phases has shape {array.shape}; for {n} coordinates "
-                    f"({', '.join(self.coordinates)}) it must be {expected}"
-                )
+        return phase
+
+    def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
+        """Raise MatricesError unless M, C, K and d, with these symbols in messages, are periodic."""
+        jumps_at_zero = any(abs(math.remainder(b, self.period)) <= _INSET * self.period for b in self.breaks)
         ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
         for symbol, change in () if jumps_at_zero else changes(ends, speed):
             raise MatricesError(
-                f"{symbol} is not periodic: between phase 0 and {self.period:.6g} it changes by "
-                f"{change:.3g}; give the right period, or the jump at 0 as a break"
+                f"{symbols['MCKd'.index(symbol)]} is not periodic: between phase 0 and {self.period:.6g} it "
+                f"changes by {change:.3g}; give the right period, or the jump at 0 as a break"
             )
-        require_inertia(matrices["M"])
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
@@ -380,18 +398,3 @@ of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")
 
 of_system = first_is(PeriodicSystem, such_as="solve.load('cam')", demand=require_vibration)
 """Decorator of public functions that require a vibrating system."""
-
-
-def _checked_period(period: float) -> float:
-    if isinstance(period, str) or not (math.isfinite(period) and period > 0):
-        raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
-    return float(period)
-
-
-def _real(arrays: Sequence[Array], kind: str) -> Matrices:
-    """Four arrays of floats. Raises MatricesError."""
-    try:
-        M, C, K, d = (np.asarray(array).astype(float, casting="same_kind", copy=False) for array in arrays)
-    except (TypeError, ValueError) as error:
-        raise MatricesError(f"the {kind} are no four real arrays M, C, K, d: {error}") from None
-    return M, C, K, d

@@ -68,7 +68,7 @@ class Batch:
 
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failures."""
-        values = np.zeros((len(points), 2 * self.family.example.n), dtype=complex)
+        values = np.zeros((len(points), self.family.example.multiplier_count), dtype=complex)
         with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
                 values[positions] = solutions.multipliers.values

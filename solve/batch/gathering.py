@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.batch.batch import POINTS, Batch
 from solve.certify.certified import Certified
+from solve.certify.interpolation import with_interpolation_errors
 from solve.certify.reduction import with_reduction_errors
 from solve.contracts import Statistics
 from solve.kernel.engines import COMPILED
@@ -30,7 +31,7 @@ _CHUNK_BYTES = 2**25
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
     """Results of points (P, v)."""
     n = batch.family.example.n
-    results = PointResults.blank(len(points), n, kept or Kept())
+    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept or Kept())
     size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
@@ -43,7 +44,8 @@ def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResult
     """Multipliers and statistics of points (P, v) on one grid, without error estimates and with the verdict
     "undetermined"."""
     n = batch.family.example.n
-    results, size = PointResults.blank(len(points), n, kept), chunk_size(n)
+    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept)
+    size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
             writer = _ResultWriter(batch, points[start : start + size], results, start)
@@ -91,6 +93,7 @@ class _ResultWriter:
             found = with_reduction_errors(found, self._system_of(found))
             for place, error in zip(at, found.reduction, strict=False):
                 results.reductions[place] = error.orbit, error.multipliers
+            found = with_interpolation_errors(found, self._system_of(found))
         rho, errors = solutions.multipliers, found.errors
         results.multipliers[at], results.errors[at] = rho.values, errors
         results.verdicts[at] = (

@@ -40,10 +40,10 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
 
 
 class Store:
-    """Results of points with n coordinates in chunks of `size` points; the last may be shorter."""
+    """Results of points with N multipliers each in chunks of `size` points; the last may be shorter."""
 
-    def __init__(self, group: Any, n: int, kept: Kept, size: int):
-        self._n, self._kept, self.size = n, kept, size
+    def __init__(self, group: Any, N: int, kept: Kept, size: int):
+        self._N, self._kept, self.size = N, kept, size
         names = [name for name in _DIMENSIONS if name in group]
         self._group, self._arrays = group, {name: group[name] for name in names}
         self._texts, self._checksums = group["texts"], group["checksum"]
@@ -63,7 +63,7 @@ class Store:
         if _checksum(values, text) != checksum:
             return None
         texts = json.loads(text)
-        results = PointResults.blank(len(chunk), self._n, self._kept)
+        results = PointResults.blank(len(chunk), self._N, self._kept)
         for name in values.keys() - {"method"}:
             getattr(results, name)[:] = values[name]
         results.methods[:] = np.array(texts["methods"], dtype=object)[values["method"]]
@@ -105,7 +105,7 @@ def made_folder(path: str | Path) -> Path:
 
 @contextmanager
 def opened(
-    folder: str | Path, work: Mapping[str, Any], columns: Mapping[str, Array], n: int, kept: Kept, size: int
+    folder: str | Path, work: Mapping[str, Any], columns: Mapping[str, Array], N: int, kept: Kept, size: int
 ) -> Iterator[Store]:
     """Store in a folder for one writer, created if necessary.
 
@@ -120,12 +120,12 @@ def opened(
             group: Any = _group(place)
             stored = group.attrs.get(_WORK)
             if stored is None:
-                _create(group, n, kept, size, columns)
+                _create(group, N, kept, size, columns)
                 group.attrs[_WORK] = {**work, "size": size}
             else:
                 _require_same(place, stored, work)
                 size = stored["size"]
-        yield Store(group, n, kept, size)
+        yield Store(group, N, kept, size)
 
 
 def _require_zarr() -> None:
@@ -151,9 +151,9 @@ def _group(place: Path) -> Any:
     return group
 
 
-def _create(group: Any, n: int, kept: Kept, size: int, columns: Mapping[str, Array]) -> None:
+def _create(group: Any, N: int, kept: Kept, size: int, columns: Mapping[str, Array]) -> None:
     count = len(next(iter(columns.values())))
-    blank = PointResults.blank(1, n, kept)
+    blank = PointResults.blank(1, N, kept)
     names = {"quantity": kept.names, "spectrum": kept.spectra, "figure": FIGURES}
     names["result"] = ("orbit", "multipliers")
     for name, dimensions in _DIMENSIONS.items():

@@ -54,6 +54,7 @@ class Separation:
         breaks: tuple[float, ...] = (),
     ):
         self.family, self.period, self.n, self.engine, self.breaks = family, period, n, engine, breaks
+        self.first_order = family.example.first_order
         ends, _ = pieces(period, breaks)
         counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
         self._checks = np.ravel(ends[:-1, None] + np.diff(ends)[:, None] * _CHECKS)
@@ -112,6 +113,10 @@ class Separation:
         """Values (count, R) of the terms, from values (count, E) of each stage."""
         return np.array(stages).reshape(-1, count, len(self._active.T))[self._stage, :, self.entry].T
 
+    def tables(self, phase: Array, coefficients: Array) -> Tables:
+        """Tables at phases (k,) of points with coefficients (P, R)."""
+        return Tables(self.table(phase), coefficients, self.entry, self.n, self.first_order)
+
     def coefficients(self, points: Array) -> tuple[Array, Array]:
         """Coefficients (P, R), and whether each point is represented (P,)."""
         checks = self._checks
@@ -123,7 +128,7 @@ class Separation:
                 rest = rest - nested[before] * self._nested[before][columns, every]
             nested.append(rest)
         coefficients = self._by_term(nested, len(points))
-        predicted = Tables(self.table(checks), coefficients, self.entry, self.n).entries()
+        predicted = self.tables(checks, coefficients).entries()
         error = across(np.maximum, np.abs(samples[:, -len(checks) :] - predicted), 1)
         largest = across(np.maximum, np.abs(samples), 1)
         allowed = _REPRESENTED * largest
@@ -139,7 +144,8 @@ class Separated:
 
     def __init__(self, separation: Separation, coefficients: Array):
         self.separation, self.coefficients = separation, coefficients
-        self.n, self.period, self.breaks = separation.n, separation.period, separation.breaks
+        self.n, self.first_order = separation.n, separation.first_order
+        self.period, self.breaks = separation.period, separation.breaks
 
     def __len__(self) -> int:
         return len(self.coefficients)
@@ -151,7 +157,7 @@ class Separated:
 
     def tables(self, phase: Array) -> Tables:
         """Terms at phases (k,)."""
-        return Tables(self.separation.table(phase), self.coefficients, self.separation.entry, self.n)
+        return self.separation.tables(phase, self.coefficients)
 
 
 class Sampled:
@@ -162,6 +168,7 @@ class Sampled:
     def __init__(self, family: Family, points: Array, engine: str = NUMPY, breaks: tuple[float, ...] = ()):
         self.family, self.points, self.engine, self.breaks = family, points, engine, breaks
         self.n, self.period = family.example.n, family.example.period
+        self.first_order = family.example.first_order
         self.bytes_a_phase = 8 * (3 * self.n**2 + self.n)
 
     def __len__(self) -> int:
@@ -172,7 +179,7 @@ class Sampled:
 
     def tables(self, phase: Array) -> Tables:
         """Entries at phases (k,)."""
-        return Tables.of(self.family.entries(phase, self.points, self.engine), self.n)
+        return Tables.of(self.family.entries(phase, self.points, self.engine), self.n, self.first_order)
 
 
 def training(points: Array) -> Array:

@@ -68,15 +68,22 @@ class Task:
         """
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
-        n = self.family.example.n
         size = min(_MAX_CHUNK, max(_MIN_CHUNK, -(-len(points) // _CHUNKS)))
-        results = PointResults.blank(len(points), n, self.kept)
+        multipliers = self.family.example.multiplier_count
+        results = PointResults.blank(len(points), multipliers, self.kept)
         with ExitStack() as opening:
             opened_store = None
             if store is not None:
                 columns = dict(zip(self.family.names, points.T, strict=True))
                 opened_store = opening.enter_context(
-                    opened(store, self._description(batch.region, points), columns, n, self.kept, size)
+                    opened(
+                        store,
+                        self._description(batch.region, points),
+                        columns,
+                        multipliers,
+                        self.kept,
+                        size,
+                    )
                 )
                 size = opened_store.size
             count = opening.enter_context(progress.task(POINTS, len(points)))

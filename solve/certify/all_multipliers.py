@@ -22,7 +22,7 @@ from solve.period.floquet_modes import FloquetMode, floquet_modes
 from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.multipliers import matched
-from solve.period.points import OnePoint, Points, matrices
+from solve.period.points import OnePoint, Points, matrices, state_size
 from solve.period.product_eigenvalues import ProductEigenvalues, eigenvalue_logarithms, product_eigenvalues
 from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
@@ -120,7 +120,8 @@ class Spectrum:
             solutions, order = self._solutions, self._order
             assert solutions.steps is not None
             phases = np.arange(32) * (self.point.period / 32)  # for the mean of M
-            mass = matrices(self.point, phases)[0][0].mean(axis=0)
+            M = matrices(self.point, phases)[0][0].mean(axis=0)
+            mass = None if self.point.first_order else M
             maps = solutions.steps.A[0]
             with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
             change = np.diagonal(_log_distances(self.logarithms, eigenvalues.logarithms[0][order]))
@@ -197,7 +198,7 @@ class Spectrum:
         return balanced(self.point, self.certified.modes)
 
     def _work(self, steps: int) -> float:
-        return steps * (2 * self.point.n) ** 2
+        return steps * state_size(self.point) ** 2
 
     @property
     def _eigenvalues(self) -> Array:
@@ -300,7 +301,7 @@ def refined_multipliers(
 def _refined_multipliers(
     point: OnePoint, method: Method, request: SolveRequest, steps: int, rigid: int
 ) -> RefinedMultipliers:
-    max_steps, points = _MAX_WORK[2] / (2 * point.n) ** 2, balanced(point, frozen(point))
+    max_steps, points = _MAX_WORK[2] / state_size(point) ** 2, balanced(point, frozen(point))
     rigid_modes = free(point) if method.linear else None
 
     def eigenvalues(steps: int) -> ProductEigenvalues:

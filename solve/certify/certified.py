@@ -99,6 +99,47 @@ class ReductionError(NamedTuple):
         return [f"{count}; estimated relative errors: {', '.join(self.parts)}"]
 
 
+class InterpolationError(NamedTuple):
+    """Estimated effect of harmonics that the samples of a system do not resolve.
+
+    Attributes
+    ----------
+    azimuths : int
+        Number of sampled azimuths.
+    harmonic : int
+        Highest harmonic of the samples above round-off.
+    orbit, multipliers : float
+        Errors, relative as `ErrorEstimate`; 0 if the harmonics end.
+    sufficient : int or None
+        Estimated number of azimuths that meet the tolerance; None if the harmonics do not fall.
+    """
+
+    azimuths: int
+    harmonic: int
+    orbit: float
+    multipliers: float
+    sufficient: int | None
+
+    def is_doubtful(self, rtol: float) -> bool:
+        """Whether an error exceeds the tolerance."""
+        return not max(self.orbit, self.multipliers) <= rtol
+
+    @property
+    def sentence(self) -> str:
+        """Sentence on the number of azimuths."""
+        if self.orbit == 0 and self.multipliers == 0:
+            return (
+                f"interpolated from {self.azimuths} azimuths, which suffice: harmonics end at {self.harmonic}"
+            )
+        errors = f"orbit {self.orbit:.1e}, multipliers {self.multipliers:.1e}"
+        text = f"interpolated from {self.azimuths} azimuths: estimated relative errors {errors}"
+        if self.sufficient is None:
+            return f"{text}; their harmonics do not fall: sample more azimuths, or state jumps as breaks"
+        if self.sufficient <= self.azimuths:
+            return f"{text}; the azimuths suffice"
+        return f"{text}; about {self.sufficient} azimuths suffice"
+
+
 @dataclass(frozen=True)
 class Failed:
     """Position of a point without solution, and the reason."""
@@ -123,6 +164,8 @@ class Certified:
         FrozenModes modes of the points.
     reduction : tuple of ReductionError
         One per point, or none.
+    interpolation : tuple of InterpolationError
+        One per point, or none; `errors` and `absolute` contain them.
     """
 
     positions: Array
@@ -133,6 +176,7 @@ class Certified:
     request: SolveRequest
     modes: FrozenModes
     reduction: tuple[ReductionError, ...] = ()
+    interpolation: tuple[InterpolationError, ...] = ()
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -174,6 +218,11 @@ class Certified:
         orbit, multipliers = map(float, self.errors[at])
         is_below_round_off = not rho.resolved[at] and not self._without_multipliers[at]
         warnings = list(method.warnings)
+        if self.interpolation:
+            error = self.interpolation[at]
+            orbit, multipliers = orbit - error.orbit, multipliers - error.multipliers
+            if error.is_doubtful(request.rtol):
+                warnings.append(error.sentence)
         if is_below_round_off:
             warnings.append(
                 "all multipliers are below the round-off of the monodromy matrix; disturbances vanish within "

@@ -3,7 +3,7 @@
 import itertools
 import weakref
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.estimates import ROUND_OFF
-from solve.methods.collocation import Collocation, lagrange
+from solve.methods.collocation import Collocation
 from solve.period.grid import Grid
 from solve.period.points import Points, Tables
 
@@ -246,7 +246,8 @@ class ResampledPoints:
 
     def __init__(self, points: Points, phases: SampledPhases):
         self.points, self.phases = points, phases
-        self.n, self.period, self.breaks = points.n, points.period, points.breaks
+        self.n, self.first_order = points.n, points.first_order
+        self.period, self.breaks = points.period, points.breaks
         self.bytes_a_phase = points.bytes_a_phase
 
     @property
@@ -268,7 +269,7 @@ class ResampledPoints:
             return tables
         phases = self.phases if m == len(stages) else self.phases.of_steps(first, first + m)
         table = tables.table + phases.increments(phases.differences(self.points)[0])
-        return Tables(table, tables.coefficients, tables.entry, tables.n)
+        return replace(tables, table=table)
 
 
 def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
@@ -283,3 +284,11 @@ def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
     weights = np.empty(len(order))
     weights[order] = np.append(gaps, 0.0) + np.append(0.0, gaps)
     return weights[: len(fraction)]
+
+
+def lagrange(nodes: Array, theta: Array) -> Array:
+    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
+    k = len(nodes)
+    others = ~np.eye(k, dtype=bool)
+    factors = np.where(others, theta[:, None, None] - nodes, 1.0)
+    return (factors / np.where(others, nodes[:, None] - nodes, 1.0)).prod(axis=2)

@@ -15,6 +15,7 @@ from solve.certify.estimates import PHASES_PER_STEP, largest_moduli
 from solve.contracts import Motion
 from solve.errors import SolveError
 from solve.kernel.formulas import columns_by
+from solve.matrices import by_rates
 from solve.methods.free import free, solutions_on
 from solve.methods.method import Method, Solutions
 from solve.period.grid import Grid
@@ -166,7 +167,8 @@ def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions)
         return math.nan
     nodes, weights = np.polynomial.legendre.leggauss(3)
     phases = solutions.grid.stages((nodes + 1) / 2)
-    M, C, _, _ = system.in_phase(phases.ravel(), speed)
+    *matrices, _ = system.in_phase(phases.ravel(), speed)
+    M, C, _ = by_rates(*matrices, system.first_order)
     rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
     volume = -float(solutions.grid.h @ rates @ weights) / 2
     return float(np.linalg.slogdet(solutions.steps.A[0])[1].sum()) - volume

@@ -70,15 +70,13 @@ class ModeVectors:
 
     @property
     def resolved(self) -> bool:
-        """Whether the nodes resolve the harmonics of all modes: they give the derivatives of the coordinates
-        by time, to the tenth that `solve.period.floquet_modes` permits."""
-        n, most = len(self.inertia), (len(self.nodes) - 1) // 2
+        """Whether the nodes resolve the harmonics of all modes, to the fraction that
+        `solve.period.floquet_modes` permits: little of a mode is in the upper third."""
+        most = (len(self.nodes) - 1) // 2
         harmonics = np.arange(-most, most + 1)
-        rates = np.abs(self.exponents[:, None] + 1j * harmonics * self.rotation) ** 2
-        expected = (np.abs(self.parts[:, n : 2 * n]) ** 2 * self.inertia[:, None]).sum(axis=1)
-        found = (self.power(harmonics).sum(axis=1) * rates).sum(axis=1)
-        mean = self.weights @ expected
-        return bool((np.abs(found - mean) <= ALIASED * mean).all())
+        power = self.power(harmonics).sum(axis=1)
+        upper = power[:, 3 * np.abs(harmonics) > len(self.nodes)].sum(axis=1)
+        return bool((upper <= ALIASED * power.sum(axis=1)).all())
 
     def power(self, harmonics: Array) -> Array:
         """|p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
@@ -128,7 +126,7 @@ def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engin
         eigenvalues.logarithms[0][kept] / period,
         np.fmax(errors[kept], rtol) / period,
         parts,
-        _inertia(point),
+        _inertia(point, blocks.units[0]),
     )
 
 
@@ -148,8 +146,11 @@ def _rigid(point: OnePoint, logarithms: Array) -> Array:
     return np.argsort(np.abs(logarithms), kind="stable")[:count]
 
 
-def _inertia(point: OnePoint) -> Array:
-    """Mean of the diagonal of M (n,), relative to its largest entry."""
+def _inertia(point: OnePoint, units: Array) -> Array:
+    """Mean of the diagonal of M (n,), relative to its largest entry. With states of first order, which have
+    no inertia, the squares of the units (N,) that balance the maps of the steps."""
+    if point.first_order:
+        return 1 / units[: point.n] ** 2
     phases = np.arange(_PHASES) * (point.period / _PHASES)
     mean = np.abs(np.diagonal(matrices(point, phases)[0][0].mean(axis=0)))
     return mean / mean.max()

@@ -11,8 +11,9 @@ from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, SolveRequest
 from solve.certify.estimates import ROUND_OFF, LoadScale, differences
 from solve.errors import MatricesError, StepsError
+from solve.matrices import leading
 from solve.methods.free import driven_freely, free, solutions_on
-from solve.methods.method import Method, Solutions
+from solve.methods.method import Method, Solutions, singular_inertia_error
 from solve.period.frozen import FrozenModes, balanced, frozen
 from solve.period.grid import Grid
 from solve.period.points import Points, matrices
@@ -44,8 +45,10 @@ class PointSolver:
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         self.points, self.method, self.request = points, method, request
-        self.max_steps = method.most_steps(points.n)
-        self.orders = np.array([method.curve_order, method.order])
+        self.max_steps = method.most_steps(points.n, points.first_order)
+        # The curve of a first-order coordinate is integrated once less.
+        is_lower = bool(points.first_order) and method.stages is not None
+        self.orders = np.array([method.curve_order - is_lower, method.order])
 
     def with_method(self, method: Method) -> "PointSolver":
         """Solver of the same points by another method, with the same frozen and rigid-body modes."""
@@ -177,11 +180,7 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
     for position in np.flatnonzero(~modes.has_steady_inertia(0.02)).tolist():
         phase = _singular_phase(points[np.array([position])], modes.phases)
         if phase is not None:
-            reason = (
-                f"M is singular near phase {phase:.6g}: some coordinate has no inertia there; give every "
-                "coordinate a mass at every phase"
-            )
-            yield position, MatricesError(reason)
+            yield position, singular_inertia_error(f"near phase {phase:.6g}", points.first_order)
 
 
 def _singular_phase(point: Points, phases: Array) -> float | None:
@@ -210,7 +209,8 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
 
 def _scaled_determinants(point: Points, phases: Array) -> Array:
     """det M (k,), in units in which the diagonal of M is about 1."""
-    M = matrices(point, np.mod(phases, point.period))[0][0]
+    M, C, _, _ = (part[0] for part in matrices(point, np.mod(phases, point.period)))
+    M = leading(M, C, point.first_order)
     unit = np.sqrt(np.abs(np.einsum("kii->ki", M)).max(axis=0))
     unit[unit == 0] = 1.0
     with np.errstate(invalid="ignore"):

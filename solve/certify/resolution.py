@@ -13,7 +13,8 @@ from solve.arrays import Array
 from solve.certify.coefficients import harmonics
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.method import Method
-from solve.period.frozen import FrozenModes, residual_amplitude
+from solve.period.frozen import FrozenModes
+from solve.period.pencils import residual_amplitude
 from solve.period.points import Points
 
 MIN_STEPS = 8

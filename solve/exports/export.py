@@ -103,6 +103,8 @@ def mat_file(space: StateSpace, stability: Stability) -> bytes:
         "D": matrices.D,
         "y0": matrices.y0,
     }
+    if matrices.b.any():
+        arrays["b"] = matrices.b
     content: dict[str, Any] = {name: np.moveaxis(array, 0, -1) for name, array in arrays.items()}
     texts = {name: _cells(values) for name, values in names._asdict().items()}
     labels = system.parameter_labels

@@ -116,13 +116,16 @@ class HarmonicTransfer:
 
     @property
     def excitation(self) -> Array:
-        """Fourier coefficients (2N+1, n) of the load d."""
+        """Fourier coefficients (2N+1, r) of the load d; zero for a first-order system with inputs."""
         return self._truncated(self._spectra.d)
 
     @property
     def rest(self) -> Array:
-        """Fourier coefficients (2N+1, p) of the outputs without states and forces."""
-        return self._truncated(self._spectra.y0)
+        """Fourier coefficients (2N+1, p) of the outputs without states and forces; for a first-order system
+        with inputs, those of its outputs without inputs."""
+        return self._truncated(self._spectra.y0) + self._spectra.free_response(
+            2 * self.orders, self.harmonics, self.rotation
+        )
 
     def _truncated(self, spectrum: Array) -> Array:
         middle = len(spectrum) // 2
@@ -180,9 +183,9 @@ class HarmonicTransfer:
         control = python_control()
         orders, N = self.orders, self.harmonics
         A, B, C, D = self._spectra.lifted(orders, N, self.rotation)
-        n, (p, r) = self.system.n, self._spectra.D.shape[1:]
-        A = _real(A, orders, orders, 2 * n, 2 * n)
-        B, C = _real(B, orders, N, 2 * n, r), _real(C, N, orders, p, 2 * n)
+        size, (p, r) = self.system.multiplier_count, self._spectra.D.shape[1:]
+        A = _real(A, orders, orders, size, size)
+        B, C = _real(B, orders, N, size, r), _real(C, N, orders, p, size)
         names = self.signals
         return control.StateSpace(
             *(A, B, C, _real(D, N, N, p, r)),
@@ -272,7 +275,7 @@ def harmonic_transfer(
 
 def _most_orders(system: PeriodicSystem) -> int:
     """Maximum number of harmonics of the states, such that twice as many fit in dense matrices."""
-    return (MOST_UNKNOWNS // (2 * system.n) - 1) // 4
+    return (MOST_UNKNOWNS // system.multiplier_count - 1) // 4
 
 
 def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
@@ -285,7 +288,7 @@ def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
 
 @dataclass(frozen=True)
 class _Spectra:
-    """Fourier coefficients of harmonics -K … K of A, B, C, D, d and y₀ (2K+1, …)."""
+    """Fourier coefficients of harmonics -K … K of A, B, C, D, d, y₀ and b (2K+1, …)."""
 
     A: Array
     B: Array
@@ -293,6 +296,7 @@ class _Spectra:
     D: Array
     d: Array
     y0: Array
+    b: Array
 
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float, highest: int) -> "_Spectra":
@@ -304,7 +308,7 @@ class _Spectra:
         orders = np.arange(-highest, highest + 1)
         waves = np.exp(-2j * np.pi / system.period * np.outer(orders, phases))
         waves *= (grid.h[:, None] * (weights / 2)).ravel() / system.period
-        return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:6]))
+        return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:7]))
 
     def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
         """A - N, B, C and D of the lifted system, with states of harmonics -orders … orders."""
@@ -321,7 +325,7 @@ class _Spectra:
 
     @property
     def units(self) -> Array:
-        """Units of the states (2n,) in which round-off affects all of them equally."""
+        """Units of the states (N,) in which round-off affects all of them equally."""
         from scipy.linalg import matrix_balance
 
         mean = self.A[len(self.A) // 2].real
@@ -330,15 +334,29 @@ class _Spectra:
     def transfer(self, s: complex, orders: int, harmonics: int, rotation: float) -> Array:
         """C (s - A + N)⁻¹ B + D as (2N+1, p, 2N+1, r); NaN at a pole."""
         A, B, C, D = self.lifted(orders, harmonics, rotation)
-        unit = np.tile(self.units, 2 * orders + 1)
-        try:
-            H = (C * unit) @ np.linalg.solve(
-                s * np.eye(len(A)) - A * unit / unit[:, None], B / unit[:, None]
-            ) + D
-        except np.linalg.LinAlgError:
-            H = np.full(D.shape, np.nan)
+        H = self._response(s, A, B, C) + D
         p, r = self.D.shape[1:]
         return H.reshape(2 * harmonics + 1, p, 2 * harmonics + 1, r)
+
+    def free_response(self, orders: int, harmonics: int, rotation: float) -> Array:
+        """Coefficients (2N+1, p) of the outputs due to the load b; zero without one."""
+        p = self.D.shape[1]
+        if not self.b.any():
+            return np.zeros((2 * harmonics + 1, p))
+        A, _, C, _ = self.lifted(orders, harmonics, rotation)
+        middle = len(self.b) // 2
+        loads = self.b[middle - orders : middle + orders + 1].reshape(-1, 1)
+        return self._response(0.0, A, loads, C).reshape(-1, p)
+
+    def _response(self, s: complex, A: Array, B: Array, C: Array) -> Array:
+        """C (s - A)⁻¹ B of lifted matrices; NaN at a pole."""
+        unit = np.tile(self.units, len(A) // len(self.units))
+        try:
+            return (C * unit) @ np.linalg.solve(
+                s * np.eye(len(A)) - A * unit / unit[:, None], B / unit[:, None]
+            )
+        except np.linalg.LinAlgError:
+            return np.full((len(C), B.shape[1]), np.nan)
 
 
 def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:

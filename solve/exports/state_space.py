@@ -1,5 +1,6 @@
-"""Linearised equations as a state space over the phase: x′ = A x + B (u + d), y = C x + D (u + d) + y₀, with
-derivatives by time, x = (q, q̇), and forces u along the coordinates in addition to the load d."""
+"""Linearised equations as a state space over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀,
+with derivatives by time, x = (q, q̇), and forces u along the coordinates in addition to the load d. The load b
+is that of a first-order system with inputs u of its own, and otherwise zero."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -11,6 +12,8 @@ import numpy as np
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
+from solve.first_order import FirstOrderSystem
+from solve.matrices import leading
 from solve.model.model import LinearisedModel, Model
 from solve.period.points import rate_of
 from solve.system import PeriodicSystem, derivatives_of, of_system
@@ -30,8 +33,8 @@ _FORCES = {"m": "N", "rad": "N m"}
 
 
 class Coefficients(NamedTuple):
-    """Coefficients at k phases: A (k, 2n, 2n), B (k, 2n, n), C (k, p, 2n), D (k, p, n), load d (k, n), and
-    y₀ (k, p), the outputs without states and forces; also mass, damping and stiffness (k, n, n)."""
+    """Coefficients at k phases: A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r), load d (k, r), y₀ (k, p),
+    the outputs without states and forces, and b (k, N); also mass, damping and stiffness (k, n, n)."""
 
     A: Array
     B: Array
@@ -39,6 +42,7 @@ class Coefficients(NamedTuple):
     D: Array
     d: Array
     y0: Array
+    b: Array
     mass: Array
     damping: Array
     stiffness: Array
@@ -57,28 +61,41 @@ class Signals(NamedTuple):
 
 def signals(system: PeriodicSystem) -> Signals:
     """Signals of the state space of a system: states q and q_dot, inputs force_q, and as outputs the
-    coordinates and the outputs of the model that have derivatives."""
+    coordinates and the outputs of the model that have derivatives. First-order states x have inputs load_x,
+    unless inputs are named."""
     names = system.coordinates
     units = [system.units.get(name, "") for name in names]
+    inertial = len(names) - system.first_order
     outputs = _linear_outputs(system)
-    return Signals(
-        (*names, *(f"{name}_dot" for name in names)),
-        tuple(f"force_{name}" for name in names),
+    loads = [f"{'force' if at < inertial else 'load'}_{name}" for at, name in enumerate(names)]
+    made = Signals(
+        (*names, *(f"{name}_dot" for name in names[:inertial])),
+        tuple(loads),
         (*names, *outputs),
-        (*units, *(f"{unit}/s" if unit not in ("", "1") else "1/s" for unit in units)),
-        tuple(_FORCES.get(unit, "") for unit in units),
+        (*units, *(f"{unit}/s" if unit not in ("", "1") else "1/s" for unit in units[:inertial])),
+        tuple(_FORCES.get(unit, "") for unit in units[:inertial]) + ("",) * system.first_order,
         (*units, *(system.units.get(name, "") for name in outputs)),
     )
+    if not isinstance(system, FirstOrderSystem):
+        return made
+    if system.inputs:
+        units = tuple(system.units.get(name, "") for name in system.inputs)
+        made = made._replace(inputs=system.inputs, input_units=units)
+    if system.outputs:
+        units = tuple(system.units.get(name, "") for name in system.outputs)
+        made = made._replace(outputs=system.outputs, output_units=units)
+    return made
 
 
 def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coefficients:
     """Coefficients at phases (k,) and a speed in rad/s."""
-    n, k = system.n, len(phase)
+    n, k, inertial = system.n, len(phase), system.n - system.first_order
     M, damping, K, d = system.at(phase, speed)
-    inverse = np.linalg.inv(M)
-    rate = rate_of(M, damping, K, d)[..., :-1]
-    B = np.concatenate((np.zeros_like(inverse), inverse), axis=1)
-    C, D = np.zeros((k, n, 2 * n)), np.zeros((k, n, n))
+    inverse = np.linalg.inv(leading(M, damping, system.first_order))
+    rate = rate_of(M, damping, K, d, system.first_order)[..., :-1]
+    B = np.zeros((k, n + inertial, n))
+    B[:, n:], B[:, inertial:n] = inverse[:, :inertial], inverse[:, inertial:]
+    C, D = np.zeros((k, n, n + inertial)), np.zeros((k, n, n))
     C[:, :, :n] = np.eye(n)
     y0 = np.zeros((k, n))
     names = _linear_outputs(system)
@@ -92,7 +109,22 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
         constant = np.stack([values[name] for name in names], axis=1)
         constant -= np.einsum("kpsn,snk->kp", slopes, state)
         y0 = np.concatenate((y0, constant), axis=1)
-    return Coefficients(rate, B, C, D, d, y0, M, damping, K)
+    made = Coefficients(rate, B, C, D, d, y0, np.zeros((k, n + inertial)), M, damping, K)
+    return _with_signals(system, made, phase, speed) if isinstance(system, FirstOrderSystem) else made
+
+
+def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, speed: float) -> Coefficients:
+    """Coefficients with the named inputs and outputs of a system, if any."""
+    if not (system.inputs or system.outputs):
+        return made
+    _, b, B, C, D = system.equations_at(phase, speed)
+    if system.inputs:
+        without = np.zeros((len(phase), len(system.inputs)))
+        made = made._replace(B=B, D=np.zeros((len(phase), made.C.shape[1], B.shape[2])), d=without, b=b)
+    if system.outputs:
+        D = D if system.inputs else np.zeros((*C.shape[:2], made.B.shape[2]))
+        made = made._replace(C=C, D=D, y0=np.zeros(C.shape[:2]))
+    return made
 
 
 def _linear_outputs(system: PeriodicSystem) -> Sequence[str]:
@@ -120,7 +152,7 @@ def _output_slopes(
 
 @dataclass(frozen=True, repr=False)
 class StateSpace:
-    """State space x′ = A x + B (u + d), y = C x + D (u + d) + y₀ over one period, derivatives by time.
+    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period, derivatives by time.
 
     Parameters
     ----------
@@ -131,8 +163,9 @@ class StateSpace:
     phase : (m,) array
         Equidistant phases from 0, without the end of the period.
     coefficients : Coefficients
-        A (m, 2n, 2n), B (m, 2n, n), C (m, p, 2n), D (m, p, n); the load d (m, n), which is added to the
-        inputs; the outputs y0 (m, p) without states and forces. SI units.
+        A (m, N, N), B (m, N, r), C (m, p, N), D (m, p, r); the load d (m, r), which is added to the inputs;
+        the outputs y0 (m, p) without states and forces; the load b (m, N) of a first-order system with
+        inputs. SI units.
     signals : Signals
         Names and units of states, inputs and outputs.
     """
@@ -166,6 +199,10 @@ class StateSpace:
     @property
     def y0(self) -> Array:
         return self.coefficients.y0
+
+    @property
+    def b(self) -> Array:
+        return self.coefficients.b
 
     def frozen(self, phase: float) -> "control.StateSpace":
         """Time-invariant state space of python-control at a fixed phase, just after a jump there.
@@ -227,7 +264,8 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     -------
     StateSpace
         Inputs are forces along the coordinates. Outputs are the coordinates, and the outputs of models with
-        formulas, linearised about q = 0; structures of beams have their coordinates only.
+        formulas, linearised about q = 0; structures of beams have their coordinates only. A
+        `FirstOrderSystem` has its own inputs and outputs, if they are named.
 
     Raises
     ------

@@ -79,7 +79,7 @@ def solved(
     groups, steps = -(-points // width), m // width if segments else m
     if stages.own and not segments:
         stages, nodes = stages.summed, nodes and nodes.summed
-    n, N, D = size.n, 2 * size.n, len(weights["powers"])
+    n, N, D = size.n, 2 * size.n - size.first_order, len(weights["powers"])
     Phi, condition = np.empty((groups * width, N, N)), np.empty(groups * width)
     curves = np.empty((groups * width if size.orbit else 0, n, steps, D))
     arrays = {
@@ -92,14 +92,14 @@ def solved(
         "condition": condition,
         "curves": curves,
     }
-    if n > 1:
+    if N > 2:
         arrays["units"] = np.empty((groups * width, N))
     if points == 1 and size.orbit:
         arrays["maps"] = np.empty((width, steps, N, N + 1))
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
     numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
     run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
-    units = arrays["units"][:points] if n > 1 else None
+    units = arrays["units"][:points] if N > 2 else None
     if not size.orbit:
         return Periods(Phi[:points], units, None, None, None)
     maps = arrays["maps"].reshape(-1, m, N, N + 1)[:1] if "maps" in arrays else None

@@ -1,12 +1,12 @@
 /* Eigenvalues lambda of lambda^2 M + lambda C + K, LANES pencils side by side: of the matrix of the states, balanced
    (E. E. Osborne, J. ACM 7 (1960) 338-345).
 
-   N: coordinates. */
+   N: coordinates, P: those of second order; of the others behind them the columns of M are zero. */
 
 #include "lane.h"
 #include "rows.h"
 
-#define NX (2 * N)
+#define NX (N + P)
 #define SWEEPS 8                   /* of balancing at most */
 #define GAIN 0.9                   /* part of a row and its column to which balancing must bring these */
 #include "schur.h"
@@ -17,29 +17,31 @@ typedef struct {
     double *values;                /* (NX, count) complex; NaN where they are not found */
 } problem;
 
-/* The matrix of the states (q, q') of so many pencils from the one at `first` on; the last one again where there are no more. */
+/* The matrix of the states (q, q') of so many pencils from the one at `first` on; the last one again where there are no more.
+   Rows hold the highest derivatives, K, and C of the rates. */
 static void states(const problem *p, long first, lane A[NX][NX]) {
     static const lane none;
-    lane rows[N][3 * N];
+    lane rows[N][2 * N + P];
     for (int part = 0; part < 3; part++)
         for (int i = 0; i < N; i++)
             for (int j = 0; j < N; j++) {
                 const double *given = p->entries + ((part * N + i) * N + j) * p->count;
-                const int column = part == 0 ? j : part == 1 ? 2 * N + j : N + j;
+                if (j >= P && part == 0) continue;
+                const int column = part == 0 ? j : part == 2 ? N + j : j < P ? 2 * N + j : j;
                 if (first + LANES <= p->count) rows[i][column] = *(const loose *)(given + first);
                 else
                     for (int l = 0; l < LANES; l++) rows[i][column][l] = given[first + l < p->count ? first + l : p->count - 1];
             }
     for (int k = 0; k < N; k++) {
-        exchange_rows(rows[0], N, 3 * N, k, ~(mask){0});
-        for (int j = k + 1; j < 3 * N; j++) rows[k][j] /= rows[k][k];
+        exchange_rows(rows[0], N, 2 * N + P, k, ~(mask){0});
+        for (int j = k + 1; j < 2 * N + P; j++) rows[k][j] /= rows[k][k];
         for (int i = 0; i < N; i++)
-            for (int j = k + 1; i != k && j < 3 * N; j++) rows[i][j] -= rows[i][k] * rows[k][j];
+            for (int j = k + 1; i != k && j < 2 * N + P; j++) rows[i][j] -= rows[i][k] * rows[k][j];
     }
     for (int i = 0; i < N; i++)
         for (int j = 0; j < NX; j++) {
-            A[i][j] = j == N + i ? none + 1.0 : none;
-            A[N + i][j] = -rows[i][N + j];
+            if (i < P) A[i][j] = j == N + i ? none + 1.0 : none;
+            A[i < P ? N + i : i][j] = -rows[i][N + j];
         }
 }
 

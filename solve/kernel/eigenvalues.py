@@ -15,16 +15,18 @@ class _Problem(ctypes.Structure):
     _fields_ = (("count", ctypes.c_long), ("entries", ctypes.c_void_p), ("values", ctypes.c_void_p))
 
 
-def eigenvalues(pencils: Array) -> Array | None:
-    """Eigenvalues (…, 2n) of fields (3, n, n, …), which are M, C and K; NaN without convergence.
+def eigenvalues(pencils: Array, first_order: int = 0) -> Array | None:
+    """Finite eigenvalues (…, 2n - first_order) of fields (3, n, n, …), which are M, C and K; NaN without
+    convergence.
 
-    None without compiled code, or if n is large."""
+    The last `first_order` columns of M are zero. None without compiled code, or if n is large."""
     n = pencils.shape[1]
-    library = loaded("eigenvalues.c", (("N", n),)) if n <= SMALL else None
+    sizes = ("N", n), ("P", n - first_order)
+    library = loaded("eigenvalues.c", sizes) if n <= SMALL else None
     if library is None:
         return None
     entries = np.ascontiguousarray(pencils)
-    values = np.empty((2 * n, *pencils.shape[3:]), dtype=complex)
+    values = np.empty((2 * n - first_order, *pencils.shape[3:]), dtype=complex)
     problem = _Problem(values[0].size, address(entries), address(values))
     library.eigenvalues(ctypes.byref(problem))
     return np.moveaxis(values, 0, -1)

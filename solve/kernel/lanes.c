@@ -1,6 +1,6 @@
 /* Collocation over one period for many points at once, LANES of them side by side in vector registers.
 
-   Compiled for one size: N coordinates, S stages, NODES accelerations behind the curve of a step, STIFF
+   Compiled for one size: N coordinates, of which the first P are of second order, S stages, NODES accelerations behind the curve of a step, STIFF
    where the step's end is a stage, ORBIT where the periodic solution is wanted beside its stability.
    The mathematics is that of methods/collocation.py and methods/period_map.py; every array of a group of
    points has the lane as its last index. */
@@ -195,25 +195,27 @@ static void step_map(const problem *p, long step, const lane *stages, lane *map)
                 q += p->bA[i] * x;
                 v += p->b[i] * x;
             }
-            map[a * W + j] = h * h * q;
-            map[(N + a) * W + j] = h * v;
+            map[a * W + j] = a < P ? h * h * q : h * v;
+            if (a < P) map[(N + a) * W + j] = h * v;
         }
     for (int a = 0; a < N; a++) {
         map[a * W + a] += 1.0;
+        if (a >= P) continue;
         map[a * W + N + a] += h;
         map[(N + a) * W + N + a] += 1.0;
     }
 }
 
-/* So many columns, from j on, of two rows of to = map after `from`. */
+/* So many columns, from j on, of two rows of to = map after `from`; of an odd last row twice. */
 static inline __attribute__((always_inline)) void
 follow_two(const lane *map, const lane *from, lane *to, int i, int j, const int width) {
+    const int next = NX % 2 && i + 1 == NX ? i : i + 1;
     lane sum[2][TILE];
-    products(map + i * W, map + (i + 1) * W, from + j, W, NX, width, sum);
+    products(map + i * W, map + next * W, from + j, W, NX, width, sum);
     for (int m = 0; m < width; m++) {
         const int load = ORBIT && j + m == NX;
         to[i * W + j + m] = load ? sum[0][m] + map[i * W + NX] : sum[0][m];
-        to[(i + 1) * W + j + m] = load ? sum[1][m] + map[(i + 1) * W + NX] : sum[1][m];
+        to[next * W + j + m] = load ? sum[1][m] + map[next * W + NX] : sum[1][m];
     }
 }
 
@@ -244,8 +246,10 @@ static void trace(const problem *p, long length, const lane *starts, const lane 
                 q += p->bA[j] * found[j * N + i];
                 v += p->b[j] * found[j * N + i];
             }
-            to[i] = from[i] + h * from[N + i] + h * h * q;
-            to[N + i] = from[N + i] + h * v;
+            if (i < P) {
+                to[i] = from[i] + h * from[N + i] + h * h * q;
+                to[N + i] = from[N + i] + h * v;
+            } else to[i] = from[i] + h * v;
         }
     }
     memcpy(x + p->steps * NX, x, NX * sizeof(lane));
@@ -265,19 +269,24 @@ static lane draw(const problem *p, long group, const lane *x, const lane *a, con
     for (long k = 0; k < p->steps; k++)
         for (int i = 0; i < N; i++) {
             const double h = p->h[k];
+            const double unit = i < P ? h * h : h;
             lane data[NODES], power[D];
-            data[0] = h * h * (known ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
+            data[0] = unit * (known ? a[(k ? k - 1 : p->steps - 1) * ROWS + (S - 1) * N + i] : starts[k * N + i]);
             if (known && !k && p->own == SEGMENT) data[0] = rotated(data[0], LANES - 1);
-            for (int j = 0; j < S; j++) data[1 + j] = h * h * a[k * ROWS + j * N + i];
+            for (int j = 0; j < S; j++) data[1 + j] = unit * a[k * ROWS + j * N + i];
             if (NODES > S + 1) {
-                data[NODES - 1] = h * h * (p->jumps ? ends[k * N + i] : starts[(k + 1) % p->steps * N + i]);
+                data[NODES - 1] = unit * (p->jumps ? ends[k * N + i] : starts[(k + 1) % p->steps * N + i]);
                 if (k + 1 == p->steps && p->own == SEGMENT) data[NODES - 1] = rotated(data[NODES - 1], 1);
             }
             power[0] = x[k * NX + i];
-            power[1] = h * x[k * NX + N + i];
+            if (i < P) power[1] = h * x[k * NX + N + i];
             for (int d = 2; d < D; d++) {
                 power[d] = (lane){0};
                 for (int j = 0; j < NODES; j++) power[d] += p->powers[d * D + 2 + j] * data[j];
+            }
+            if (i >= P) {                                        /* rates are integrated once */
+                for (int d = 1; d + 1 < D; d++) power[d] = (d + 1.0) * power[d + 1];
+                power[D - 1] = (lane){0};
             }
             for (int d = 0; d < D; d++) total += power[d];
             for (int l = 0; l < LANES; l++) {
@@ -291,15 +300,17 @@ static lane draw(const problem *p, long group, const lane *x, const lane *a, con
 /* What follows takes little time to run, but most of a compiler's: it is optimised less. */
 #pragma GCC optimize("O2")
 
-/* Acceleration (N) that the equation of motion gives to a state at one of the nodes. */
+/* Highest derivatives (N) that the equation of motion gives to a state at one of the nodes. */
 static void acceleration(const problem *p, long group, long node, const lane *x, lane *e, lane *z, lane *a) {
     matrices(p, group, p->nodes, node, p->jumps ? 2 * p->steps : p->steps, e);
     const lane *M = e, *C = e + N * N, *K = e + 2 * N * N, *d = e + 3 * N * N;
     for (int i = 0; i < N; i++) {
         lane *row = z + i * (N + 1);
-        memcpy(row, M + i * N, N * sizeof(lane));
+        memcpy(row, M + i * N, P * sizeof(lane));
+        memcpy(row + P, C + i * N + P, (N - P) * sizeof(lane));
         row[N] = d[i];
-        for (int j = 0; j < N; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
+        for (int j = 0; j < P; j++) row[N] -= C[i * N + j] * x[N + j] + K[i * N + j] * x[j];
+        for (int j = P; j < N; j++) row[N] -= K[i * N + j] * x[j];
     }
     solve_rows(z, N, a);
 }

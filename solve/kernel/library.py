@@ -22,13 +22,15 @@ _first: Callable[[Any], ctypes.c_char] = ctypes.c_char.from_buffer
 
 class Size(NamedTuple):
     """Sizes for which a library is compiled: coordinates, stages, accelerations of the curve of a step,
-    whether a step ends at a stage, and whether orbits are computed."""
+    whether a step ends at a stage, whether orbits are computed, and coordinates without second derivatives,
+    which are the last ones."""
 
     n: int
     stages: int
     nodes: int
     stiff: bool
     orbit: bool
+    first_order: int = 0
 
 
 class _Problem(ctypes.Structure):
@@ -49,8 +51,9 @@ class _Problem(ctypes.Structure):
 @lru_cache
 def library(size: Size) -> ctypes.CDLL:
     """Library for a size. Raises CompilerError."""
-    names = ("N", "S", "NODES", "STIFF", "ORBIT")
-    return compiled(_SOURCE, dict(zip(names, map(int, size), strict=True)))
+    names = ("N", "S", "NODES", "STIFF", "ORBIT", "P")
+    sizes = *size[:-1], size.n - size.first_order
+    return compiled(_SOURCE, dict(zip(names, map(int, sizes), strict=True)))
 
 
 def lanes(size: Size) -> int:

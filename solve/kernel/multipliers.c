@@ -1,11 +1,10 @@
 /* Eigenvalues of real matrices, LANES of them side by side, and how well these are conditioned. The mathematics is that
    of period/multipliers.py and period/pairs.py.
 
-   N: coordinates; a matrix has 2 N rows. */
+   NX: rows of a matrix. */
 
 #include "lane.h"
 
-#define NX (2 * N)
 #include "schur.h"
 #include "singular.h"
 

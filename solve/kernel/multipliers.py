@@ -45,7 +45,7 @@ class Conditioned(NamedTuple):
 
 
 def eigenvalues(matrices: Array, units: Array | None) -> Found | None:
-    """Eigenvalues of finite matrices (P, N, N) with even N.
+    """Eigenvalues of finite matrices (P, N, N).
 
     units (P, N): powers of 2 that balance matrices of more than two rows. None without compiled code, for
     large N and without units."""
@@ -66,7 +66,7 @@ def _written(matrices: Array, units: Array | None, results: dict[str, Array]) ->
     N = matrices.shape[-1]
     if N > 2 * SMALL or (N > 2 and units is None):
         return False
-    library = loaded("multipliers.c", (("N", N // 2),))
+    library = loaded("multipliers.c", (("NX", N),))
     if library is None:
         return False
     given = {"matrices": np.ascontiguousarray(matrices), **results}

@@ -1,6 +1,12 @@
-/* The system of the stage accelerations of a step of collocation: N coordinates, S stages. */
+/* The system of the stage accelerations of a step of collocation: N coordinates, S stages.
 
-#define NX (2 * N)                 /* state: q, dq/dphase */
+   P: coordinates of second order, all unless it is given; the others behind them have rates in place of accelerations, and
+   columns of zeros in M. */
+
+#ifndef P
+#define P N
+#endif
+#define NX (N + P)                 /* state: q, dq/dphase of the first P */
 #define ROWS (S * N)
 
 /* The method's numbers in a step of length h. */
@@ -23,6 +29,12 @@ static inline void stage_rows(int i, const scaled *restrict by, const lane *rest
         lane *row = rows + a * width;
         for (int b = 0; b < N; b++) {
             const lane damping = C[a * N + b], stiffness = K[a * N + b];
+            if (b >= P) {
+                for (int j = 0; j < S; j++) row[j * N + b] = by->A[i][j] * stiffness;
+                row[i * N + b] += damping;
+                row[ROWS + b] = -stiffness;
+                continue;
+            }
             for (int j = 0; j < S; j++) row[j * N + b] = by->A[i][j] * damping + by->A2[i][j] * stiffness;
             row[i * N + b] += M[a * N + b];
             row[ROWS + b] = -stiffness;

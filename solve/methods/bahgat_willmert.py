@@ -21,6 +21,7 @@ class BahgatWillmert(Fourier):
     curve_order = 0
     converges = False
     spectral = False
+    first_order = False
 
     def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
         m = len(phases)

@@ -19,11 +19,12 @@ from solve.errors import ValueOutOfBoundsError
 from solve.kernel import collocation as kernel
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.kernel.library import Size, available
+from solve.matrices import by_rates, leading
 from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.period_map import Steps
-from solve.period.points import Points, Tables, affine, matrices
+from solve.period.points import Points, Tables, affine, matrices, state_size
 
 _MEMORY = 2**24
 """Bytes of the stage matrices of steps that are sampled at a time."""
@@ -118,6 +119,15 @@ class Collocation:
         powers[2:, 2:] = acceleration / ((k + 1) * (k + 2))[:, None]
         return powers
 
+    @cached_property
+    def rate_powers(self) -> Array:
+        """Matrix (D, 1 + nodes) from q and h times the rates at the nodes of the curve to powers of θ, for
+        first-order coordinates; the highest power is zero."""
+        powers = np.zeros_like(self.curve_powers)[:, 1:]
+        powers[0, 0] = 1.0
+        powers[1:-1, 1:] = self.curve_powers[2:, 2:] * np.arange(2, len(powers))[:, None]
+        return powers
+
     def stage_accelerations(self, h: Array, M: Array, C: Array, K: Array, d: Array) -> Array:
         """Accelerations (P, m, s, n, 2n+r) as affine functions of (q, v) at the start of the step and of r
         loads.
@@ -193,39 +203,38 @@ class Collocation:
         rows[:, 2, s], rows[:, 1, s + 1], rows[:, 2, s + 1] = -1.0, -1.0, -np.array(self.c)
         return np.ascontiguousarray(rows.swapaxes(1, 2))
 
-    def steps(self, h: Array, a: Array) -> Steps:
-        """Affine maps of (q, v) over the steps h (m,) from stage accelerations (P, m, s, n, 2n+1)."""
-        maps = self.maps(h, a)
+    def steps(self, h: Array, a: Array, first_order: int = 0) -> Steps:
+        """Affine maps of (q, v) over the steps h (m,) from stage accelerations (P, m, s, n, N+1)."""
+        maps = self.maps(h, a, first_order)
         return Steps(maps[..., :-1], maps[..., -1])
 
-    def maps(self, h: Array, a: Array) -> Array:
-        """(q, v) at the ends of the steps as affine functions (P, m, 2n, 2n+r) of (q, v) and of r loads, from
-        stage accelerations (P, m, s, n, 2n+r)."""
+    def maps(self, h: Array, a: Array, first_order: int = 0) -> Array:
+        """(q, v) at the ends of the steps as affine functions (P, m, N, N+r) of (q, v) and of r loads, from
+        stage accelerations (P, m, s, n, N+r), which are rates for the last `first_order` coordinates."""
         P, m, s, n = a.shape[:4]
+        p, N = n - first_order, 2 * n - first_order
         weights = np.stack((self.b @ self.A, self.b))
         maps = (weights @ a.reshape(P, m, s, -1)).reshape(P, m, 2, n, -1)
         maps *= np.stack((h**2, h), axis=1)[:, :, None, None]
         maps = maps.reshape(P, m, 2 * n, -1)
-        maps[..., : 2 * n] += np.eye(2 * n)
-        maps[..., range(n), range(n, 2 * n)] += h[:, None]
+        if first_order:
+            maps = np.concatenate((maps[:, :, :p], maps[:, :, n + p :], maps[:, :, n : n + p]), axis=2)
+        maps[..., :N] += np.eye(N)
+        maps[..., range(p), range(n, N)] += h[:, None]
         return maps
 
     def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
-        """Polynomials through the states x (P, m+1, 2n) at the nodes and the accelerations at the starts of
+        """Polynomials through the states x (P, m+1, N) at the nodes and the accelerations at the starts of
         steps (P, m, n), the stages (P, m, s, n) and the ends (P, m, n)."""
-        n = x.shape[-1] // 2
+        n, p = a.shape[-1], x.shape[-1] - a.shape[-1]
         h = np.diff(nodes)[:, None]
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
-        data = [x[:, :-1, :n], h * x[:, :-1, n:], *(h**2 * part for part in accelerations)]
-        return Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
-
-
-def lagrange(nodes: Array, theta: Array) -> Array:
-    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
-    k = len(nodes)
-    others = ~np.eye(k, dtype=bool)
-    factors = np.where(others, theta[:, None, None] - nodes, 1.0)
-    return (factors / np.where(others, nodes[:, None] - nodes, 1.0)).prod(axis=2)
+        data = [x[:, :-1, :p], h * x[:, :-1, n:], *(h**2 * part[..., :p] for part in accelerations)]
+        curve = Curve.of(nodes, np.stack(data, axis=-1), self.curve_powers)
+        if p == n:
+            return curve
+        data = [x[:, :-1, p:n], *(h * part[..., p:] for part in accelerations)]
+        return curve.joined(Curve.of(nodes, np.stack(data, axis=-1), self.rate_powers))
 
 
 @cache
@@ -235,10 +244,17 @@ def _of_rows(method: Collocation, stage: int, n: int) -> Array:
 
 
 def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
-    """Stage accelerations (P, m, s, n, 2n+1) of steps h (m,) with stages at phases (m, s)."""
-    sampled = matrices(points, phases.ravel())
+    """Stage accelerations (P, m, s, n, N+1) of steps h (m,) with stages at phases (m, s); rates of
+    first-order coordinates."""
+    *sampled, loads = matrices(points, phases.ravel())
+    sampled = *by_rates(*sampled, points.first_order), loads
     M, C, K, d = (part.reshape(len(part), *phases.shape, *part.shape[2:]) for part in sampled)
-    return method.stage_accelerations(h, M, C, K, d)
+    a = method.stage_accelerations(h, M, C, K, d)
+    if not points.first_order:
+        return a
+    # First-order coordinates are among the rates; their positions are not used.
+    n, p = points.n, points.n - points.first_order
+    return np.concatenate((a[..., :p], a[..., n + p : 2 * n], a[..., n : n + p], a[..., 2 * n :]), axis=-1)
 
 
 def _end_accelerations(
@@ -260,11 +276,12 @@ def _end_accelerations(
 
 
 def _acceleration(points: Points, phase: Array, x: Array) -> Array:
-    """Second derivatives (P, k, n) with respect to the phase from the equation of motion, for states x (P, k,
-    2n)."""
+    """Highest derivatives (P, k, n) with respect to the phase from the equation of motion, for states x (P,
+    k, N)."""
     M, C, K, d = matrices(points, phase)
     q, v = x[..., : points.n, None], x[..., points.n :, None]
-    return np.squeeze(solved(M, d[..., None] - K @ q - C @ v), -1)
+    highest = leading(M, C, points.first_order)
+    return np.squeeze(solved(highest, d[..., None] - K @ q - C[..., : v.shape[-2]] @ v), -1)
 
 
 class Collocated(OneStep):
@@ -329,7 +346,7 @@ class Collocated(OneStep):
         method = self.collocation
         phases = grid.stages(np.array(method.c))
         size = max(1, _MEMORY // (8 * (len(method.c) * points.n) ** 2))
-        a = np.empty((len(points), grid.steps, len(method.c), points.n, 2 * points.n + 1))
+        a = np.empty((len(points), grid.steps, len(method.c), points.n, state_size(points) + 1))
         for part in (slice(first, first + size) for first in range(0, grid.steps, size)):
             a[:, part] = _accelerations(method, points, grid.h[part], phases[part])
 
@@ -338,7 +355,7 @@ class Collocated(OneStep):
             starts, ends = _end_accelerations(method, points, grid, x, stages[:, :, -1])
             return method.curve(grid.nodes, x, starts, stages, ends)
 
-        return Discretisation(method.steps(grid.h, a), curve)
+        return Discretisation(method.steps(grid.h, a, points.first_order), curve)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         if engine != COMPILED or points.n > SMALL:
@@ -349,7 +366,8 @@ class Collocated(OneStep):
         # are parted; another takes the library with orbits for its multipliers too: one less to compile.
         alone = len(points) == 1 and (stages.own or points.alone)
         with_orbit = orbit or alone
-        size = Size(n, len(method.c), len(method.curve_nodes), method.stiffly_accurate, with_orbit)
+        numbers = n, len(method.c), len(method.curve_nodes)
+        size = Size(*numbers, method.stiffly_accurate, with_orbit, points.first_order)
         if not available(size):
             return super().solutions(points, grid, orbit)
         nodes = None

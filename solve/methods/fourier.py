@@ -15,7 +15,7 @@ from solve.methods.method import Method, Solutions, no_orbit, one_by_one
 from solve.period.curve import FourierCurve
 from solve.period.eigenvalues import balance_matrices
 from solve.period.grid import Grid
-from solve.period.points import Points, matrices, state_rate
+from solve.period.points import Points, matrices, state_rate, state_size
 from solve.threads import interruptible
 
 MOST_UNKNOWNS = 2000
@@ -57,8 +57,8 @@ class Fourier(Method):
     # Two phases a wave of the fastest mode, the limit of sampling.
     follows = np.pi
 
-    def most_steps(self, n: int) -> int:
-        return MOST_UNKNOWNS // (2 * n)
+    def most_steps(self, n: int, first_order: int = 0) -> int:
+        return MOST_UNKNOWNS // (2 * n - first_order)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = NUMPY) -> Solutions:
         odd = Grid.uniform(grid.steps | 1, grid.period)
@@ -72,7 +72,7 @@ class Fourier(Method):
         if not np.isfinite(state_rate(point, odd.nodes[:-1])).all():
             raise self._no_map(point, odd)
         multiplied = partial(self.multiplied, point, odd)
-        long = 2 * point.n * odd.steps > _QUICK
+        long = state_size(point) * odd.steps > _QUICK
         Phi, rounding = interruptible(multiplied) if long else multiplied()
         curve, condition = self.balanced_orbit(point, odd) if orbit else (None, np.nan)
         return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))

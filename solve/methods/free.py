@@ -38,6 +38,8 @@ _SMALLEST = float(np.finfo(float).tiny)
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
     """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
+    if points.first_order:
+        return None
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():
@@ -75,6 +77,7 @@ def solutions_on(
     """Solutions of a method for points, some of which have rigid-body modes. Their monodromy matrices are
     those of the motion relative to the modes, see `Anchored.quotient`, and their orbits have zero mean along
     the modes."""
+    method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
     anchored = anchored_for(method, points, held)

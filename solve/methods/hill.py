@@ -13,7 +13,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.methods.fourier import Fourier, from_exponents, in_balance, solved_balance
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
-from solve.period.points import OnePoint, Points, matrices, state_rate
+from solve.period.points import OnePoint, Points, matrices, state_rate, state_size
 from solve.system import PeriodicSystem
 
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
@@ -31,7 +31,7 @@ class Hill(Fourier):
     name = "hill"
 
     def multiplied(self, point: Points, grid: Grid) -> tuple[Array, float]:
-        orders, size = grid.steps, 2 * point.n
+        orders, size = grid.steps, state_size(point)
 
         def samples(p: Array) -> Array:
             series = p.reshape(orders, size, -1)

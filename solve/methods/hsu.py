@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.methods.method import Discretisation, OneStep
 from solve.period.grid import Grid
-from solve.period.points import Points, state_rate
+from solve.period.points import Points, state_rate, state_size
 
 
 @dataclass(frozen=True)
@@ -23,11 +23,11 @@ class Hsu(OneStep):
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         from scipy.linalg import expm
 
-        n = points.n
+        N = state_size(points)
         rate = state_rate(points, grid.stages(np.array([0.5]))[:, 0])
-        augmented = np.zeros((*rate.shape[:2], 2 * n + 1, 2 * n + 1))
-        augmented[..., : 2 * n, :] = grid.h[:, None, None] * rate
+        augmented = np.zeros((*rate.shape[:2], N + 1, N + 1))
+        augmented[..., :N, :] = grid.h[:, None, None] * rate
         finite = np.isfinite(augmented).all(axis=(-2, -1))
         maps = np.full(rate.shape, np.nan)
-        maps[finite] = expm(augmented[finite])[:, : 2 * n]
-        return Discretisation.of_rates(grid, maps, rate, rate)
+        maps[finite] = expm(augmented[finite])[:, :N]
+        return Discretisation.of_rates(grid, maps, rate, rate, points.first_order)

@@ -11,15 +11,16 @@ import numpy as np
 
 from solve.arguments import most_numbers, require_steps
 from solve.arrays import Array, across, covers_all
-from solve.errors import MatricesError, ResonanceError, SolveError, StepsError
+from solve.errors import MatricesError, ResonanceError, SolveError, StepsError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
+from solve.matrices import leading
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.eigenvalues import multiplier_roundoff
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
 from solve.period.period_map import SINGULAR, Steps, monodromy, period
-from solve.period.points import Points, affine, matrices
+from solve.period.points import Points, affine, matrices, state_size
 from solve.period.rigid_body import Free
 
 MOST_STEPS = 2**40
@@ -128,7 +129,7 @@ class Method:
     a mode with a phase error c (ω h)^(order + 1); 0 if modes are damped before that matters. stages: number
     of stages of a collocation method; with_another_stage: the method of its family with one more stage; None
     for other methods. warnings: warnings about the method's settings. symmetric: whether the method needs
-    matrices that modes diagonalise.
+    matrices that modes diagonalise. first_order: whether it solves systems with first-order coordinates.
     """
 
     name: str
@@ -144,6 +145,7 @@ class Method:
     phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
     symmetric: bool = False
+    first_order: bool = True
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -186,16 +188,25 @@ class Method:
         """Approximate peak memory per step for n coordinates."""
         return 80 * (2 * n + 1) ** 2
 
-    def most_steps(self, n: int) -> int:
-        """Largest number of steps per period for n coordinates, limited by memory and time."""
+    def most_steps(self, n: int, first_order: int = 0) -> int:
+        """Largest number of steps per period for n coordinates, of which the last have no second derivatives,
+        limited by memory and time."""
         steps = int(8 * most_numbers() / self.bytes_a_step(n))
         return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
+
+    def require_order(self, points: Points) -> None:
+        """Raise ValueOutOfBoundsError if points have first-order coordinates that the method cannot solve."""
+        if points.first_order and not self.first_order:
+            raise ValueOutOfBoundsError(
+                f"{self.name} solves equations of second order only, and this system has first-order states; "
+                "use auto, radau, gauss, rk4, hsu, fourier or hill"
+            )
 
     def require_steps(self, steps: Any, points: Points) -> None:
         """Raise StepsError for a number of steps that can be used, with an error estimate, at none of the
         points."""
         require_steps(steps, max(1, len(points.breaks)))
-        most = self.most_steps(points.n) // (2 if self.converges else 1)
+        most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
             raise StepsError(
                 f"{self.name} takes at most {most} steps a period for {points.n} coordinates; given: "
@@ -209,15 +220,13 @@ class Method:
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
         """Error of a point whose maps are not finite."""
         phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
-        M = matrices(point, phase)[0][0]
+        M, C, _, _ = (part[0] for part in matrices(point, phase))
+        M = leading(M, C, point.first_order)
         if not np.isfinite(M).all():
             return MatricesError("the matrices have NaN or infinite entries; check the parameters")
         singular = np.flatnonzero(np.linalg.slogdet(M)[0] == 0)
         if len(singular):
-            return MatricesError(
-                f"M is singular at phase {phase[singular[0]]:.6g}: some coordinate has no inertia there; "
-                "give every coordinate a mass at every phase"
-            )
+            return singular_inertia_error(f"at phase {phase[singular[0]]:.6g}", point.first_order)
         return self._overflow(grid.steps)
 
     def _overflow(self, steps: int) -> StepsError:
@@ -239,17 +248,25 @@ class Discretisation:
     curve: Callable[[Array], PeriodicCurve]
 
     @classmethod
-    def of_rates(cls, grid: Grid, maps: Array, start: Array, end: Array) -> "Discretisation":
+    def of_rates(
+        cls, grid: Grid, maps: Array, start: Array, end: Array, first_order: int = 0
+    ) -> "Discretisation":
         """Discretisation of the states x = (q, q′), with curves through q, q′ and q″ at both ends of every
-        step.
+        step, or through q and q′ for the last `first_order` coordinates.
 
         maps: (A | b) of the steps. start, end: rates (P | f) of x′ = P x + f at both ends of every step. All
-        are (P, m, 2n, 2n+1)."""
-        n = maps.shape[-2] // 2
+        are (P, m, N, N+1)."""
+        n = (maps.shape[-2] + first_order) // 2
+        p = n - first_order
 
         def curve(x: Array) -> PeriodicCurve:
-            before, after = affine(start[..., n:, :], x[:, :-1]), affine(end[..., n:, :], x[:, 1:])
-            return Curve.quintic(grid.nodes, x[..., :n], x[..., n:], before, after)
+            before, after = affine(start[..., p:, :], x[:, :-1]), affine(end[..., p:, :], x[:, 1:])
+            second = before[..., first_order:], after[..., first_order:]
+            curve = Curve.quintic(grid.nodes, x[..., :p], x[..., n:], *second)
+            if not first_order:
+                return curve
+            rates = before[..., :first_order], after[..., :first_order]
+            return curve.joined(Curve.cubic(grid.nodes, x[..., p:n], *rates))
 
         return cls(Steps(maps[..., :-1], maps[..., -1]), curve)
 
@@ -298,6 +315,19 @@ class OneStep(Method):
         return Solutions(grid, Phi, curve, condition, steps, failures=failures, units=units, engine=engine)
 
 
+def singular_inertia_error(where: str, first_order: int) -> MatricesError:
+    """Error of a point whose highest derivatives do not follow from its equations at a phase."""
+    if first_order:
+        return MatricesError(
+            f"the columns of M of coordinates and of C of first-order states are singular {where}; every "
+            "highest derivative must follow from the equations"
+        )
+    return MatricesError(
+        f"M is singular {where}: some coordinate has no inertia there; give every coordinate a mass at every "
+        "phase"
+    )
+
+
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
     """Solutions of points that a method solves one after the other, on one grid."""
     solved: list[Solutions] = []
@@ -308,7 +338,7 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
         except SolveError as error:
             failures[at] = error
     if not solved:
-        zeros = np.zeros((len(points), 2 * points.n, 2 * points.n))
+        zeros = np.zeros((len(points), state_size(points), state_size(points)))
         return Solutions(Grid.uniform(1, points.period), zeros, None, zeros[:, 0, 0], failures=failures)
     if len(points) == 1:
         return solved[0]

@@ -27,6 +27,7 @@ class Modal(OneStep):
     curve_order = 0
     converges = False
     symmetric = True
+    first_order = False
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n
@@ -69,6 +70,7 @@ class _Uncoupled:
     breaks = ()
     bytes_a_phase = 0
     alone = False
+    first_order = 0
 
     def __init__(self, points: Points, phase: Array):
         self.n, self.period = points.n, points.period

@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.methods.method import MOST_STEPS, Discretisation, OneStep
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
-from solve.period.points import Points, state_rate
+from solve.period.points import Points, state_rate, state_size
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class RungeKutta4(OneStep):
         return np.ceil(np.minimum(needed.max(axis=(1, 2)), MOST_STEPS)).astype(int)
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
-        n = points.n
+        N = state_size(points)
         h = grid.h[:, None, None]
         phases = grid.stages(np.array([0.0, 0.5, 1.0]))
         start, middle = (state_rate(points, phases[:, k]) for k in (0, 1))
         end = np.roll(start, -1, axis=1) if grid.smooth else state_rate(points, phases[:, 2])
         x = np.zeros(start.shape)
-        x[..., range(2 * n), range(2 * n)] = 1.0
+        x[..., range(N), range(N)] = 1.0
 
         def rate(P: Array, x: Array) -> Array:
             k = P[..., :-1] @ x
@@ -61,4 +61,5 @@ class RungeKutta4(OneStep):
         k2 = rate(middle, x + h / 2 * k1)
         k3 = rate(middle, x + h / 2 * k2)
         k4 = rate(end, x + h * k3)
-        return Discretisation.of_rates(grid, x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), start, end)
+        maps = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return Discretisation.of_rates(grid, maps, start, end, points.first_order)

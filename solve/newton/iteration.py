@@ -291,8 +291,8 @@ class Newton(Method):
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
         return self.task.method.bytes_a_step(n, orbit, engine)
 
-    def most_steps(self, n: int) -> int:
-        return self.task.method.most_steps(n)
+    def most_steps(self, n: int, first_order: int = 0) -> int:
+        return self.task.method.most_steps(n, first_order)
 
     def solutions(self, points: Points, grid: Grid, orbit: bool, engine: str = "numpy") -> Solutions:
         return one_by_one(points, lambda point: self._converged(point, grid))

@@ -118,6 +118,11 @@ def transient(
     >>> found.turns
     2
     """
+    if system.first_order:
+        raise TransientError(
+            f"transients of systems with first-order states, such as {system.states[0]}, are not computed; "
+            "use periodic or floquet, or integrate the state space of solve.state_space"
+        )
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)

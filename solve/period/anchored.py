@@ -38,6 +38,10 @@ class Anchored:
         return self.points.n
 
     @property
+    def first_order(self) -> int:
+        return self.points.first_order
+
+    @property
     def period(self) -> float:
         return self.points.period
 
@@ -83,7 +87,7 @@ class Anchored:
         parts = [tables.coefficients, *(each[2] for each in made)]
         order = np.argsort(entry, kind="stable")
         coefficients = np.concatenate(parts, axis=1)[:, order]
-        return Tables(tables.table[..., terms[order]], coefficients, entry[order], n)
+        return Tables(tables.table[..., terms[order]], coefficients, entry[order], n, tables.first_order)
 
     @property
     def _rates(self) -> tuple[Array, Array]:

@@ -28,6 +28,12 @@ _QUINTIC = np.linalg.inv(
 )
 
 
+_CUBIC = np.zeros((6, 4))
+_CUBIC[:4] = np.linalg.inv(
+    # Rows: q, q' at the step's start, then at its end; columns: powers 0 … 3 of θ.
+    np.array([[1, 0, 0, 0], [0, 1, 0, 0], [1, 1, 1, 1], [0, 1, 2, 3]], dtype=float)
+)
+
 _ALIKE = 4e-13
 """Difference of fractions of a step, divided by the number of steps, that counts as zero: the displacement of
 phases at a jump, and round-off."""
@@ -93,9 +99,21 @@ class Curve:
         return cls.of(nodes, np.stack(data, axis=-1), _QUINTIC)
 
     @classmethod
+    def cubic(cls, nodes: Array, q: Array, v_start: Array, v_end: Array) -> "Curve":
+        """Cubic Hermite interpolant of q at the nodes (…, m+1, n) and of rates at both ends of each step (…,
+        m, n), with as many powers as `quintic`; its error is O(h^4)."""
+        h = np.diff(nodes)[:, None]
+        data = (q[..., :-1, :], h * v_start, q[..., 1:, :], h * v_end)
+        return cls.of(nodes, np.stack(data, axis=-1), _CUBIC)
+
+    @classmethod
     def of(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
         """Curve from data (…, m, n, r) of each step, and the matrix (D, r) from these to powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
+
+    def joined(self, other: "Curve") -> "Curve":
+        """Curve of these coordinates and of those of another curve on the same nodes, behind them."""
+        return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
     @property
     def n(self) -> int:

@@ -15,7 +15,8 @@ from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
 ALIASED = 0.1
-"""Relative difference between the mean square of the rates and that of the resolved harmonics: a choice."""
+"""Relative difference between the mean square of the rates and that of the resolved harmonics, or fraction of
+a mode in the upper third of the harmonics, up to which these are resolved: a choice."""
 
 _SAME = 1e-6
 """Relative difference between the participations of two harmonics that counts as zero: a choice."""
@@ -47,7 +48,12 @@ class FloquetMode(NamedTuple):
 
 
 def floquet_modes(
-    steps: Array, grid: Grid, mass: Array, blocks: Blocks, eigenvalues: ProductEigenvalues, rotation: float
+    steps: Array,
+    grid: Grid,
+    mass: Array | None,
+    blocks: Blocks,
+    eigenvalues: ProductEigenvalues,
+    rotation: float,
 ) -> Sequence[FloquetMode]:
     """Modes (N,) of a point, in the order of its `eigenvalues`, which include right vectors.
 
@@ -56,8 +62,9 @@ def floquet_modes(
     steps : (m, N, N)
         Maps of the state, coordinates first.
     grid : Grid
-    mass : (n, n)
-        Mean of M in any unit.
+    mass : (n, n), optional
+        Mean of M in any unit, by default none, for states of first order. Their participations are those of
+        all states, in units that balance the maps.
     blocks : Blocks
         Products of these maps.
     eigenvalues : ProductEigenvalues
@@ -68,16 +75,21 @@ def floquet_modes(
     if not grid.smooth:
         p = _evenly(grid, p)
     spectrum = np.fft.fft(p, axis=0)
-    of_coordinates, of_rates = (
-        (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
-    )
     orders = np.rint(np.fft.fftfreq(len(p), 1 / len(p))).astype(int)
     fundamental = 2 * math.pi / grid.period
     exponents = eigenvalues.logarithms[0] / grid.period + 1j * fundamental * orders[:, None]
-    # Other rates than those of the resolved harmonics: the phase advance of the mode per step is too large.
-    rates = (np.abs(exponents) ** 2 * of_coordinates).sum(axis=0)
-    is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
-    shares = of_coordinates / of_coordinates.sum(axis=0)
+    if mass is None:
+        sizes = (np.abs(spectrum / blocks.units[0][:, None]) ** 2).sum(axis=1)
+        # Strong harmonics near the highest one: the phase advance of the mode per step is too large.
+        is_resolved = sizes[3 * np.abs(orders) > len(p)].sum(axis=0) <= ALIASED * sizes.sum(axis=0)
+    else:
+        sizes, of_rates = (
+            (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
+        )
+        # Other rates than those of the resolved harmonics mean the same.
+        rates = (np.abs(exponents) ** 2 * sizes).sum(axis=0)
+        is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
+    shares = sizes / sizes.sum(axis=0)
     folded = np.imag(eigenvalues.logarithms[0]) * rotation / (2 * math.pi)
     return [
         _mode(angle, rotation, orders, share) if resolved else FloquetMode(angle)

@@ -2,6 +2,7 @@
 
 Bounds are evaluated first, eigenvalues only if the bounds leave the question open."""
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -9,11 +10,12 @@ import numpy as np
 from solve.arrays import Array, covers_all, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.matrices import split_entries
+from solve.matrices import by_rates, split_entries
 from solve.period.eigenvalues import balance_matrices
 from solve.period.pencils import (
     LOOPED,
     eigenvalues,
+    fields_by_rates,
     is_periodic_drift,
     mass_normalised,
     pencil_eigenvalues,
@@ -42,6 +44,7 @@ class FrozenModes:
 
     def __init__(self, tables: Tables, period: float, engine: str = NUMPY):
         self._tables, self._n, self.period, self._engine = tables, tables.n, period, engine
+        self._first_order = tables.first_order
         self._parent: tuple[Array, Array] | None = None
 
     def __len__(self) -> int:
@@ -49,7 +52,6 @@ class FrozenModes:
 
     @property
     def n(self) -> int:
-        """Number of coordinates."""
         return self._n
 
     def __getitem__(self, points: Array) -> "FrozenModes":
@@ -75,6 +77,8 @@ class FrozenModes:
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
         """Rigid-body modes at these phases; None if no point has one."""
+        if self._first_order:
+            return None
         if self._n == 1 and not self._tables.own:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
@@ -122,14 +126,22 @@ class FrozenModes:
             fields = self._fields[..., phases]
         return fields[: 3 * self._n**2].reshape(3, self._n, self._n, *fields.shape[1:])
 
+    def _rates_at(self, phases: Array | slice) -> Array:
+        """M, C and K (3, n, n, P, k') at some of the phases with first-order coordinates taken as rates."""
+        return fields_by_rates(self._matrices_at(phases), self._first_order)
+
+    @property
+    def _is_oscillator(self) -> bool:
+        return self._n == 1 and not self._first_order
+
     def has_steady_inertia(self, fraction: float) -> Array:
         """Whether det M (P,) has one sign and at every phase at least this fraction of its median."""
-        if self._n == 1 and not self._tables.own:
+        if self._is_oscillator and not self._tables.own:
             low, high = self._ranges
             steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])
             if steady.all():
                 return steady
-        M = self._fields[: self._n**2].reshape(self._n, self._n, *self._fields.shape[1:])
+        M = self._rates_at(slice(None))[0]
         if self._n > LOOPED:
             sign, logarithm = np.linalg.slogdet(np.moveaxis(M, (0, 1), (2, 3)))
             middle = np.argsort(logarithm, axis=1)[:, [logarithm.shape[1] // 2]]
@@ -150,21 +162,21 @@ class FrozenModes:
             return np.asarray((determinant * np.sign(median) > fraction * np.abs(median)).all(axis=1))
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
-        """Eigenvalues (P, k, 2n) with respect to the phase, at all phases or at some of them."""
-        if self._n == 1:
+        """Eigenvalues (P, k, N) with respect to the phase, at all phases or at some of them."""
+        if self._is_oscillator:
             return quadratic_roots(*self._matrices_at(phases)[:, 0, 0])
-        pencils = self._matrices_at(phases)
-        values = kernel.eigenvalues(pencils) if self._engine == COMPILED else None
+        pencils, first_order = self._matrices_at(phases), self._first_order
+        values = kernel.eigenvalues(pencils, first_order) if self._engine == COMPILED else None
         if values is None:
-            return pencil_eigenvalues(pencils)
+            return pencil_eigenvalues(pencils, first_order)
         is_missing = np.isnan(values).any(axis=-1)
         if is_missing.any():
-            values[is_missing] = pencil_eigenvalues(pencils[..., is_missing])
+            values[is_missing] = pencil_eigenvalues(pencils[..., is_missing], first_order)
         return values
 
     @cached_property
     def few_eigenvalues(self) -> Array:
-        """Eigenvalues (P, k', 2n) at every 16th phase."""
+        """Eigenvalues (P, k', N) at every 16th phase."""
         return self.eigenvalues(_FEW)
 
     @property
@@ -178,13 +190,10 @@ class FrozenModes:
         return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
 
     def rates_and_decay(self, negligible: float) -> tuple[Array, Array]:
-        """Largest moduli (P, 2n) of the eigenvalues in ascending order, and the decay (P, 2n) of these modes.
-
-        The decay is the mean factor over a period, relative to that of the least damped mode or to what is
-        negligible.
-        """
-        if self._n == 1:
-            few = Tables(self._tables.table[..., _FEW, :], self._tables.coefficients, self._tables.entry, 1)
+        """Largest moduli (P, N) of the eigenvalues, ascending, and the decay (P, N) of these modes: the mean
+        factor over a period, relative to that of the least damped mode or to what is negligible."""
+        if self._is_oscillator:
+            few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
         else:
             values = self.few_eigenvalues
@@ -205,7 +214,7 @@ class FrozenModes:
         """
         if self._n == 1:
             return None
-        entries = self._matrices_at(slice(None))
+        entries = self._rates_at(slice(None))
         sizes = np.abs(entries[..., entry_phases(entries.shape[-1])]).max(axis=-1)
         diagonals = np.einsum("aiip->aip", sizes)
         with np.errstate(over="ignore"):
@@ -230,7 +239,9 @@ class FrozenModes:
         """Mean accelerations of coordinates due to coordinates and their rates (P, n, n), and due to loads
         (P, n)."""
         n = self._n
-        rate = np.abs(rate_of(*split_entries(np.moveaxis(self._fields, 0, -1), n))[..., n:, :]).mean(axis=1)
+        *matrices, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
+        matrices = by_rates(*matrices, self._first_order)
+        rate = np.abs(rate_of(*matrices, load)[..., n:, :]).mean(axis=1)
         return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
 
     def load_scale(self, sizes: Array) -> Array:
@@ -267,18 +278,20 @@ class FrozenModes:
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
     def units(self, points: Array) -> Array:
-        """Units in which the states (k, 2n) of points at positions (k,) are comparable.
-
-        They are square roots of the mean stiffness, or of the inertia if that is larger, and of the inertia
-        of each coordinate."""
+        """Units in which states (k, N) of points at positions (k,) are comparable: square roots of the mean
+        stiffness, or of the inertia if larger, and of the inertia; 1 for first-order coordinates."""
         matrices = self._matrices_at(slice(None))[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
-        return np.sqrt(np.concatenate((np.maximum(stiffness, inertia), inertia), axis=-1))
+        units = np.sqrt(np.concatenate((np.maximum(stiffness, inertia), inertia), axis=-1))
+        if self._first_order:
+            units = units[:, : 2 * self._n - self._first_order]
+            units[:, self._n - self._first_order : self._n] = 1.0
+        return units
 
     def exceeds_rate(self, rate: float) -> Array:
         """Whether sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any of the phases (P,)."""
-        if self._n == 1:
+        if self._is_oscillator:
             exceeds = ~self._bounded_by_ranges(rate)
             rows = np.flatnonzero(exceeds)
             if len(rows):
@@ -308,7 +321,7 @@ class FrozenModes:
         λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v.
         """
         rate = np.broadcast_to(rate, len(self))
-        if self._n > 1:
+        if not self._is_oscillator:
             rows = np.arange(len(self))
             for phases in (entry_phases(self._tables.table.shape[-2]), slice(None)):
                 rows = rows[self[rows]._is_within_at(phases, rate[rows])]
@@ -341,7 +354,7 @@ class FrozenModes:
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
         """Whether |C/M| + |K/M|/rate ≤ rate for a single mode (P,) follows from the ranges of the shared
         terms."""
-        if self._n > 1 or self._tables.own:
+        if not self._is_oscillator or self._tables.own:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges
         C, K = np.maximum(np.abs(low[1:3]), np.abs(high[1:3]))
@@ -350,11 +363,11 @@ class FrozenModes:
 
     def _at_phase(self, phase: int) -> "FrozenModes":
         entries = np.moveaxis(self._fields[..., phase : phase + 1], 0, -1)
-        return FrozenModes(Tables.of(entries, self._n), self.period, self._engine)
+        return FrozenModes(Tables.of(entries, self._n, self._first_order), self.period, self._engine)
 
     def _largest_rates(self) -> Array:
         """The larger of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C), (P, k)."""
-        M, C, K = self.matrices
+        M, C, K = np.moveaxis(self._rates_at(slice(None)), (3, 4), (1, 2))
         if self._n == 1:
             stiffness, damping = (np.abs(matrix[..., 0, 0] / M[..., 0, 0]) for matrix in (K, C))
         else:
@@ -362,8 +375,8 @@ class FrozenModes:
         return np.maximum(np.sqrt(stiffness), damping)
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
-        """M⁻¹C and M⁻¹K as fields (n, n, P, k)."""
-        return mass_normalised(*self._matrices_at(phases))
+        """M⁻¹C and M⁻¹K as fields (n, n, P, k), with first-order coordinates taken as rates."""
+        return mass_normalised(*self._rates_at(phases), self._first_order)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
@@ -385,15 +398,3 @@ def balanced(points: Points, modes: FrozenModes) -> Points:
     """Points with balanced equations: elimination chooses its pivots by the sizes of rows."""
     factors = modes.equation_factors()
     return points if factors is None else Multiplied(points, factors)
-
-
-def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
-    """Amplitude (…) after a period, at most 1, of the least damped mode with a phase advance above the limit
-    (…).
-
-    eigenvalues (…, k, 2n): frozen at k phases.
-    """
-    moduli = np.abs(eigenvalues)
-    is_fast = (moduli * period > limit) | (moduli == moduli.max(axis=-1, keepdims=True))
-    rates = np.where(is_fast, np.real(eigenvalues), -np.inf).max(axis=-1)
-    return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))

@@ -78,9 +78,10 @@ class Named:
         kind, number = found[1], int(found[2])
         if dot:
             require_name(f"part of {subject}", figure, _PARTS[kind])
-        if not 1 <= number <= 2 * system.n:
+        if not 1 <= number <= system.multiplier_count:
             raise ValueOutOfBoundsError(
-                f"{text}: {system.name} has the multipliers 1 to {2 * system.n}, falling in modulus"
+                f"{text}: {system.name} has the multipliers 1 to {system.multiplier_count}, "
+                "falling in modulus"
             )
         return cls(text, _WORDS[kind], kind, figure, number)
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.matrices import by_rates
 from solve.period.eigenvalues import EPS
 from solve.period.points import rate_of
 
@@ -15,10 +16,10 @@ _ITERATIONS = 6
 """Power iterations for the vector of a bound: a choice; the bound is valid for any positive vector."""
 
 
-def pencil_eigenvalues(pencils: Array) -> Array:
-    """Eigenvalues (…, 2n) of λ²M + λC + K, given as fields (3, n, n, …)."""
+def pencil_eigenvalues(pencils: Array, first_order: int = 0) -> Array:
+    """Finite eigenvalues (…, 2n - first_order) of λ²M + λC + K, given as fields (3, n, n, …)."""
     M, C, K = np.moveaxis(pencils, (1, 2), (-2, -1))
-    return eigenvalues(rate_of(M, C, K, np.zeros(M.shape[:-1]))[..., :-1])
+    return eigenvalues(rate_of(M, C, K, np.zeros(M.shape[:-1]), first_order)[..., :-1])
 
 
 def eigenvalues(matrices: Array) -> Array:
@@ -66,13 +67,26 @@ def spectral_radius_within_one(B: Array) -> Array:
         return (np.einsum("ijpk,jpk->ipk", B, v) <= v).all(axis=(0, 2))
 
 
-def mass_normalised(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
-    """M⁻¹C and M⁻¹K as fields (n, n, P, k); for few coordinates by elimination without pivoting, which
-    inertia matrices allow."""
+def fields_by_rates(pencils: Array, first_order: int) -> Array:
+    """Fields (3, n, n, …) of M, C and K with first-order coordinates taken as rates, see `by_rates`."""
+    if not first_order:
+        return pencils
+    if first_order == pencils.shape[1]:
+        return np.stack((pencils[1], pencils[2], np.zeros_like(pencils[0])))
+    columns = by_rates(*np.moveaxis(pencils, 2, -1), first_order)
+    return np.moveaxis(np.stack(columns), -1, 2)
+
+
+def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple[Array, Array]:
+    """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the last `first_order` coordinates taken as rates; for few
+    coordinates by elimination without pivoting, which inertia matrices allow."""
+    if first_order == len(M):
+        ratio, _ = mass_normalised(M, C, K[:, :0])
+        return ratio, np.zeros_like(ratio)
     n, rows = len(M), np.concatenate((M, C, K), axis=1)
     if n > LOOPED:
         M, CK = np.split(np.moveaxis(rows, (0, 1), (2, 3)), [n], axis=-1)
-        C, K = np.split(np.moveaxis(solved(M, CK), (2, 3), (0, 1)), 2, axis=1)
+        C, K = np.split(np.moveaxis(solved(M, CK), (2, 3), (0, 1)), [n], axis=1)
         return C, K
     with np.errstate(all="ignore"):
         for k in range(n):
@@ -100,3 +114,15 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
     change, size = np.abs(Phi @ state - state), np.abs(Phi) @ np.abs(state) + np.abs(state)
     allowed = 1e-6 * size + 10 * error * (units * np.abs(state)).max() / units
     return bool((change <= allowed).all())
+
+
+def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
+    """Amplitude (…) after a period, at most 1, of the least damped mode with a phase advance above the limit
+    (…).
+
+    eigenvalues (…, k, 2n): frozen at k phases.
+    """
+    moduli = np.abs(eigenvalues)
+    is_fast = (moduli * period > limit) | (moduli == moduli.max(axis=-1, keepdims=True))
+    rates = np.where(is_fast, np.real(eigenvalues), -np.inf).max(axis=-1)
+    return np.exp(np.minimum(rates.mean(axis=-1) * period, 0.0))

@@ -3,14 +3,14 @@
 The 3n² + n entries of a point are those of Ω²M, ΩC and K by rows, and of d. Derivatives are with respect to
 the phase."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
-from solve.matrices import split_entries
+from solve.matrices import leading, split_entries
 from solve.system import PeriodicSystem
 
 
@@ -28,31 +28,34 @@ class Tables:
         Number of the entry to which each term belongs, in ascending order.
     n : int
         Number of coordinates.
+    first_order : int
+        Number of coordinates without second derivatives, which are the last ones.
     """
 
     table: Array
     coefficients: Array
     entry: Array
     n: int
+    first_order: int = 0
 
     @classmethod
-    def of(cls, entries: Array, n: int) -> "Tables":
+    def of(cls, entries: Array, n: int, first_order: int = 0) -> "Tables":
         """Tables of entries (P, k, 3n² + n) that are sampled per point."""
         count = entries.shape[-1]
-        return cls(entries, np.ones((len(entries), count)), np.arange(count), n)
+        return cls(entries, np.ones((len(entries), count)), np.arange(count), n, first_order)
 
     def __getitem__(self, points: Array) -> "Tables":
         """Tables of some points."""
         table = self.table[points] if self.own else self.table
-        return Tables(table, self.coefficients[points], self.entry, self.n)
+        return Tables(table, self.coefficients[points], self.entry, self.n, self.first_order)
 
     def multiplied(self, factors: Array) -> "Tables":
         """Tables of equations multiplied by factors (P, n)."""
         equation = np.concatenate((np.tile(np.repeat(np.arange(self.n), self.n), 3), np.arange(self.n)))
         factors = factors[:, equation[self.entry]]
         if self.own:
-            return Tables(self.table * factors[:, None], self.coefficients, self.entry, self.n)
-        return Tables(self.table, self.coefficients * factors, self.entry, self.n)
+            return replace(self, table=self.table * factors[:, None])
+        return replace(self, coefficients=self.coefficients * factors)
 
     @property
     def own(self) -> bool:
@@ -66,6 +69,9 @@ class Tables:
         if len(self.coefficients) == 1 and not self.own:
             return (self._weights @ self.table.T)[:, None]
         fields = np.zeros((3 * self.n**2 + self.n, len(self.coefficients), self.table.shape[-2]))
+        if self.own and (np.diff(self.entry) > 0).all() and (self.coefficients == 1).all():
+            fields[self.entry] = np.moveaxis(self.table, -1, 0)
+            return fields
         last = -1
         for term, entry in enumerate(self.entry.tolist()):
             factors = self.coefficients[:, term, None], self.table[..., term]
@@ -110,12 +116,16 @@ class Tables:
 class Points(Protocol):
     """Points with n coordinates, a period in phase, and breaks, which are phases at which the matrices jump.
 
-    bytes_a_phase: memory per point and phase of tables that are not shared. alone: whether this is a single
-    point that is not part of a batch.
+    first_order: number of coordinates without second derivatives, the last ones: the state x = (q, q′) has
+    the n coordinates and the rates of the others. bytes_a_phase: memory per point and phase of tables that
+    are not shared. alone: whether this is a single point that is not part of a batch.
     """
 
     @property
     def n(self) -> int: ...
+
+    @property
+    def first_order(self) -> int: ...
 
     @property
     def period(self) -> float: ...
@@ -152,6 +162,10 @@ class _OfSystem:
         return self.system.n
 
     @property
+    def first_order(self) -> int:
+        return self.system.first_order
+
+    @property
     def period(self) -> float:
         return self.system.period
 
@@ -176,8 +190,9 @@ class OnePoint(_OfSystem):
     def tables(self, phase: Array) -> Tables:
         terms = self.system.terms(phase, np.array([self.speed]))
         if terms is None:
-            return Tables.of(self.system.entries(phase, self.speed)[None], self.n)
-        return Tables(*terms, self.n)
+            entries, numbers = self.system.used_entries(phase, self.speed)
+            return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
+        return Tables(*terms, self.n, self.first_order)
 
 
 @dataclass(frozen=True)
@@ -196,7 +211,7 @@ class AtSpeeds(_OfSystem):
     def tables(self, phase: Array) -> Tables:
         terms = self.system.terms(phase, self.speeds)
         assert terms is not None
-        return Tables(*terms, self.n)
+        return Tables(*terms, self.n, self.first_order)
 
 
 class Multiplied:
@@ -204,7 +219,8 @@ class Multiplied:
 
     def __init__(self, points: Points, factors: Array):
         self.points, self.factors = points, factors
-        self.n, self.period, self.breaks = points.n, points.period, points.breaks
+        self.n, self.first_order = points.n, points.first_order
+        self.period, self.breaks = points.period, points.breaks
         self.bytes_a_phase, self.alone = points.bytes_a_phase, points.alone
 
     def __len__(self) -> int:
@@ -223,18 +239,25 @@ def matrices(points: Points, phase: Array) -> Matrices:
 
 
 def state_rate(points: Points, phase: Array) -> Array:
-    """(A | f) of x′ = A x + f (P, k, 2n, 2n+1) for x = (q, dq/dphase), chapter Eq. (5); NaN if M is
+    """(A | f) of x′ = A x + f (P, k, N, N+1) for x = (q, dq/dphase), chapter Eq. (5); NaN if M is
     singular."""
-    return rate_of(*matrices(points, phase))
+    return rate_of(*matrices(points, phase), points.first_order)
 
 
-def rate_of(M: Array, C: Array, K: Array, d: Array) -> Array:
-    """`state_rate` (…, 2n, 2n+1) of matrices (…, n, n) and loads (…, n)."""
+def rate_of(M: Array, C: Array, K: Array, d: Array, first_order: int = 0) -> Array:
+    """`state_rate` (…, N, N+1) of matrices (…, n, n) and loads (…, n), with N = 2n - first_order."""
     n = d.shape[-1]
-    rate = np.zeros((*d.shape[:-1], 2 * n, 2 * n + 1))
-    rate[..., :n, n : 2 * n] = np.eye(n)
-    rate[..., n:, :] = solved(M, np.concatenate((-K, -C, d[..., None]), axis=-1))
+    p = n - first_order
+    rate = np.zeros((*d.shape[:-1], n + p, n + p + 1))
+    rate[..., :p, n : n + p] = np.eye(p)
+    highest = solved(leading(M, C, first_order), np.concatenate((-K, -C[..., :p], d[..., None]), axis=-1))
+    rate[..., n:, :], rate[..., p:n, :] = highest[..., :p, :], highest[..., p:, :]
     return rate
+
+
+def state_size(points: Points) -> int:
+    """Number N of states: the coordinates, and the rates of those with second derivatives."""
+    return 2 * points.n - points.first_order
 
 
 def affine(maps: Array, x: Array) -> Array:

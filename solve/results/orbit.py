@@ -46,6 +46,11 @@ class Orbit(Stability, SolvedMotion):
         Coordinates, velocities and accelerations at the nodes, derivatives by time, in SI units.
     outputs : mapping of str to (m + 1,) array
         Outputs at the nodes, by name.
+    states : tuple of str
+        Names of the N first-order states, which are the last of the coordinates; none for systems of second
+        order.
+    x, xd : (N, m + 1) array
+        States and their rates at the nodes, rows of `q` and `qd`.
     residual : float
         Largest relative residual of the equation of motion.
     linearisation_error : mapping of str to float, or None
@@ -83,6 +88,21 @@ class Orbit(Stability, SolvedMotion):
     def qdd(self) -> Array:
         """Accelerations (n, m+1) at the nodes, derivatives by time; behind a jump of the matrices."""
         return self._nodal[2]
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the first-order states, the last of the coordinates."""
+        return tuple(self.system.states)
+
+    @property
+    def x(self) -> Array:
+        """First-order states (N, m+1) at the nodes."""
+        return self.q[len(self.coordinates) - len(self.states) :]
+
+    @property
+    def xd(self) -> Array:
+        """Rates (N, m+1) of the first-order states at the nodes, derivatives by time."""
+        return self.qd[len(self.coordinates) - len(self.states) :]
 
     @cached_property
     def _nodal(self) -> tuple[Array, Array, Array]:

@@ -93,17 +93,17 @@ class PointResults:
     rigid: Array = field(default_factory=lambda: np.zeros(0, dtype=np.int8))
 
     @classmethod
-    def blank(cls, count: int, n: int, kept: Kept) -> "PointResults":
-        """Results of points that are not solved yet. Raises ValueOutOfBoundsError if they exceed the memory
-        limit."""
-        numbers = len(FIGURES) * len(kept.names) + 4 * n
+    def blank(cls, count: int, multipliers: int, kept: Kept) -> "PointResults":
+        """Results of points, with a number of multipliers each, that are not solved yet. Raises
+        ValueOutOfBoundsError if they exceed the memory limit."""
+        numbers = len(FIGURES) * len(kept.names) + 2 * multipliers
         spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
         require_size("points", count, max(numbers + spectra, NUMBERS_A_POINT))
         return cls(
             kept,
             np.full((count, len(kept.names), len(FIGURES)), np.nan),
             np.full((count, len(kept.spectra), kept.harmonics + 1), np.nan),
-            np.full((count, 2 * n), np.nan, dtype=complex),
+            np.full((count, multipliers), np.nan, dtype=complex),
             np.full((count, 2), np.nan),
             np.full(count, FAILED, dtype=np.int8),
             np.zeros(count, dtype=np.int32),
@@ -179,7 +179,7 @@ class PointResults:
 
     def of_some(self, points: Array, kept: Kept) -> "PointResults":
         """Results of points at indices (k,), with fewer quantities and without spectra."""
-        selection = PointResults.blank(len(points), self.multipliers.shape[1] // 2, kept)
+        selection = PointResults.blank(len(points), self.multipliers.shape[1], kept)
         quantities = [self.kept.names.index(name) for name in kept.names]
         for name in _ARRAYS:
             if name not in ("figures", "amplitudes"):

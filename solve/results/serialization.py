@@ -143,6 +143,7 @@ class SystemLabels(NamedTuple):
     freedoms: int
     judged_quantities: Sequence[str]
     speed_unit: ShownUnit
+    states: Sequence[str] = ()
 
     @classmethod
     def of(cls, system: PeriodicSystem) -> "SystemLabels":

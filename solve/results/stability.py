@@ -9,7 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
-from solve.certify.certified import Certified, ReductionError
+from solve.certify.certified import Certified, InterpolationError, ReductionError
 from solve.certify.correction import liouville_defect
 from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
@@ -77,6 +77,7 @@ class ErrorEstimate(NamedTuple):
 
 
 serializable(ReductionError)
+serializable(InterpolationError)
 
 
 @dataclass(frozen=True)
@@ -127,18 +128,27 @@ class Solution(Result):
             return None
         return self.certified.reduction[0]
 
+    @stored_property
+    def interpolation_error(self) -> InterpolationError | None:
+        """Estimated error of the interpolation of sampled matrices, which `error_estimate` contains; None for
+        systems that are not sampled."""
+        if not self.system.solvable or not self.certified.interpolation:
+            return None
+        return self.certified.interpolation[0]
+
 
 @dataclass(frozen=True)
 class Stability(Solution):
     """Stability of the periodic motion of a system at one speed, from `solve.floquet`.
 
-    Multipliers and exponents contain all 2n values; spectral radius and verdict exclude rigid-body modes.
+    Multipliers and exponents contain all N values, two per coordinate and one per first-order state; spectral
+    radius and verdict exclude rigid-body modes.
 
     Attributes
     ----------
-    multipliers : (2n,) complex array
+    multipliers : (N,) complex array
         Floquet multipliers ρ by falling modulus.
-    exponents : (2n,) complex array
+    exponents : (N,) complex array
         Floquet exponents λ = ln(ρ)/T in 1/s.
     spectral_radius : float
         Largest |ρ|.
@@ -157,13 +167,13 @@ class Stability(Solution):
 
     @stored_property
     def multipliers(self) -> Array:
-        """Multipliers ρ (2n,), complex, by falling modulus, + imaginary part first; 0 if ρ underflows, NaN if
+        """Multipliers ρ (N,), complex, by falling modulus, + imaginary part first; 0 if ρ underflows, NaN if
         it is unknown."""
         return self.spectrum.values
 
     @stored_property
     def exponents(self) -> Array:
-        """Exponents λ = ln(ρ)/T (2n,) in 1/s, principal branch (chapter Eq. (11)), also if ρ underflows; -inf
+        """Exponents λ = ln(ρ)/T (N,) in 1/s, principal branch (chapter Eq. (11)), also if ρ underflows; -inf
         for ρ = 0, NaN if ρ is unknown."""
         return self.spectrum.logarithms / self.period
 
@@ -239,7 +249,9 @@ class Stability(Solution):
         """Notes of engine and method, and on rigid-body modes."""
         modes = (self._rigid_body_note(mode) for mode in self.rigid_body_modes)
         method = filter(None, self.certified.solutions.notes)
-        return [*self.engine_notes, *method, *modes, *self.spectrum.notes]
+        error = self.interpolation_error
+        sampled = [] if error is None or error.is_doubtful(self.certified.request.rtol) else [error.sentence]
+        return [*self.engine_notes, *method, *modes, *self.spectrum.notes, *sampled]
 
     def _rigid_body_note(self, mode: RigidBodyMode) -> str:
         """Note on a rigid-body mode."""
@@ -281,7 +293,11 @@ class Stability(Solution):
     @property
     def summary_values(self) -> dict[str, Any]:
         reduction = {} if self.reduction_error is None else {"reduction_error": self.reduction_error}
-        return {"residual": None, **{name: getattr(self, name) for name in _RECORDED}, **reduction}
+        sampled = (
+            {} if self.interpolation_error is None else {"interpolation_error": self.interpolation_error}
+        )
+        recorded = {name: getattr(self, name) for name in _RECORDED}
+        return {"residual": None, **recorded, **reduction, **sampled}
 
     def header_rows(self) -> HeaderRows:
         """Method, errors, checks and notes."""

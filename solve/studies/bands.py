@@ -20,8 +20,9 @@ from solve.errors import NoResultError
 from solve.methods.choice import RESOLVABLE, Rule, auto
 from solve.methods.free import free
 from solve.methods.radau import Radau
-from solve.period.frozen import frozen, residual_amplitude
+from solve.period.frozen import frozen
 from solve.period.multipliers import UNIT_CIRCLE
+from solve.period.pencils import residual_amplitude
 from solve.period.points import OnePoint
 from solve.results.bands import Band, Bands
 from solve.results.points import KINDS, LEFT_OUT, Kept

@@ -163,7 +163,7 @@ def _provable(model: object) -> Model:
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
     """Stability from orbits at points (P, 2); solved separately where there is no orbit, as at resonance."""
-    results = PointResults.blank(len(points), batch.family.example.n, Kept(warnings=False))
+    results = PointResults.blank(len(points), batch.family.example.multiplier_count, Kept(warnings=False))
     for name in _OF_STABILITY:
         getattr(results, name)[:] = getattr(orbits, name)
     failed = np.flatnonzero(orbits.failed)

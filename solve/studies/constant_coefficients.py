@@ -97,7 +97,7 @@ class ConstantCoefficients:
         """Multipliers and verdicts of points (k, v), without rigid-body modes."""
         rates, n, period = self.exponents(points), self.family.example.n, self.family.example.period
         growth, errors = rates.growth * period, rates.errors.max(axis=1) * period
-        results = PointResults.blank(len(points), n, Kept(warnings=False))
+        results = PointResults.blank(len(points), 2 * n, Kept(warnings=False))
         known = np.flatnonzero(errors <= _CLOSE)
         exponents = np.minimum(growth, _LARGEST) + 1j * rates.angular_rates * period
         results.multipliers[known] = 0.0
@@ -135,8 +135,11 @@ class ConstantCoefficients:
 
 def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
-    vary, or if the method is an approximation with stability properties of its own."""
+    vary, if some coordinates are of first order, or if the method is an approximation with stability
+    properties of its own."""
     family = batch.family
+    if family.example.first_order:
+        return None
     n, period = family.example.n, family.example.period
     if isinstance(batch.method, Method) and not batch.method.converges:
         return None

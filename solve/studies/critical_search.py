@@ -94,7 +94,7 @@ class CriticalSearch:
             return gathered(self.batch, speeds[:, None], self.kept)
         _, known, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
         others = np.setdiff1d(np.arange(len(speeds)), known)
-        results = PointResults.blank(len(speeds), self.system.n, self.kept)
+        results = PointResults.blank(len(speeds), self.system.multiplier_count, self.kept)
         results.insert(others, gathered(self.batch, speeds[others, None], self.kept))
         results.insert(known, self.sweep.results.of_some(places, self.kept))
         return results
@@ -165,7 +165,7 @@ class CriticalSearch:
         """Ascending speeds and their results, with other speeds (k,) solved and inserted."""
         others = np.setdiff1d(others, speeds)
         union = np.union1d(speeds, others)
-        merged = PointResults.blank(len(union), self.system.n, self.kept)
+        merged = PointResults.blank(len(union), self.system.multiplier_count, self.kept)
         merged.insert(np.searchsorted(union, speeds), results)
         merged.insert(np.searchsorted(union, others), self.solve(others))
         return union, merged

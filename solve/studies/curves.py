@@ -87,7 +87,7 @@ class PeriodicCurves:
         speeds = np.array(speeds_given(speeds), dtype=float)
         n, coarse_steps = self.system.n, self.steps // 2
         coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)
-        Phi = np.zeros((len(speeds), 2 * n, 2 * n))
+        Phi = np.zeros((len(speeds), *2 * (self.system.multiplier_count,)))
         for steps, positions, solutions in self._batch.solutions(speeds[:, None], coarse_steps, self.steps):
             assert solutions.curve is not None
             if steps == coarse_steps:

@@ -84,6 +84,11 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
     if system.structure is not None:
         found = system.structure.frequencies(positions, count)
         return NaturalFrequencies(found, np.full(found.shape, np.nan))
+    if system.first_order:
+        raise MatricesError(
+            f"{system.name} has first-order states, such as {system.states[0]}, and no natural frequencies "
+            "of M and K; use floquet, whose modes have frequencies"
+        )
     M, _, K, _ = at_speed_zero(system, positions)
     require_inertia(M)
     return natural_frequencies(M, K, count)

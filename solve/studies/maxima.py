@@ -85,7 +85,7 @@ class Trials:
         """Solutions at speeds (m,) in the brackets with the indices (m,)."""
         if not self._on_one_grid:
             return gathered(self._batch, speeds[:, None], self._kept)
-        results = PointResults.blank(len(speeds), self._batch.family.example.n, self._kept)
+        results = PointResults.blank(len(speeds), self._batch.family.example.multiplier_count, self._kept)
         steps = self._steps[numbers]
         for count in unique_integers(steps):
             at = np.flatnonzero(steps == count)

@@ -40,12 +40,16 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     """Cycle means of the undamped modes with M and K frozen, at a speed (rad/s), 0 for the mechanism at rest.
     Raises SolveError subclasses and LinAlgError if there are no matrices.
 
+    With first-order coordinates, frequencies are moduli of complex frozen eigenvalues, and rates are exact.
+
     Modes are followed by their shapes where frequencies cross, see `_follow`; modes that exchange their
     places within a period have a common mean. The sorted frequencies are averaged instead if the small
     component of the vibration that keeps its rank decays so slowly that it dominates after a period.
     """
     step = system.period / _PHASES
-    M, C, K, _ = system.at((np.arange(_PHASES) + 0.5) * step, speed)
+    M, C, K, d = system.at((np.arange(_PHASES) + 0.5) * step, speed)
+    if system.first_order:
+        return _of_states(rate_of(M, C, K, d, system.first_order)[..., :-1], system.n)
     if all((matrix == matrix[:1]).all() for matrix in (M, C, K)):
         M, C, K = M[:1], C[:1], K[:1]
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
@@ -76,8 +80,10 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     """Largest relative difference, at a speed (rad/s), of mean frequencies with and without C.
 
     With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
-    not modal damping. 0 if some are real.
+    not modal damping. 0 if some are real, and with first-order coordinates, whose frequencies include C.
     """
+    if system.first_order:
+        return 0.0
     halves = np.s_[: system.n], np.s_[system.n : 2 * system.n]
     phases = (np.arange(_FEW_PHASES) + 0.5) * system.period / _FEW_PHASES
     rate = rate_of(*system.at(phases, speed))[..., :-1]
@@ -89,6 +95,17 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     undamped = np.sort(np.sqrt(np.real(squares)), axis=1).mean(axis=0)
     moduli = np.sort(np.abs(values), axis=1)[:, ::2].mean(axis=0)
     return float(np.abs(moduli / undamped - 1).max(initial=0.0))
+
+
+def _of_states(rates: Array, n: int) -> MeanModes:
+    """Means of the moduli of complex eigenvalues of x′ = A x, and of their decay rates, from A (k, N, N); n
+    modes, of which the first ones have frequency 0 if fewer oscillate."""
+    values = np.linalg.eigvals(rates)
+    values = np.where(np.imag(values) > _ROUNDOFF * np.abs(values).max(), values, 0.0)
+    order = np.argsort(np.abs(values), axis=1, kind="stable")[:, -n:]
+    values = np.take_along_axis(values, order, axis=1)
+    frequencies, decay = np.abs(values).mean(axis=0), -np.real(values).mean(axis=0)
+    return MeanModes(frequencies, decay, imaginary=False, rigid=int((frequencies == 0).sum()))
 
 
 def _without_smallest(values: Array, count: int) -> Array:

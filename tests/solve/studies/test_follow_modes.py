@@ -169,3 +169,24 @@ def test_arguments_are_checked():
         solve.follow_modes(mathieu, 1.0, over="nope=1:2:3")
     with pytest.raises((MissingValueError, ValueOutOfBoundsError)):
         solve.follow_modes(mathieu)
+
+
+def test_modes_of_a_first_order_system_are_followed():
+    """ẏ = A y in coordinates that rotate: the eigenvalues of A are constant."""
+    A = np.array([[0.0, 1.0, 0.0], [-9.0, -0.1, 1.0], [0.3, 0.0, -2.0]])
+
+    def matrices(phase, speed):
+        c, s, zero = np.cos(phase), np.sin(phase), 0 * phase
+        S = np.array([[c, s, zero], [-s, c, zero], [zero, zero, zero + 1]]).transpose(2, 0, 1)
+        dS = np.array([[-s, c, zero], [-c, -s, zero], [zero, zero, zero]]).transpose(2, 0, 1)
+        return np.swapaxes(S, 1, 2) @ (A @ S - speed * dS), np.zeros((len(phase), 3))
+
+    speeds = [1.0, 1.3, 1.9]
+    result = solve.follow_modes(solve.FirstOrderSystem(matrices, ["a", "b", "c"]), speeds)
+    truth = np.linalg.eigvals(A)
+    for speed, exponents in zip(speeds, result.exponents, strict=True):
+        for exponent in exponents:
+            difference = exponent - truth
+            turns = np.round(difference.imag / speed)
+            assert np.abs(difference - 1j * turns * speed).min() < 1e-8
+    assert len(result.labels) == 2

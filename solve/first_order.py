@@ -1,0 +1,294 @@
+"""Systems with coordinates that have no second derivatives: ẋ = A(Ωt)x + b(Ωt), and mixed ones.
+
+As a special case of M q̈ + C q̇ + K q = d, first-order coordinates are the last ones, and their columns of M
+are zero. A system ẋ = A x + b has M = 0, C = 1, K = -A and d = b."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.contracts import Matrices
+from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.matrices import (
+    leading,
+    real_arrays,
+    require_finite_entries,
+    require_inertia,
+    require_shapes,
+)
+from solve.samples import sampled
+from solve.system import PeriodicSystem
+
+
+class Signals(NamedTuple):
+    """Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, and the names of its inputs
+    and outputs."""
+
+    B: Array
+    C: Array
+    D: Array
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+
+
+class FirstOrderSystem(PeriodicSystem):
+    """System ẋ = A(Ωt)x + B(Ωt)u + b(Ωt), y = C(Ωt)x + D(Ωt)u with named states.
+
+    Parameters
+    ----------
+    matrices : callable
+        matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) at phases φ = Ωt of shape
+        (m,) and a speed Ω in rad/s, in SI units, for derivatives by time. If inputs or outputs are named, it
+        returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
+    states : sequence of str
+        Names of the N states.
+    period : float
+        Period of the matrices in phase.
+    breaks : sequence of float
+        Phases at which the matrices jump; see `PeriodicSystem`.
+    inputs, outputs : sequence of str
+        Names of the r inputs u and the y outputs. Results are for u = 0; exports state B, C and D.
+
+    Raises
+    ------
+    ValueOutOfBoundsError
+        For invalid names, period or breaks.
+
+    Notes
+    -----
+    Orbits have the states as their coordinates: `x` is `q`, and `xd` is `qd`.
+
+    Examples
+    --------
+    >>> def filtered(phase, speed):
+    ...     A = np.full((len(phase), 1, 1), -2.0)
+    ...     return A, np.cos(phase)[:, None]
+    >>> FirstOrderSystem(filtered, ["x"]).multiplier_count
+    1
+    """
+
+    def __init__(
+        self,
+        matrices: Callable[[Array, float], Sequence[Array]],
+        states: Sequence[str],
+        period: float = 2 * math.pi,
+        breaks: Sequence[float] = (),
+        inputs: Sequence[str] = (),
+        outputs: Sequence[str] = (),
+    ):
+        super().__init__(matrices, states, period, breaks)
+        for kind, names in (("inputs", inputs), ("outputs", outputs)):
+            texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
+            if not texts or len({*states, *names}) != len(states) + len(names):
+                raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
+        self.states, self.inputs, self.outputs = tuple(states), tuple(inputs), tuple(outputs)
+
+    @classmethod
+    def from_samples(  # type: ignore[override]
+        cls,
+        A: Array,
+        b: Array,
+        states: Sequence[str],
+        phases: Sequence[float] | Array | None = None,
+        period: float = 2 * math.pi,
+        signals: Signals | None = None,
+    ) -> "FirstOrderSystem":
+        """Create a system from samples at azimuths of the period, see `PeriodicSystem.from_samples`.
+
+        Parameters
+        ----------
+        A : (k, N, N) array
+            Samples in SI units, valid at the speed at which they were taken.
+        b : (k, N) array
+            Samples of the load.
+        states : sequence of str
+            Names of the N states.
+        phases : (k,) array, optional
+            Azimuths in rad, by default uniform from 0 without the end of the period.
+        period : float
+            Period in phase.
+        signals : Signals, optional
+            Samples B (k, N, r), C (k, y, N) and D (k, y, r), and names of inputs and outputs.
+
+        Returns
+        -------
+        FirstOrderSystem
+
+        Raises
+        ------
+        MatricesError
+            As `PeriodicSystem.from_samples`.
+
+        Examples
+        --------
+        >>> A = np.full((8, 1, 1), -2.0)
+        >>> FirstOrderSystem.from_samples(A, A[:, 0], ["x"]).states
+        ('x',)
+        """
+        inputs, outputs = () if signals is None else signals[3], () if signals is None else signals[4]
+        arrays = (A, b) if signals is None else (A, b, *signals[:3])
+        samples = sampled(arrays, "AbBCD"[: len(arrays)], period, phases)
+        made = cls(samples.function, states, samples.period, (), inputs, outputs)
+        return made.from_interpolant(samples)
+
+    @property
+    def _symbols(self) -> str:
+        return "AbBCD" if self.inputs or self.outputs else "Ab"
+
+    def equations_at(self, phase: Array, speed: float) -> list[Array]:
+        """A (m, N, N) and b (m, N) at phases (m,); if inputs or outputs are named, B (m, N, r), C (m, y, N)
+        and D (m, y, r) too.
+
+        Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
+        """
+        # A function of the user may modify its argument.
+        argument = phase if phase.flags.writeable else phase.copy()
+        try:
+            values = self._matrices(argument, speed)
+        except (IndexError, TypeError, ValueError) as error:
+            m = len(phase)
+            error.add_note(
+                f"The function was called for {m} phases at once: A must have the shape ({m}, {self.n}, "
+                f"{self.n}) and b ({m}, {self.n})."
+            )
+            raise
+        arrays = real_arrays(values, self._symbols, "matrices")
+        require_finite_entries(arrays, self._symbols, phase)
+        return arrays
+
+    def at(self, phase: Array, speed: float) -> Matrices:
+        A, b, *_ = self.equations_at(phase, speed)
+        return np.zeros_like(A), np.broadcast_to(np.eye(self.n), A.shape), -A, b
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        A, b, *_ = self.equations_at(phase, speed)
+        N, m = self.n, len(phase)
+        diagonal = N**2 + np.arange(N) * (N + 1)
+        entries = np.concatenate((np.full((m, N), speed), -A.reshape(m, -1), b), axis=1)
+        return entries, np.concatenate((diagonal, np.arange(2 * N**2, 3 * N**2 + N)))
+
+    def output_values(
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
+    ) -> Mapping[str, Array]:
+        if not self.outputs:
+            return {}
+        values, speeds = np.empty((len(self.outputs), len(phase))), np.broadcast_to(speed, len(phase))
+        for omega in np.unique(speeds):
+            some = speeds == omega
+            C = self.equations_at(phase[some], float(omega))[3]
+            values[:, some] = np.einsum("kyi,ik->yk", C, q[:, some])
+        return dict(zip(self.outputs, values, strict=True))
+
+    def checked(self, speed: float) -> None:
+        """Raise MatricesError unless the matrices have their shapes and are periodic."""
+        phase, (N, r, y) = self._checked_phases, map(len, (self.states, self.inputs, self.outputs))
+        sizes = {"A": (4, N, N), "b": (4, N), "B": (4, N, r), "C": (4, y, N), "D": (4, y, r)}
+        arrays = dict(zip(self._symbols, self.equations_at(phase, speed), strict=True))
+        require_shapes(arrays, sizes, f"{N} states ({', '.join(self.states)})")
+        self._require_periodicity(phase, speed, "MCAb")
+
+
+class MixedSystem(PeriodicSystem):
+    """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt) whose z has coordinates and first-order states.
+
+    States are filters, actuators, inflow or other quantities without inertia: their columns of M are zero.
+
+    Parameters
+    ----------
+    matrices : callable
+        As for `PeriodicSystem`, with n the number of coordinates and states. The columns of M of the states
+        are zero.
+    coordinates : sequence of str
+        Names of the coordinates with second derivatives, the first ones.
+    states : sequence of str
+        Names of the states, the last ones. Results list them behind the coordinates.
+    period, breaks : optional
+        As for `PeriodicSystem`.
+
+    Raises
+    ------
+    ValueOutOfBoundsError
+        For invalid names, period or breaks.
+
+    Examples
+    --------
+    A mass on a spring, with a force x that follows its displacement with a lag:
+
+    >>> def lagged(phase, speed):
+    ...     one = np.ones(len(phase))
+    ...     M, C, K = (np.zeros((len(phase), 2, 2)) for _ in range(3))
+    ...     M[:, 0, 0], K[:, 0, 0], K[:, 0, 1] = one, 4.0, -one
+    ...     C[:, 1, 1], K[:, 1, 1], K[:, 1, 0] = 0.5, one, 0.2
+    ...     return M, C, K, np.stack((np.cos(phase), 0 * phase), axis=1)
+    >>> MixedSystem(lagged, ["q"], ["x"]).multiplier_count
+    3
+    """
+
+    def __init__(
+        self,
+        matrices: Callable[[Array, float], Sequence[Array]],
+        coordinates: Sequence[str],
+        states: Sequence[str],
+        period: float = 2 * math.pi,
+        breaks: Sequence[float] = (),
+    ):
+        for kind, names in (("coordinates", coordinates), ("states", states)):
+            if isinstance(names, str):
+                raise ValueOutOfBoundsError(f"{kind} are {names!r}; give a sequence of names")
+        super().__init__(matrices, [*coordinates, *states], period, breaks)
+        self.states = tuple(states)
+
+    @classmethod
+    def from_samples(  # type: ignore[override]
+        cls,
+        matrices: Sequence[Array],
+        coordinates: Sequence[str],
+        states: Sequence[str],
+        period: float = 2 * math.pi,
+        phases: Sequence[float] | Array | None = None,
+    ) -> "MixedSystem":
+        """Create a system from samples at azimuths of the period, see `PeriodicSystem.from_samples`.
+
+        Parameters
+        ----------
+        matrices : sequence of array
+            Samples of M, C, K (k, n, n) and d (k, n), with n the number of coordinates and states.
+        coordinates, states, period, phases
+            As for the constructor and `PeriodicSystem.from_samples`.
+
+        Returns
+        -------
+        MixedSystem
+
+        Raises
+        ------
+        MatricesError
+            As `PeriodicSystem.from_samples`.
+        """
+        samples = sampled(matrices, "MCKd", period, phases)
+        made = cls(samples.function, coordinates, states, samples.period)
+        return made.from_interpolant(samples)
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
+        entries, numbers = super().used_entries(phase, speed)
+        n = self.n
+        used = (numbers >= n**2) | (numbers % n < n - self.first_order)
+        return entries[:, used], numbers[used]
+
+    def checked(self, speed: float) -> None:
+        """Raise MatricesError unless the matrices have their shapes, are periodic, and determine the highest
+        derivatives."""
+        n, phase = self.n, self._checked_phases
+        matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
+        shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
+        require_shapes(matrices, shapes, f"{n} coordinates and states ({', '.join(self.coordinates)})")
+        if self.states and matrices["M"][..., n - self.first_order :].any():
+            raise MatricesError(
+                f"M has entries in the columns of the states {', '.join(self.states)}; leave them zero, or "
+                "name what has inertia among the coordinates"
+            )
+        self._require_periodicity(phase, speed, "MCKd")
+        require_inertia(leading(matrices["M"], matrices["C"], self.first_order), self.states)

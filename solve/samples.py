@@ -1,0 +1,252 @@
+"""Matrices sampled at azimuths: their trigonometric interpolant, and its harmonics."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from solve.approximation import Trigonometric
+from solve.arrays import EPS, Array
+from solve.errors import MatricesError, ValueOutOfBoundsError
+from solve.matrices import real_arrays
+
+_SAME_AZIMUTH = 1e-9
+"""Distance of azimuths, as a fraction of the period, below which they coincide. A choice."""
+
+_MAX_CONDITION = 30.0
+"""Condition number of the fit of a series to azimuths that are not uniform, above which fewer harmonics are
+fitted. It multiplies errors of the samples, and unresolved harmonics. A choice: uniform azimuths have √2."""
+
+_FLATTENING = 0.7
+"""Ratio of the logarithmic decay in the last quarter of the harmonics to that before, below which it
+flattens: 1 for geometric decay, below 0.6 for powers. A choice."""
+
+_FEWEST_FOR_POWER = 8
+"""Number of harmonics from which each quarter has two, so that flattening is seen. A choice."""
+
+_SIGNIFICANT = 64 * EPS
+"""Amplitude of a harmonic relative to the largest entry of its matrix, above which it is no round-off. A
+choice: some ten operations above the unit round-off."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Arrays sampled at `azimuths` phases of a period, interpolated by harmonics 0 … `resolved`.
+
+    Attributes
+    ----------
+    arrays : sequence of (k, …) arrays
+        Values of the interpolants at k uniform phases from 0.
+    period : float
+        Period in phase.
+    azimuths : int
+        Number of sampled phases.
+    amplification : float
+        Factor by which the fit amplifies errors of the samples: 1 for uniform azimuths.
+    given : tuple of arrays, optional
+        Ascending azimuths (k,) that are not uniform, and the arrays sampled there.
+    """
+
+    arrays: tuple[Array, ...]
+    period: float
+    azimuths: int
+    amplification: float = 1.0
+    given: tuple[Array, tuple[Array, ...]] | None = None
+
+    @classmethod
+    def of(
+        cls, arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
+    ) -> "Samples":
+        """Samples at uniform azimuths from 0, or at other `phases` (k,).
+
+        Raises MatricesError for different numbers of azimuths, and for azimuths that coincide, that are fewer
+        than three, or that leave half of the period without any.
+        """
+        counts = {len(array) if array.ndim else 0 for array in arrays}
+        if len(counts) != 1 or 0 in counts:
+            raise MatricesError(
+                f"samples of {', '.join(symbols)} have shapes {[array.shape for array in arrays]}; give the "
+                "same number of phases, 1 or more, first in each"
+            )
+        (count,) = counts
+        if phases is None:
+            return cls(tuple(arrays), period, count)
+        azimuths = _checked_azimuths(phases, count, period)
+        order = np.argsort(azimuths)
+        azimuths, uniform = azimuths[order], np.arange(count) * (period / count)
+        if np.abs(azimuths - uniform).max() <= _SAME_AZIMUTH * period:
+            return cls(tuple(array[order] for array in arrays), period, count)
+        return cls._fitted(azimuths, [array[order] for array in arrays], (count - 1) // 2, period)
+
+    @classmethod
+    def _fitted(cls, azimuths: Array, arrays: Sequence[Array], most: int, period: float) -> "Samples":
+        """Samples at ascending azimuths (k,) that are not uniform, with up to `most` harmonics."""
+        values, amplification = _fit(azimuths, most, period)
+        fitted = [(values @ array.reshape(len(array), -1)).reshape(-1, *array.shape[1:]) for array in arrays]
+        return cls(tuple(fitted), period, len(azimuths), amplification, (azimuths, tuple(arrays)))
+
+    @cached_property
+    def function(self) -> Callable[[Array, float], list[Array]]:
+        """Function of phases (m,) and of any speed that returns the interpolants (m, …)."""
+        curves = [Trigonometric(array, self.period) for array in self.arrays]
+        return lambda phase, speed: [curve(phase) for curve in curves]
+
+    @property
+    def resolved(self) -> int:
+        """Highest harmonic of which the azimuths determine cosine and sine."""
+        return (len(self.arrays[0]) - 1) // 2
+
+    @cached_property
+    def envelope(self) -> Array:
+        """Largest amplitude (h,) of each harmonic from 0 on, relative to the largest entry of its matrix."""
+        envelope = np.zeros(len(self.arrays[0]) // 2 + 1)
+        for array in self.arrays:
+            amplitudes = np.abs(np.fft.rfft(array, axis=0)).reshape(len(envelope), -1)
+            if amplitudes.any():
+                envelope = np.maximum(envelope, amplitudes.max(axis=1) / amplitudes.max())
+        return envelope
+
+    @property
+    def significant(self) -> Array:
+        """Harmonics (h,) above 0, of any entry, that are no round-off."""
+        return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
+
+    def decay(self, first: float, last: float) -> float:
+        """Ratio, at most 1, of the amplitude of a harmonic to that of a lower one, extrapolated from the
+        quarters of the resolved harmonics.
+
+        Amplitudes of smooth functions fall geometrically. If their logarithms fall more slowly in the last
+        quarter, as for kinks and jumps, they are assumed to fall with a power of the harmonic.
+        """
+        most = len(self.envelope) - 1
+        if most < 4:
+            return 1.0
+        ends = np.linspace(0, most, 5).round().astype(int)
+        # Each with the last harmonic of the quarter before, since single harmonics may vanish.
+        quarters = (self.envelope[max(a, 1) : b + 1] for a, b in itertools.pairwise(ends))
+        sizes = [max(float(quarter.max()), EPS) for quarter in quarters]
+        early, late = math.log(sizes[2] / sizes[0]) / 2, math.log(sizes[3] / sizes[2])
+        if min(early, late) >= 0:
+            return 1.0
+        if most >= _FEWEST_FOR_POWER and late > _FLATTENING * early:
+            return (last / first) ** min(late / math.log(3 / 2), 0.0)
+        slope = max(early, late) if most >= _FEWEST_FOR_POWER else math.log(sizes[3] / sizes[1]) / 2
+        return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
+
+    def shifted(self) -> "Samples":
+        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the
+        last quarter of the harmonics."""
+        most = len(self.envelope) - 1
+        ratio = self.decay(3 / 4 * most, self.azimuths)
+        arrays = []
+        for array in self.arrays:
+            amplitudes = 2 * np.abs(np.fft.rfft(array, axis=0)) / len(array)
+            arrays.append(array + ratio * amplitudes[most - max(1, most // 4) :].max(axis=0))
+        return replace(self, arrays=tuple(arrays))
+
+    @property
+    def spacing(self) -> int:
+        """Greatest common divisor of the significant harmonics, 1 without any."""
+        return max(1, math.gcd(*self.significant.tolist()))
+
+    @property
+    def ends(self) -> bool:
+        """Whether the harmonics are seen to end: the next multiple of their spacing is resolved and zero."""
+        last = int(self.significant.max(initial=0))
+        return last == 0 or last + self.spacing <= self.resolved
+
+    def thinned(self, stride: int) -> "Samples":
+        """Samples at every second or third of uniform azimuths."""
+        arrays = [array[::stride] for array in self.arrays]
+        if self.azimuths % stride == 0:
+            return Samples(tuple(arrays), self.period, self.azimuths // stride)
+        azimuths = np.arange(self.azimuths)[::stride] * (self.period / self.azimuths)
+        return self._fitted(azimuths, arrays, (len(azimuths) - 1) // 2, self.period)
+
+    def truncated(self, harmonics: int) -> "Samples":
+        """Samples of the interpolants without higher harmonics; if azimuths are not uniform, of interpolants
+        through fewer azimuths, which have errors of the same kind: higher harmonics alias to all lower ones.
+        """
+        if self.given is not None:
+            azimuths, arrays = self.given
+            if not harmonics:
+                means = [np.broadcast_to(array.mean(axis=0), array.shape) for array in self.arrays]
+                return replace(self, arrays=tuple(means), given=None)
+            some = np.round(np.linspace(0, len(azimuths), 2 * harmonics + 1, endpoint=False)).astype(int)
+            return self._fitted(azimuths[some], [array[some] for array in arrays], harmonics, self.period)
+        made = []
+        for array in self.arrays:
+            spectrum = np.fft.rfft(array, axis=0)
+            spectrum[harmonics + 1 :] = 0.0
+            made.append(np.fft.irfft(spectrum, len(array), axis=0))
+        return Samples(tuple(made), self.period, self.azimuths, self.amplification)
+
+
+def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float) -> Array:
+    """Azimuths (k,) modulo the period. Raises MatricesError."""
+    try:
+        azimuths = np.asarray(phases).astype(float, casting="same_kind")
+    except (TypeError, ValueError) as error:
+        raise MatricesError(
+            f"phases are no real numbers: {error}; give one azimuth in rad per sample"
+        ) from None
+    if azimuths.shape != (count,) or not np.isfinite(azimuths).all():
+        raise MatricesError(
+            f"phases have shape {azimuths.shape} for {count} samples; give a finite azimuth in rad of each"
+        )
+    if count < 3:
+        raise MatricesError(f"{count} azimuths determine no harmonic; give 3 or more")
+    wrapped = np.mod(azimuths, period)
+    ordered = np.sort(wrapped)
+    gaps = np.append(np.diff(ordered), ordered[0] + period - ordered[-1])
+    if gaps.min() < _SAME_AZIMUTH * period:
+        twice = float(ordered[int(gaps.argmin())])
+        raise MatricesError(f"two azimuths are {twice:.6g} rad, modulo the period; give each once")
+    if gaps.max() >= period / 2 * (1 - _SAME_AZIMUTH):
+        start = float(ordered[int(gaps.argmax())])
+        raise MatricesError(
+            f"no azimuth lies between {start:.6g} and {start + gaps.max():.6g} rad, half of the period "
+            f"{period:.6g} or more; give azimuths that cover the period"
+        )
+    return wrapped
+
+
+def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
+    """Matrix (2H+1, k) from samples at azimuths (k,) to values of the fitted series of H harmonics at uniform
+    phases, and the amplification of errors. H is the largest number, at most `most`, for which the fit is
+    well conditioned."""
+    for harmonics in range(most, 0, -1):
+        design = _waves(azimuths, harmonics, period)
+        singular = np.linalg.svd(design, compute_uv=False)
+        condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else math.inf
+        if condition <= _MAX_CONDITION:
+            size = 2 * harmonics + 1
+            uniform = _waves(np.arange(size) * (period / size), harmonics, period)
+            return uniform @ np.linalg.pinv(design), max(1.0, condition / math.sqrt(2))
+    raise MatricesError(
+        f"the {len(azimuths)} azimuths are clustered, and determine no harmonic; give azimuths that are "
+        "distributed over the period"
+    )
+
+
+def _waves(phase: Array, harmonics: int, period: float) -> Array:
+    """1, cosines and sines (m, 2H+1) at phases (m,)."""
+    angles = np.outer(phase, np.arange(1, harmonics + 1)) * (2 * math.pi / period)
+    return np.concatenate((np.ones((len(phase), 1)), np.cos(angles), np.sin(angles)), axis=1)
+
+
+def sampled(
+    arrays: Sequence[Array], symbols: str, period: float, phases: Sequence[float] | Array | None
+) -> Samples:
+    """Samples of matrices with these symbols. Raises MatricesError, ValueOutOfBoundsError."""
+    return Samples.of(real_arrays(arrays, symbols, "samples"), symbols, checked_period(period), phases)
+
+
+def checked_period(period: float) -> float:
+    """The period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
+    if isinstance(period, str) or not (math.isfinite(period) and period > 0):
+        raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
+    return float(period)

@@ -1,0 +1,309 @@
+"""First-order and mixed systems against closed forms, and against other forms of the same equations."""
+
+import json
+
+import numpy as np
+import pytest
+
+import solve
+from solve import FirstOrderSystem, MixedSystem, PeriodicSystem, SolveError
+from tests.solve.first_order_systems import (
+    error,
+    first_order,
+    names,
+    orbit_difference,
+    restated,
+    rotated,
+    with_load,
+)
+
+METHODS = "radau", "gauss", "rk4", "hsu", "fourier", "hill"
+REFUSED = "newmark", "modal", "march", "bahgat-willmert"
+
+
+def relaxation(phase, speed):
+    """ẋ = -2 x + cos t."""
+    return np.full((len(phase), 1, 1), -2.0), np.cos(phase)[:, None]
+
+
+def varga(phase, speed):
+    """A. Varga, PeriodicSystems.jl, test_pslifting.jl: exponents 0 and -24."""
+    A = np.zeros((len(phase), 2, 2))
+    A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -10 * np.cos(phase), -24 - 10 * np.sin(phase)
+    return A, np.zeros((len(phase), 2))
+
+
+def pushed_mass(phase, speed):
+    """q̈ + 4 q = x + cos t with a force that lags: ẋ/2 + x + q/5 = 0."""
+    M, C, K = np.zeros((3, len(phase), 2, 2))
+    M[:, 0, 0], K[:, 0, 0], K[:, 0, 1] = 1.0, 4.0, -1.0
+    C[:, 1, 1], K[:, 1, 1], K[:, 1, 0] = 0.5, 1.0, 0.2
+    return M, C, K, np.stack((np.cos(phase), 0 * phase), axis=1)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_one_state_has_its_closed_form(engine):
+    orbit = solve.periodic(FirstOrderSystem(relaxation, ["x"]), 1.0, engine=engine)
+    expected = (2 * np.cos(orbit.phase) + np.sin(orbit.phase)) / 5
+    assert np.abs(orbit.x[0] - expected).max() < 1e-9
+    assert np.abs(orbit.xd[0] - (np.cos(orbit.phase) - 2 * expected)).max() < 1e-7
+    assert orbit.multipliers == pytest.approx([np.exp(-4 * np.pi)], rel=1e-10)
+    assert orbit.states == orbit.coordinates == ("x",)
+    assert orbit.stable
+
+
+@pytest.mark.parametrize("N", [1, 2, 3, 5])
+def test_errors_of_rotated_constant_systems_are_honest(N):
+    rng = np.random.default_rng(N)
+    for _ in range(8):
+        speed = float(np.exp(rng.uniform(-1, 1.5)))
+        A, exact = rotated(rng, N, speed)
+        found = solve.floquet(first_order(A, N), speed)
+        assert error(found, exact) <= 10 * found.error_estimate.multipliers
+        assert found.error_estimate.multipliers < 1e-8
+        largest = np.abs(exact).max()
+        assert found.verdict == ("unstable" if largest > 1 else "asymptotically stable")
+
+
+@pytest.mark.slow
+def test_errors_of_200_rotated_constant_systems_are_honest():
+    rng, ratios = np.random.default_rng(200), []
+    for _ in range(200):
+        N, speed = int(rng.integers(1, 9)), float(np.exp(rng.uniform(-0.7, 1.6)))
+        A, exact = rotated(rng, N, speed)
+        found = solve.floquet(first_order(A, N), speed)
+        ratios.append(error(found, exact) / found.error_estimate.multipliers)
+    assert max(ratios) <= 10
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_of_first_order_gives_the_multipliers(method):
+    A, exact = rotated(np.random.default_rng(5), 3)
+    steps = 61 if method in ("fourier", "hill") else None
+    found = solve.floquet(first_order(A, 3), 1.0, method=method, steps=steps, rtol=1e-6)
+    assert error(found, exact) <= 10 * found.error_estimate.multipliers + 1e-12
+
+
+def test_exponents_of_varga_are_zero_and_minus_24():
+    found = solve.floquet(FirstOrderSystem(varga, ["x1", "x2"]), 1.0, all_multipliers=True)
+    assert np.abs(found.exponents - [0, -24]).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("n", "method"), [(2, "radau"), (3, "gauss"), (2, "rk4"), (2, "fourier"), (2, "hill")]
+)
+def test_other_forms_of_a_system_give_the_same_results(n, method):
+    second, states, mixed = restated(7 + n, n)
+    reference = solve.periodic(second, 1.3, rtol=1e-11)
+    steps = {"rk4": 800, "fourier": 41, "hill": 41}.get(method)
+    for system in (states, mixed):
+        orbit = solve.periodic(system, 1.3, method=method, steps=steps, rtol=1e-7)
+        limit = 10 * orbit.error_estimate.orbit + 1e-10
+        assert orbit_difference(orbit, reference, n) <= limit
+        assert error(orbit, reference.multipliers) <= 10 * orbit.error_estimate.multipliers + 1e-11
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_compiled_code_agrees_with_numpy(order):
+    system = restated(3, 2)[order]
+    compiled, numpy = (solve.periodic(system, 1.3, engine=engine) for engine in ("compiled", "numpy"))
+    assert np.abs(compiled.q - numpy.q).max() <= 1e-12 * np.abs(numpy.q).max()
+    assert np.abs(compiled.qd - numpy.qd).max() <= 1e-11 * np.abs(numpy.qd).max()
+    assert np.abs(compiled.multipliers - numpy.multipliers).max() < 1e-12
+
+
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_jumps_are_integrated_exactly(engine):
+    def switched(phase, speed):
+        rate = np.where(np.mod(phase, 2 * np.pi) < np.pi, -1.0, -0.5)
+        return rate[:, None, None], 1.0 - rate[:, None]
+
+    orbit = solve.periodic(FirstOrderSystem(switched, ["x"], breaks=(0.0, np.pi)), 1.0, engine=engine)
+    # x tends to 2 and then to 3.
+    a, b = np.exp(-np.pi), np.exp(-np.pi / 2)
+    start = (3 * (1 - b) + 2 * b * (1 - a)) / (1 - a * b)
+    assert orbit.multipliers == pytest.approx([a * b], rel=1e-10)
+    assert orbit.x[0, 0] == pytest.approx(start, rel=1e-10)
+
+
+def test_sweep_bands_and_chart_points_equal_single_solutions():
+    _, states, mixed = restated(11, 2)
+    speeds = [0.9, 1.3, 2.1]
+    for system in (states, mixed):
+        swept = solve.sweep(system, speeds)
+        alone = [solve.periodic(system, speed) for speed in speeds]
+        assert swept.spectral_radius == pytest.approx([one.spectral_radius for one in alone], rel=1e-9)
+        maxima = [one.statistics("q1").max_abs for one in alone]
+        assert swept.figures("q1") == pytest.approx(maxima, rel=1e-7)
+
+
+def test_bands_of_a_restated_mathieu_equation_are_the_same():
+    def mathieu(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.01 * one, (1 + 0.3 * np.cos(phase))[:, None, None], 0 * one[:, 0]
+
+    def states(phase, speed):
+        A = np.zeros((len(phase), 2, 2))
+        A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -(1 + 0.3 * np.cos(phase)), -0.01
+        return A, np.zeros((len(phase), 2))
+
+    second = solve.bands(PeriodicSystem(mathieu, ["q"]), (1.5, 2.5))
+    first = solve.bands(FirstOrderSystem(states, ["q", "v"]), (1.5, 2.5))
+    assert len(first) == len(second) == 1
+    assert first[0].low == pytest.approx(second[0].low, rel=1e-6)
+    assert first[0].high == pytest.approx(second[0].high, rel=1e-6)
+
+
+@pytest.mark.parametrize("method", REFUSED)
+def test_methods_of_second_order_are_refused_in_one_line(method):
+    with pytest.raises(SolveError, match=r"second order only.*use auto, radau, gauss") as refused:
+        solve.periodic(FirstOrderSystem(relaxation, ["x"]), 1.0, method=method, steps=50)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "study", [solve.transient, solve.frequencies, solve.prove, solve.sensitivities, solve.nonlinear]
+)
+def test_studies_of_second_order_refuse_first_order_states(study):
+    arguments = () if study is solve.frequencies else (1.0,)
+    with pytest.raises(SolveError) as refused:
+        study(FirstOrderSystem(relaxation, ["x"]), *arguments)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("matrices", "message"),
+    [
+        (lambda phase, speed: (np.ones((len(phase), 2, 2)), np.ones((len(phase), 1))), "A at 4 phases"),
+        (lambda phase, speed: (np.ones((len(phase), 1, 1)), np.ones((len(phase), 2))), "b at 4 phases"),
+        (lambda phase, speed: np.ones((len(phase), 1, 1)), "no two real arrays"),
+        (lambda phase, speed: (phase[:, None, None], phase[:, None]), "A is not periodic"),
+        (lambda phase, speed: (np.full((len(phase), 1, 1), np.nan), phase[:, None]), "A has NaN"),
+    ],
+)
+def test_wrong_matrices_are_refused(matrices, message):
+    with pytest.raises(SolveError, match=message):
+        solve.floquet(FirstOrderSystem(matrices, ["x"]), 1.0)
+
+
+def test_wrong_names_are_refused():
+    for settings in (
+        {"states": ["x", "x"]},
+        {"states": ["x"], "inputs": "u"},
+        {"states": ["x"], "outputs": ["x"]},
+    ):
+        with pytest.raises(SolveError):
+            FirstOrderSystem(relaxation, **settings)
+    with pytest.raises(SolveError, match="give a sequence"):
+        MixedSystem(pushed_mass, "q", ["x"])
+
+
+def test_inertia_of_a_state_is_refused():
+    with pytest.raises(SolveError, match="M has entries in the columns of the states q"):
+        solve.floquet(MixedSystem(pushed_mass, [], ["q", "x"]), 1.0)
+
+
+def test_state_without_equation_is_refused():
+    def without(phase, speed):
+        M, C, K, d = pushed_mass(phase, speed)
+        return M, 0 * C, K, d
+
+    with pytest.raises(SolveError, match="linearly dependent"):
+        solve.floquet(MixedSystem(without, ["q"], ["x"]), 1.0)
+
+
+def test_mixed_system_equals_its_constant_coefficients():
+    orbit = solve.periodic(MixedSystem(pushed_mass, ["q"], ["x"]), 1.0)
+    A = np.array([[0, 0, 1], [-0.4, -2, 0], [-4, 1, 0.0]])  # of q, x, q̇
+    assert error(orbit, np.exp(2 * np.pi * np.linalg.eigvals(A))) <= 10 * orbit.error_estimate.multipliers
+    response = np.linalg.solve(1j * np.eye(3) - A, [0, 0, 1])
+    assert orbit.harmonics("q", 1)[0][1] == pytest.approx(abs(response[0]), rel=1e-8)
+    assert orbit.harmonics("x", 1)[0][1] == pytest.approx(abs(response[1]), rel=1e-8)
+    assert orbit.states == ("x",)
+    assert orbit.x.shape == (1, orbit.steps + 1)
+
+
+def test_results_are_stored_and_recorded_with_their_states(tmp_path):
+    orbit = solve.periodic(MixedSystem(pushed_mass, ["q"], ["x"]), 1.0)
+    record = json.loads(json.dumps(orbit.record(2)))
+    assert list(record["coordinates"]) == ["q", "x"]
+    assert len(record["multipliers"]) == len(record["exponents"]) == 3
+    for ending in ("nc", "npz"):
+        orbit.save(tmp_path / f"orbit.{ending}")
+        stored = solve.open(tmp_path / f"orbit.{ending}")
+        assert np.array_equal(stored.x, orbit.x)
+        assert np.array_equal(stored.multipliers, orbit.multipliers)
+        assert stored.states == ("x",)
+    assert {"q", "x", "xd"} <= set(orbit.to_xarray().data_vars)
+
+
+def test_modes_have_the_frequencies_of_the_other_form():
+    second, states, mixed = restated(4, 2)
+    expected = sorted(mode.unfolded for mode in solve.floquet(second, 1.3).modes)
+    for system in (states, mixed):
+        found = sorted(mode.unfolded for mode in solve.floquet(system, 1.3).modes)
+        assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_comparison_leaves_out_methods_of_second_order():
+    rows = solve.compare(FirstOrderSystem(relaxation, ["x"]), 1.0, steps=[32], targets=[1e-4]).rows
+    refused = {row.method for row in rows if row.reason and "second order only" in row.reason}
+    assert refused == set(REFUSED)
+
+
+@pytest.fixture
+def filtered():
+    """Two states with an input, an output and a load."""
+    A, _ = rotated(np.random.default_rng(9), 2)
+
+    def matrices(phase, speed):
+        B, C = np.ones((len(phase), 2, 1)), np.zeros((len(phase), 1, 2))
+        C[:, 0, 0] = np.cos(phase)
+        return (*with_load(A)(phase, speed), B, C, np.full((len(phase), 1, 1), 0.5))
+
+    return FirstOrderSystem(matrices, names("x", 2), inputs=["u"], outputs=["y"])
+
+
+def test_outputs_follow_from_the_states(filtered):
+    orbit = solve.periodic(filtered, 1.0)
+    assert orbit.outputs["y"] == pytest.approx(np.cos(orbit.phase) * orbit.x[0], abs=1e-12)
+    assert solve.sweep(filtered, [1.0]).figures("y") == pytest.approx(
+        [orbit.statistics("y").max_abs], rel=1e-6
+    )
+
+
+def test_state_space_has_the_matrices_of_the_system(filtered):
+    space = solve.state_space(filtered, 1.0, samples=8)
+    A, b, B, C, D = filtered.equations_at(space.phase, 1.0)
+    for found, expected in ((space.A, A), (space.b, b), (space.B, B), (space.C, C), (space.D, D)):
+        assert np.array_equal(found, expected)
+    assert space.signals.inputs == ("u",)
+    assert space.signals.outputs == ("y",)
+
+
+def test_harmonic_transfer_function_gives_the_response(filtered):
+    """To an input at the frequency of the matrices, against the orbit with this input in the load."""
+    transfer = solve.harmonic_transfer(filtered, 1.0, harmonics=3)
+    u = np.zeros(7, dtype=complex)
+    u[[2, 4]] = 0.5  # cos t
+    y = np.einsum("iok,k->io", transfer.at(0.0).values[..., 0], u)[:, 0] + transfer.rest[:, 0]
+
+    def loaded(phase, speed):
+        A, b, B, C, D = filtered.equations_at(phase, speed)
+        return A, b + B[..., 0] * np.cos(phase)[:, None], B, C, D
+
+    system = FirstOrderSystem(loaded, filtered.states, inputs=["u"], outputs=["y"])
+    orbit = solve.periodic(system, 1.0, rtol=1e-10)
+    values = orbit.system.output_values(orbit.phase, 1.0, orbit.q, orbit.qd, orbit.qdd)["y"]
+    values = values + 0.5 * np.cos(orbit.phase)
+    expected = np.fft.fft(values[:-1]) / (len(values) - 1)
+    assert y[3:] == pytest.approx(expected[:4], abs=1e-7)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_state_space_of_other_forms_gives_the_same_response(order):
+    second, *others = restated(4, 2)
+    system = others[order - 1]
+    transfers = [solve.harmonic_transfer(one, 1.3, harmonics=12) for one in (second, system)]
+    responses = [np.einsum("iokj,kj->io", one.at(0.0).values, one.excitation) + one.rest for one in transfers]
+    assert np.abs(responses[1][:, :2] - responses[0]).max() <= 1e-7 * np.abs(responses[0]).max()
