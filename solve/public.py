@@ -20,6 +20,9 @@ from solve.newton.transients import transient
 from solve.period.quantities import statistics as signal_statistics
 from solve.proof.prove import prove
 from solve.proof.result import Proof
+from solve.readers.formats import read_mat, read_netcdf, read_npz
+from solve.readers.matrix_market import read_matrix_market
+from solve.readers.openfast import read_openfast
 from solve.results.bands import Band
 from solve.results.branch import Branch
 from solve.results.chart import Chart
@@ -106,6 +109,11 @@ __all__ = [
     "open",
     "periodic",
     "prove",
+    "read_mat",
+    "read_matrix_market",
+    "read_netcdf",
+    "read_npz",
+    "read_openfast",
     "report",
     "sensitivities",
     "sensitivities_over",
