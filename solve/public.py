@@ -22,11 +22,15 @@ from solve.newton.two_parameters import special_curves
 from solve.period.quantities import statistics as signal_statistics
 from solve.proof.prove import prove
 from solve.proof.result import Proof
+from solve.readers.formats import read_mat, read_netcdf, read_npz
+from solve.readers.matrix_market import read_matrix_market
+from solve.readers.openfast import read_openfast
 from solve.results.bands import Band
 from solve.results.branch import Branch
 from solve.results.chart import Chart
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
+from solve.results.followed_modes import FollowedModes
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.optimum import Optimum
 from solve.results.orbit import Orbit
@@ -47,6 +51,7 @@ from solve.studies.compare import compare
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
+from solve.studies.follow_modes import follow_modes
 from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.optimise import optimise
 from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
@@ -66,6 +71,7 @@ __all__ = [
     "CriticalSpeeds",
     "FirstOrderSystem",
     "Fitted",
+    "FollowedModes",
     "Frequencies",
     "Gauss",
     "HarmonicTransfer",
@@ -106,6 +112,7 @@ __all__ = [
     "export",
     "fit",
     "floquet",
+    "follow_modes",
     "frequencies",
     "frequencies_over",
     "harmonic_transfer",
@@ -115,6 +122,11 @@ __all__ = [
     "optimise",
     "periodic",
     "prove",
+    "read_mat",
+    "read_matrix_market",
+    "read_netcdf",
+    "read_npz",
+    "read_openfast",
     "report",
     "scatter",
     "sensitivities",

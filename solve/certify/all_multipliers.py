@@ -249,7 +249,7 @@ class Spectrum:
             method, steps = certified.method, 2 * steps
         blocks = _blocks_on_steps(self._equations, method, certified.request, steps, loss=_DEFAULT_LOSS)
         try:
-            small = _multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues)
+            small = multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues)
         except np.linalg.LinAlgError:
             return logarithms, errors
         small = np.where(small < NO_DIGIT, small, np.nan)
@@ -325,7 +325,7 @@ def _refined_multipliers(
     while True:
         steps *= 2
         fine = eigenvalues(steps)
-        logarithms, errors = fine.logarithms[0].copy(), _multiplier_errors(coarse.logarithms[0], fine)
+        logarithms, errors = fine.logarithms[0].copy(), multiplier_errors(coarse.logarithms[0], fine)
         nearest_one = np.argsort(np.abs(logarithms), kind="stable")[:rigid]
         logarithms[nearest_one], errors[nearest_one] = 0.0, 0.0
         largest = float(errors.max())
@@ -383,7 +383,7 @@ def _blocks_on_steps(
         return joined_blocks(blocks, loss)
 
 
-def _multiplier_errors(others: Array, eigenvalues: ProductEigenvalues) -> Array:
+def multiplier_errors(others: Array, eigenvalues: ProductEigenvalues) -> Array:
     """Relative errors (N,) of multipliers from round-off and from the logarithms (N,) on another grid."""
     distances = log_distances(eigenvalues.logarithms[0], others)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)

@@ -72,6 +72,7 @@ COMMANDS = {
     "bands": "Unstable bands between the lowest and the highest speed, their edges refined.",
     "chart": "Stability over two quantities, with named boundaries.",
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
+    "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
     "transient": "Start-up from any state until the periodic vibration is reached; run-up to a speed.",
     "sensitivity": "Derivatives of quantities by parameters and the speed, at one speed or many.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
@@ -86,7 +87,7 @@ COMMANDS = {
 }
 MODULES = {
     **dict.fromkeys(("periodic", "floquet", "compare", "transient"), "one_speed"),
-    **dict.fromkeys(("sweep", "chart", "bands", "critical", "validity"), "many_speeds"),
+    **dict.fromkeys(("sweep", "chart", "bands", "critical", "modes", "validity"), "many_speeds"),
     "branch": "branches",
     **dict.fromkeys(("sensitivity", "fit", "optimise", "frequencies"), "parameters"),
     **dict.fromkeys(("report", "animate", "export"), "documents"),

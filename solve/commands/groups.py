@@ -1,22 +1,20 @@
 """Flags that several commands share, in groups: a dataclass per group.
 
-A command takes groups as parameters. `flattened` makes their fields flags of the command, for Typer.
+A command takes groups as parameters. `flattened.py` makes their fields flags of the command, for Typer.
 """
 
-import inspect
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, get_args
 
 import typer
 
-from solve.arguments import MOST, limited
 from solve.commands.parse import assignments, integer, number, quantities, spread
-from solve.errors import DesiredMotionError, MatricesError, MissingValueError, ValueOutOfBoundsError
+from solve.errors import DesiredMotionError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.loading import case_numbers, missing_parameters, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
@@ -24,6 +22,7 @@ from solve.model.bounds import REDUCE, measured
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
+from solve.readers.files import is_matrix_file
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
 from solve.units import speeds_in_si
@@ -152,16 +151,34 @@ class Problem(Numbers):
     """Model and its numbers."""
 
     model: Annotated[
-        str, typer.Argument(metavar="MODEL", help="A model's name, or the path of a mechanism file (.py).")
+        str,
+        typer.Argument(
+            metavar="MODEL",
+            help="A model's name, the path of a mechanism file (.py), or matrices: a path or pattern "
+            "(.lin, .mat, .npz, .nc, .mtx).",
+        ),
     ]
 
-    def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
-        """Model that the user names; see `Numbers.of`."""
-        return self.of(self.model, still, rigid, varied)
+    def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
+        """Model that the user names, see `Numbers.of`, or system read from files of matrices. Raises
+        SolveError subclasses."""
+        if not is_matrix_file(self.model):
+            return self.of(self.model, still, rigid, varied)
+        given = {name: value for name, value in vars(self).items() if name != "model" and value is not None}
+        if given:
+            name = next(iter(given))
+            raise ValueOutOfBoundsError(
+                f"'{self.model}' has matrices, without parameters, cases or options; leave out --{name}"
+            )
+        from solve.readers.paths import read
+
+        return read(self.model)
 
     def numbers_set(self) -> str:
         """Numbers of --set in the model's units, with the case's units where these differ; empty if the model
         needs further numbers."""
+        if is_matrix_file(self.model):
+            return ""
         try:
             case, texts = self.case_of(self.model), []
         except MissingValueError:
@@ -364,54 +381,3 @@ class Results:
         """Files of --plot and --save. Raises FileError."""
         picture = None if self.plot is None else checked(self.plot, PICTURES, "picture")
         return picture, None if self.save is None else checked_data(self.save)
-
-
-@dataclass(frozen=True)
-class Common:
-    """Flags of every command."""
-
-    limit: Annotated[float | None, Flag(f"Maximum count of numbers in memory; by default {MOST}.", "N")] = (
-        None
-    )
-    debug: Annotated[bool, Flag("Show the traceback of an internal error.")] = False
-
-
-def flattened(command: Callable[..., None]) -> Callable[..., None]:
-    """Command whose parameters are the fields of its groups and of `Common`, for Typer."""
-    hints = get_type_hints(command, include_extras=True)
-    groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
-    parameters, common = [], inspect.signature(Common).parameters
-    for name, parameter in inspect.signature(command).parameters.items():
-        single = [parameter.replace(annotation=hints[name])]
-        group = inspect.signature(groups[name]).parameters.values() if name in groups else single
-        parameters += map(_for_typer, group)
-    parameters += map(_for_typer, common.values())
-
-    def flat(**values: Any) -> None:
-        shared = Common(**{name: values.pop(name) for name in common})
-        for name, group in groups.items():
-            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
-        with limited(shared.limit), _naming_set_numbers(values.values()):
-            command(**values)
-
-    flat.__doc__ = command.__doc__
-    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    return flat
-
-
-@contextmanager
-def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
-    """Add the numbers of --set to errors that name no parameter."""
-    try:
-        yield
-    except (MatricesError, DesiredMotionError) as error:
-        numbers = next((group.numbers_set() for group in groups if isinstance(group, Problem)), "")
-        raise type(error)(f"{error}; values set: {numbers}" if numbers else str(error)) from None
-
-
-def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Parameter with Typer's option in place of a `Flag`."""
-    kind, flag = get_args(parameter.annotation)
-    option = flag.option(parameter.name, kind) if isinstance(flag, Flag) else flag
-    return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option])

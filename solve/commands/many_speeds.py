@@ -1,4 +1,4 @@
-"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical` and `validity`."""
+"""Commands over speeds and parameters: `sweep`, `chart`, `bands`, `critical`, `modes` and `validity`."""
 
 import math
 from collections.abc import Sequence
@@ -212,6 +212,24 @@ def critical(
     result = solve.critical_speeds(model, omegas, of, statistic, orders, accuracy.rule, accuracy.rtol)
     drawn = None if moved.by else partial(result.plot, campbell=campbell)
     deliver_result(results, moved.of(result, accuracy), problem.choices, result.notes, figure=drawn)
+
+
+def modes(
+    problem: Problem,
+    speeds: Speeds,
+    speed: Speed,
+    accuracy: Steps,
+    results: Results,
+    over: Annotated[
+        list[str] | None, Flag("Follow over a parameter instead: N values from A to B.", _RANGE)
+    ] = None,
+) -> None:
+    """Floquet modes followed over the speed or a parameter: frequencies, damping, veerings."""
+    varied = _varied(over)
+    omegas = _omegas(speeds, speed, bool(varied))
+    model, rule = problem.loaded(varied=varied), (accuracy.rule, accuracy.steps, accuracy.rtol)
+    result = solve.follow_modes(model, omegas, *rule, over=varied or None)
+    deliver_result(results, result, problem.choices)
 
 
 def validity(

@@ -45,7 +45,7 @@ def application(
 
 
 def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
-    from solve.commands.groups import flattened
+    from solve.commands.flattened import flattened
 
     return flattened(command)
 

@@ -47,9 +47,14 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
     is_stiff = frozen(points, _PHASES).exceeds_rate(RESOLVABLE / points.period)
     stiff, others = is_stiff.nonzero()[0], (~is_stiff).nonzero()[0]
     if len(stiff):
-        yield Radau(13) if points.n <= _FEW else Radau(), stiff
+        yield damping(points.n), stiff
     if len(others):
         yield Gauss(), others
+
+
+def damping(coordinates: int) -> Radau:
+    """Radau IIA of the order that suits the number of coordinates."""
+    return Radau(13) if coordinates <= _FEW else Radau()
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:

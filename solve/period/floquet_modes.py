@@ -14,7 +14,7 @@ from solve.period.blocks import Blocks, carried
 from solve.period.grid import Grid
 from solve.period.product_eigenvalues import ProductEigenvalues
 
-_ALIASED = 0.1
+ALIASED = 0.1
 """Relative difference between the mean square of the rates and that of the resolved harmonics, or fraction of
 a mode in the upper third of the harmonics, up to which these are resolved: a choice."""
 
@@ -71,7 +71,7 @@ def floquet_modes(
     rotation : float
         2π/T in rad/s.
     """
-    p = _periodic_parts(steps, grid, blocks, eigenvalues)
+    p = periodic_parts(steps, grid, blocks, eigenvalues)
     if not grid.smooth:
         p = _evenly(grid, p)
     spectrum = np.fft.fft(p, axis=0)
@@ -81,14 +81,14 @@ def floquet_modes(
     if mass is None:
         sizes = (np.abs(spectrum / blocks.units[0][:, None]) ** 2).sum(axis=1)
         # Strong harmonics near the highest one: the phase advance of the mode per step is too large.
-        is_resolved = sizes[3 * np.abs(orders) > len(p)].sum(axis=0) <= _ALIASED * sizes.sum(axis=0)
+        is_resolved = sizes[3 * np.abs(orders) > len(p)].sum(axis=0) <= ALIASED * sizes.sum(axis=0)
     else:
         sizes, of_rates = (
             (half.conj() * (mass @ half)).sum(axis=1).real for half in np.split(spectrum, 2, axis=1)
         )
         # Other rates than those of the resolved harmonics mean the same.
         rates = (np.abs(exponents) ** 2 * sizes).sum(axis=0)
-        is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= _ALIASED * of_rates.sum(axis=0)
+        is_resolved = np.abs(rates - of_rates.sum(axis=0)) <= ALIASED * of_rates.sum(axis=0)
     shares = sizes / sizes.sum(axis=0)
     folded = np.imag(eigenvalues.logarithms[0]) * rotation / (2 * math.pi)
     return [
@@ -109,7 +109,7 @@ def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> Floqu
     return FloquetMode(folded, unfolded, order, float(shares[at]), mirror)
 
 
-def _periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
+def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
     """p (m, N, N) at the start of every step, one column per mode, in any norm."""
     assert eigenvalues.right is not None
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]

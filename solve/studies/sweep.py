@@ -100,7 +100,7 @@ def sweep(
     >>> len(found.speeds)
     3
     """
-    values = _over(over, system)
+    values = varied_values(over, system)
     given = speeds_given(_speeds(system, speeds, over))
     system, omegas = system.shown_in(given[0]), np.array(given)
     names = system.known_quantities(quantities)
@@ -131,7 +131,7 @@ def sweep(
     return Sweep(system, points[:, -1], results, task.request.engine, [*notes, *results.notes], parameters)
 
 
-def _over(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:
+def varied_values(given: Over | None, system: PeriodicSystem) -> dict[str, Array]:
     """Values of parameters in their own units by name. Raises ValueOutOfBoundsError, UnitError."""
     texts = [given] if isinstance(given, str) else given or ()
     pairs = given.items() if isinstance(given, Mapping) else [_name_and_values(text) for text in texts]

@@ -6,6 +6,7 @@ from solve.views import chart as chart
 from solve.views import comparison as comparison
 from solve.views import critical_speeds as critical_speeds
 from solve.views import fit as fit
+from solve.views import followed_modes as followed_modes
 from solve.views import frequencies as frequencies
 from solve.views import optimum as optimum
 from solve.views import orbit as orbit

@@ -35,6 +35,27 @@ def reopened(folder):
     return solve.open(f"{folder}/kept.npz")
 
 
+def read_back(folder):
+    import scipy.io, xarray
+    from tests.solve.readers.lin_files import write_set
+    from pathlib import Path
+
+    arrays = {"M": np.eye(1), "K": np.eye(1)}
+    np.savez(f"{folder}/a.npz", **arrays)
+    scipy.io.savemat(f"{folder}/a.mat", arrays)
+    variables = {name: (("row", "column"), value) for name, value in arrays.items()}
+    xarray.Dataset(variables).to_netcdf(f"{folder}/a.nc", engine="h5netcdf")
+    for name, value in arrays.items():
+        scipy.io.mmwrite(f"{folder}/a.{name}.mtx", value)
+    return {
+        "read_npz": solve.read_npz(f"{folder}/a.npz"),
+        "read_mat": solve.read_mat(f"{folder}/a.mat"),
+        "read_netcdf": solve.read_netcdf(f"{folder}/a.nc"),
+        "read_matrix_market": solve.read_matrix_market(f"{folder}/a.*.mtx"),
+        "read_openfast": solve.read_openfast(write_set(Path(folder))),
+    }
+
+
 def at(delta):
     return mathieu.varied({"delta": delta}), 1.0
 
@@ -43,6 +64,7 @@ orbit_file = tempfile.mkdtemp() + "/cam.csv"
 solve.periodic(cam, "300 rpm", steps=32).save(orbit_file)
 called = {
     "load": mathieu,
+    **read_back(tempfile.mkdtemp()),
     "case_numbers": solve.case_numbers("cam"),
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),
@@ -56,6 +78,7 @@ called = {
     "optimise": solve.optimise(mathieu, "spectral_radius", {"zeta": (0.0, 0.1)}, 1.0, rtol=1e-4),
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
+    "follow_modes": solve.follow_modes(mathieu, [1.0, 1.1], rtol=1e-4),
     "floquet": solve.floquet(mathieu, 1.0, **rough),
     "export": solve.export(cam, tempfile.mkdtemp() + "/cam.c"),
     "state_space": solve.state_space(cam, "600 rpm"),

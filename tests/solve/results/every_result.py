@@ -57,6 +57,10 @@ MADE = {
         lambda: solve.critical_speeds(cam(), [40.0, 45.0, 50.0], rtol=1e-5),
         '--speeds "6.4:8:3 Hz" --rtol 1e-5',
     ),
+    "solve.follow_modes": (
+        lambda: solve.follow_modes(cam(), "600:620:2 rpm"),
+        '--speeds "10:10.2:2 Hz"',
+    ),
     "solve.compare": (
         lambda: solve.compare(cam(), "300 rpm", methods=["gauss"]),
         '--speed "5 Hz" --method gauss',

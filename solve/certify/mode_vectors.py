@@ -1,0 +1,180 @@
+"""All Floquet modes of a point over the period, on a grid that other points share."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.all_multipliers import multiplier_errors
+from solve.certify.estimates import NO_DIGIT
+from solve.kernel import slicot
+from solve.methods.free import free
+from solve.methods.method import Method
+from solve.period.blocks import Blocks, balanced_blocks
+from solve.period.eigenvalues import EPS
+from solve.period.floquet_modes import ALIASED, periodic_parts
+from solve.period.frozen import balanced, frozen
+from solve.period.grid import Grid
+from solve.period.points import OnePoint, Points, matrices
+from solve.period.product_eigenvalues import (
+    ProductEigenvalues,
+    eigenvalue_logarithms,
+    product_eigenvalues,
+)
+
+_PHASES = 32
+"""Phases of the mean of M. A choice."""
+
+SURE = 10.0
+"""Ratio of a difference of exponents that counts to their errors, which are estimates: a choice."""
+
+
+@dataclass(frozen=True)
+class ModeVectors:
+    """Floquet modes p(φ) exp(λt) of a system at a speed, without rigid-body modes and unresolved ones.
+
+    Attributes
+    ----------
+    rotation : float
+        2π/T in rad/s.
+    nodes, weights : (m,)
+        Phases at the starts of the steps, from 0 to 2π over a period, and their weights in a mean.
+    exponents : (k,)
+        λ in 1/s, complex, with an imaginary part within ±π/T.
+    errors : (k,)
+        Estimated absolute errors of the exponents in 1/s.
+    parts : (m, N, k)
+        p at the nodes: coordinates, then their derivatives by time.
+    inertia : (n,)
+        Mean inertia of each coordinate, in any unit.
+    """
+
+    rotation: float
+    nodes: Array
+    weights: Array
+    exponents: Array
+    errors: Array
+    parts: Array
+    inertia: Array
+
+    @property
+    def inverse(self) -> Array:
+        """Left inverse (m, k, N) of p at the nodes."""
+        return self._inverse
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.linalg.pinv(self.parts)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the nodes resolve the harmonics of all modes, to the fraction that
+        `solve.period.floquet_modes` permits: little of a mode is in the upper third."""
+        most = (len(self.nodes) - 1) // 2
+        harmonics = np.arange(-most, most + 1)
+        power = self.power(harmonics).sum(axis=1)
+        upper = power[:, 3 * np.abs(harmonics) > len(self.nodes)].sum(axis=1)
+        return bool((upper <= ALIASED * power.sum(axis=1)).all())
+
+    def power(self, harmonics: Array) -> Array:
+        """|p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
+        waves = self.weights[:, None] * np.exp(-1j * np.outer(self.nodes, harmonics))
+        amplitudes = np.tensordot(self.parts[:, : len(self.inertia)], waves, axes=(0, 0))
+        return np.swapaxes(np.abs(amplitudes) ** 2 * self.inertia[:, None, None], 0, 1)
+
+    def distances(self, others: Array) -> Array:
+        """Distances (k, j) of the exponents from others (j,), the imaginary part modulo 2π/T."""
+        difference = self.exponents[:, None] - others
+        angles = np.angle(np.exp(2j * math.pi * np.imag(difference) / self.rotation))
+        return np.hypot(np.real(difference), angles * self.rotation / (2 * math.pi))
+
+    @cached_property
+    def partners(self) -> Array:
+        """Position (k,) of the complex conjugate of each mode; its own for a real multiplier."""
+        return self.distances(self.exponents.conj()).argmin(axis=1)
+
+    @cached_property
+    def coincident(self) -> Array:
+        """Whether two modes (k, k) have equal exponents within their errors, and therefore vectors that are
+        undetermined within their plane."""
+        limit = SURE * (self.errors[:, None] + self.errors)
+        return self.distances(self.exponents) <= limit
+
+
+def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
+    """Modes of a point by a method with step maps, with errors that are estimated by one more stage per step.
+    They are at least `rtol` of the multipliers. Raises SolveError subclasses."""
+    finer = method.with_another_stage
+    assert finer is not None
+    equations = balanced(point, frozen(point))
+    grid = Grid.uniform(steps, point.period, point.breaks)
+    maps, others = (_step_maps(each, equations, grid, engine) for each in (method, finer))
+    blocks, eigenvalues = _eigenvalues(maps)
+    errors = multiplier_errors(_logarithms(others), eigenvalues)
+    is_kept = (errors < NO_DIGIT) & np.isfinite(eigenvalues.logarithms[0])
+    is_kept[_rigid(point, eigenvalues.logarithms[0])] = False
+    kept, period = np.flatnonzero(is_kept), grid.period / point.speed
+    parts = periodic_parts(maps, grid, blocks, eigenvalues)[:, :, kept]
+    parts[:, point.n :] *= point.speed
+    parts /= np.sqrt((np.abs(parts) ** 2).sum(axis=1).mean(axis=0))
+    return ModeVectors(
+        2 * math.pi / period,
+        grid.nodes[:-1] * (2 * math.pi / grid.period),
+        (grid.h + np.roll(grid.h, 1)) / (2 * grid.period),
+        eigenvalues.logarithms[0][kept] / period,
+        np.fmax(errors[kept], rtol) / period,
+        parts,
+        _inertia(point, blocks.units[0]),
+    )
+
+
+def _step_maps(method: Method, equations: Points, grid: Grid, engine: str) -> Array:
+    """Maps (m, N, N) of the steps."""
+    solutions = method.solutions(equations, grid, False, engine)
+    for reason in solutions.failures.values():
+        raise reason
+    assert solutions.steps is not None
+    return solutions.steps.A[0]
+
+
+def _rigid(point: OnePoint, logarithms: Array) -> Array:
+    """Positions of the multipliers of rigid-body modes, which are nearest to +1."""
+    held = free(point)
+    count = 0 if held is None else int(held.modes.multiplicity[0])
+    return np.argsort(np.abs(logarithms), kind="stable")[:count]
+
+
+def _inertia(point: OnePoint, units: Array) -> Array:
+    """Mean of the diagonal of M (n,), relative to its largest entry. With states of first order, which have
+    no inertia, the squares of the units (N,) that balance the maps of the steps."""
+    if point.first_order:
+        return 1 / units[: point.n] ** 2
+    phases = np.arange(_PHASES) * (point.period / _PHASES)
+    mean = np.abs(np.diagonal(matrices(point, phases)[0][0].mean(axis=0)))
+    return mean / mean.max()
+
+
+def _eigenvalues(maps: Array) -> tuple[Blocks, ProductEigenvalues]:
+    """Blocks of the maps (m, N, N) of the steps, and the eigenvalues of their product with right vectors."""
+    if slicot.available():
+        blocks = balanced_blocks(maps[None])
+        return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
+    Phi = np.eye(maps.shape[-1])
+    for step in maps:
+        Phi = step @ Phi
+    rho, vectors = np.linalg.eig(Phi)
+    with np.errstate(divide="ignore"):
+        logarithms = np.log(rho.astype(complex))
+        errors = len(maps) * EPS * np.linalg.norm(Phi, 2) / np.abs(rho)
+    blocks = Blocks(Phi[None, None], np.zeros((1, 1, *Phi.shape)), np.ones((1, len(Phi))), np.zeros(1, int))
+    right = vectors.astype(complex)[None, None]
+    return blocks, ProductEigenvalues(logarithms[None], errors[None], right, None)
+
+
+def _logarithms(maps: Array) -> Array:
+    """Logarithms (N,) of the eigenvalues of the product of the maps."""
+    if slicot.available():
+        return eigenvalue_logarithms(balanced_blocks(maps[None]).factors[0])
+    return _eigenvalues(maps)[1].logarithms[0]

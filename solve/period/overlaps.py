@@ -1,0 +1,161 @@
+"""Overlaps of the Floquet modes of two neighbouring points, and exceptional points between them.
+
+A mode is the sum of its harmonics, p(φ) exp(λt) = Σ_k p_k exp((λ + ikω)t) with ω = 2π/T. The same mode is
+p(φ) exp(-isφ) with the exponent λ + isω. Overlaps are therefore computed for every shift s."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from solve.arrays import Array
+
+_MAX_SHIFT = 64
+"""Largest shift of the harmonics between two neighbouring points: a choice. At speeds 1 % apart it suffices
+for frequencies up to the 6400th harmonic."""
+
+
+class Modes(Protocol):
+    """Modes of a point, see `solve.certify.mode_vectors.ModeVectors`."""
+
+    @property
+    def rotation(self) -> float: ...
+
+    @property
+    def nodes(self) -> Array: ...
+
+    @property
+    def weights(self) -> Array: ...
+
+    @property
+    def exponents(self) -> Array: ...
+
+    @property
+    def errors(self) -> Array: ...
+
+    @property
+    def parts(self) -> Array: ...
+
+    @property
+    def inverse(self) -> Array: ...
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """Overlaps of j modes of a first point and k modes of a second one.
+
+    forward (j, k, S), backward (k, j, S): p_b of the second point is Σ_a Σ_s forward[a, b, s] p_a exp(isφ) of
+    the first, and conversely, for the shifts s from -S//2 to S//2.
+    """
+
+    forward: Array
+    backward: Array
+
+    @classmethod
+    def of(cls, first: Modes, second: Modes) -> "Overlaps":
+        """Overlaps of two points on the same grid, by left inverses of their vectors."""
+        largest = min(_MAX_SHIFT, (len(first.nodes) - 1) // 2)
+        shifts = np.arange(-largest, largest + 1)
+        waves = first.weights[:, None] * np.exp(-1j * np.outer(first.nodes, shifts))
+        products = first.inverse @ second.parts, second.inverse @ first.parts
+        return cls(*(np.tensordot(product, waves, axes=(0, 0)) for product in products))
+
+    @property
+    def largest(self) -> int:
+        """Largest shift."""
+        return self.forward.shape[-1] // 2
+
+    @cached_property
+    def products(self) -> Array:
+        """Moduli (j, k, S) of forward[a, b, s] backward[b, a, -s].
+
+        These do not depend on the lengths of the vectors and add up to 1 over b and s, before the modulus is
+        taken. As the points approach one another, they tend to 1 for a mode itself and to 0 for others, also
+        if the modes are not orthogonal."""
+        return np.abs(self.forward * np.swapaxes(self.backward, 0, 1)[..., ::-1])
+
+    def coefficient(self, row: Array, column: Array, shift: Array) -> Array:
+        """Entries of `forward`; zero beyond the largest shift."""
+        is_inside = np.abs(shift) <= self.largest
+        values = self.forward[row, column, np.where(is_inside, shift + self.largest, 0)]
+        return np.where(is_inside, values, 0.0)
+
+
+@dataclass(frozen=True)
+class Meetings:
+    """Pairs of modes between two points, in the linear model of `meetings`; arrays (r, S) over the pairs and
+    the shifts of their second mode.
+
+    Attributes
+    ----------
+    first, second : (r,)
+        Positions of the modes of each pair.
+    roots : (2, r, S)
+        Exceptional points t±, complex: 0 at the first point, 1 at the second one.
+    coupling : (r, S)
+        2√|C|, the smallest distance in rad/s of the exponents of equal modes with this coupling.
+    noise : (r,)
+        Coupling below which it may be an error.
+    gap : (r, S)
+        Distance of the exponents halfway between the exceptional points, or at the nearer end.
+    """
+
+    first: Array
+    second: Array
+    roots: Array
+    coupling: Array
+    noise: Array
+    gap: Array
+
+    @property
+    def coupled(self) -> Array:
+        """Whether the coupling (r, S) exceeds its noise."""
+        return self.coupling > self.noise[:, None]
+
+    @property
+    def distance(self) -> Array:
+        """Distance (r, S) of the nearer exceptional point from the segment 0 ≤ t ≤ 1."""
+        nearest = np.clip(np.real(self.roots), 0.0, 1.0)
+        return np.abs(self.roots - nearest).min(axis=0)
+
+
+def meetings(
+    overlaps: Overlaps,
+    points: tuple[Modes, Modes],
+    places: tuple[Array, Array],
+    shifts: Array,
+    noise: Array,
+) -> Meetings:
+    """Exceptional points of every pair of modes between two points.
+
+    The modes at places (2, T) of the two points belong together, those of the second with shifts (T,); noise
+    (T,) bounds the errors of their exponents. In the
+    basis of the first point, the equations of two modes are a matrix H(t) of order 2 with H(0) = diag(α, β)
+    and H(1) = W diag(α', β') W⁻¹; in between it is assumed to be linear in t. Its eigenvalues meet where
+    (h₁₁ - h₂₂)² + 4 h₁₂ h₂₁ = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear
+    Operators, II.1.1). A narrow pair of conjugate exceptional points is a veering, a double one a crossing.
+    """
+    (now, then), (a, b) = points, places
+    first, second = np.triu_indices(len(a), 1)
+    reach = 2 + int(np.abs(shifts).max(initial=0))
+    q = np.arange(-reach, reach + 1)
+    at_start, at_end = now.exponents[a], then.exponents[b] + 1j * shifts * then.rotation
+    delta = [
+        (values[first] - values[second])[:, None] - 1j * q * rotation
+        for values, rotation in ((at_start, now.rotation), (at_end, then.rotation))
+    ]
+    diagonal = overlaps.coefficient(a, b, shifts)
+    i, j = first[:, None], second[:, None]
+    w = overlaps.coefficient(a[i], b[j], shifts[j] + q) / diagonal[j]
+    v = overlaps.coefficient(a[j], b[i], shifts[i] - q) / diagonal[i]
+    product = w * v
+    with np.errstate(all="ignore"):
+        end = delta[1] * (1 + product) / (1 - product)
+        root_of_coupling = np.sqrt(-product + 0j) * delta[1] / (1 - product)
+        roots = np.stack([delta[0] / (delta[0] - end + sign * 2j * root_of_coupling) for sign in (1, -1)])
+        t = np.clip(np.real(roots).mean(axis=0), 0.0, 1.0)
+        gap = np.abs(np.sqrt((delta[0] + t * (end - delta[0])) ** 2 + 4 * (t * root_of_coupling) ** 2))
+    coupling = 2 * np.abs(root_of_coupling)
+    limits = noise[first] + noise[second]
+    return Meetings(first, second, np.where(np.isfinite(roots), roots, 1e300), coupling, limits, gap)

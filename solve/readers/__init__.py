@@ -1,0 +1,1 @@
+"""Systems from matrices of other tools. Files are data: nothing in them is executed."""

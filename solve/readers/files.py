@@ -1,0 +1,61 @@
+"""Paths and patterns of files, and the names of matrices in them."""
+
+import glob
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from solve.errors import FileError
+
+ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx"
+"""Endings of files that are read as matrices."""
+
+_MOST_FILES = 10_000
+"""Maximum number of files of a pattern. A choice."""
+
+
+def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    """Files of paths and patterns, those of a pattern in the order of the numbers in their names.
+
+    Raises FileError without any file.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    found: list[Path] = []
+    for path in given:
+        text = str(path)
+        if is_pattern(text):
+            matches = [Path(name) for name in glob.glob(text)]
+            found += sorted((match for match in matches if match.is_file()), key=_by_number)
+        elif Path(path).is_file():
+            found.append(Path(path))
+        else:
+            raise FileError(f"there is no file '{text}'; give the path of a file that exists")
+    if not found:
+        shown = ", ".join(f"'{path}'" for path in given[:3])
+        raise FileError(f"no file matches {shown or 'no path'}; give the path of files that exist")
+    if len(found) > _MOST_FILES:
+        raise FileError(f"{len(found)} files match; allowed: up to {_MOST_FILES}")
+    return found
+
+
+def is_matrix_file(text: str) -> bool:
+    """Whether a text is the path or pattern of a file that can be read.
+
+    >>> is_matrix_file("run.*.lin"), is_matrix_file("cam"), is_matrix_file("cam.py")
+    (True, False, False)
+    """
+    return Path(text).suffix.lower() in ENDINGS
+
+
+def is_pattern(text: str) -> bool:
+    """Whether a path has wildcards.
+
+    >>> is_pattern("run.*.lin"), is_pattern("run.1.lin")
+    (True, False)
+    """
+    return any(character in text for character in "*?[")
+
+
+def _by_number(path: Path) -> list[tuple[int, str]]:
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]

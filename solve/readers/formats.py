@@ -1,0 +1,176 @@
+"""Named arrays in files: MATLAB .mat, NumPy .npz and netCDF."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError
+from solve.readers.arrays import Read, system_of
+from solve.units import speed_in_si
+
+_OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
+"""Arrays with the azimuth last in .mat files, as MATLAB has pages of matrices."""
+
+
+def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
+    """Read a periodic system from a MATLAB file.
+
+    Parameters
+    ----------
+    path : str or Path
+        File (.mat, version 4 to 7.2) with the variables M, K and, if there is damping or a load, C (or Cq)
+        and d; or A and, if there are inputs, outputs or a load, B, C, D and b. The azimuth is the last index:
+        `M(:,:,k)` and `d(:,k)`. Further variables: `phase` (azimuths in rad, by default uniform from 0
+        without the end), `phase_period` (2π), `speed` (rad/s), and cells of names `coordinates`, `states`,
+        `inputs` and `outputs`.
+    speed : float or str, optional
+        Speed in rad/s or with unit at which the matrices were sampled; by default that in the file.
+
+    Returns
+    -------
+    PeriodicSystem
+        A FirstOrderSystem for A. M and K take precedence if a file has both, as those written by
+        `solve.export`.
+
+    Raises
+    ------
+    FileError
+        For a file that cannot be read, or arrays that do not fit.
+
+    Examples
+    --------
+    >>> import solve, tempfile
+    >>> file = tempfile.mkdtemp() + "/manipulator.mat"
+    >>> written = solve.export(solve.load("manipulator"), file, "50 rpm")
+    >>> read_mat(file).coordinates
+    ('q1', 'q2')
+    """
+    return _read(path, ".mat", _mat_arrays, speed)
+
+
+def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
+    """Read a periodic system from a NumPy file.
+
+    Parameters
+    ----------
+    path : str or Path
+        File (.npz) with the arrays of `read_mat`, the azimuth first: M (k, n, n), d (k, n). Names are arrays
+        of texts. Arrays of objects are refused, since only pickles contain them.
+    speed : float or str, optional
+        As in `read_mat`.
+
+    Returns
+    -------
+    PeriodicSystem
+        As of `read_mat`.
+
+    Raises
+    ------
+    FileError
+        For a file that cannot be read, or arrays that do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> file = tempfile.mkdtemp() + "/oscillator.npz"
+    >>> np.savez(file, M=np.ones((8, 1, 1)), K=np.full((8, 1, 1), 4.0), speed=1.0)
+    >>> read_npz(file).case_speed
+    '1.0 rad/s'
+    """
+    return _read(path, ".npz", _npz_arrays, speed)
+
+
+def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
+    """Read a periodic system from a netCDF file.
+
+    Parameters
+    ----------
+    path : str or Path
+        File (.nc, netCDF 4) with the variables of `read_npz`, at the top level.
+    speed : float or str, optional
+        As in `read_mat`.
+
+    Returns
+    -------
+    PeriodicSystem
+        As of `read_mat`.
+
+    Raises
+    ------
+    FileError
+        For a file that cannot be read, or arrays that do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile, xarray
+    >>> file = tempfile.mkdtemp() + "/oscillator.nc"
+    >>> M = (("azimuth", "row", "column"), np.ones((8, 1, 1)))
+    >>> xarray.Dataset({"M": M, "K": M, "speed": 1.0}).to_netcdf(file, engine="h5netcdf")
+    >>> read_netcdf(file).n
+    1
+    """
+    return _read(path, ".nc", _nc_arrays, speed)
+
+
+def _read(
+    path: str | Path,
+    ending: str,
+    arrays_of: Callable[[Path], Mapping[str, Any]],
+    speed: float | str | None,
+) -> Read:
+    """System of the arrays of a file. Raises FileError."""
+    file = Path(path)
+    if file.suffix.lower() != ending:
+        raise FileError(f"'{path}' ends in '{file.suffix}'; allowed: {ending}")
+    if not file.is_file():
+        raise FileError(f"there is no file '{path}'; give the path of a file that exists")
+    omega = None if speed is None else float(speed_in_si(speed))
+    try:
+        arrays = arrays_of(file)
+    except FileError:
+        raise
+    except PermissionError:
+        raise FileError(f"'{path}' cannot be read; its permissions do not allow it") from None
+    except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
+        raise FileError(f"'{path}' cannot be read: it is damaged or no {ending} file") from None
+    return system_of(arrays, file.name, omega)
+
+
+def _mat_arrays(file: Path) -> dict[str, Any]:
+    """Variables of a MATLAB file, the azimuth first."""
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(file)
+    except NotImplementedError:
+        raise FileError(
+            f"'{file}' has the format of MATLAB 7.3; save it with the option -v7, or as netCDF"
+        ) from None
+    arrays = {name: values for name, values in content.items() if not name.startswith("__")}
+    return {name: _azimuth_first(name, values) for name, values in arrays.items()}
+
+
+def _azimuth_first(name: str, values: Array) -> Array:
+    """Array of MATLAB with the last index first; of two dimensions, vectors over the azimuth only."""
+    if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
+        return values
+    return np.moveaxis(values, -1, 0)
+
+
+def _npz_arrays(file: Path) -> dict[str, Any]:
+    with np.load(file, allow_pickle=False) as content:
+        return {name: content[name] for name in content.files}
+
+
+def _nc_arrays(file: Path) -> dict[str, Any]:
+    import h5py
+
+    with h5py.File(file) as content:
+        datasets = {name: each for name, each in content.items() if isinstance(each, h5py.Dataset)}
+        return {
+            name: each.asstr()[()] if h5py.check_string_dtype(each.dtype) else each[()]
+            for name, each in datasets.items()
+        }

@@ -1,0 +1,118 @@
+"""Matrices in Matrix Market files, one file per matrix and azimuth."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError
+from solve.readers.arrays import Read, system_of
+from solve.readers.files import expanded
+from solve.units import speed_in_si
+
+_SYMBOL = re.compile(r"(?:^|[._-])(M|Cq|C|K|d|A|B|D|b)(?:[._-]?(\d+))?\.mtx$")
+"""End of a file's name: the symbol of the matrix, and the number of the azimuth."""
+
+_LARGEST = 5000
+"""Maximum number of rows: matrices are held dense. A choice."""
+
+
+def read_matrix_market(
+    paths: str | Path | Sequence[str | Path],
+    speed: float | str | None = None,
+    phases: Sequence[float] | Array | None = None,
+    coordinates: Sequence[str] | None = None,
+) -> Read:
+    """Read a periodic system from Matrix Market files.
+
+    Parameters
+    ----------
+    paths : str, Path or sequence of these
+        Files (.mtx) or a pattern such as "run.*.mtx". The end of a name is the symbol of the matrix, M, C, K,
+        d or A, B, C, D, b, and the number of the azimuth: `run.K.007.mtx`. A matrix with one file without
+        number is constant.
+    speed : float or str, optional
+        Speed in rad/s or with unit at which the matrices were sampled.
+    phases : sequence of float, optional
+        Azimuths in rad, by default uniform from 0 without the end of the period.
+    coordinates : sequence of str, optional
+        Names of the coordinates or states.
+
+    Returns
+    -------
+    PeriodicSystem
+        A FirstOrderSystem for A.
+
+    Raises
+    ------
+    FileError
+        For files that cannot be read, names without a symbol, or matrices that do not fit.
+
+    Examples
+    --------
+    >>> import numpy as np, scipy.io, tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> for symbol, value in (("M", 1.0), ("K", 4.0)):
+    ...     scipy.io.mmwrite(f"{folder}/run.{symbol}.mtx", np.array([[value]]))
+    >>> read_matrix_market(f"{folder}/run.*.mtx", speed=1.0).n
+    1
+    """
+    files = expanded(paths)
+    series: dict[str, dict[int, Path]] = {}
+    for file in files:
+        found = _SYMBOL.search(file.name)
+        if found is None:
+            raise FileError(
+                f"'{file}' has no symbol at the end of its name; give names such as run.K.mtx, run.K.007.mtx"
+            )
+        numbers = series.setdefault(found[1], {})
+        number = -1 if found[2] is None else int(found[2])
+        if number in numbers:
+            raise FileError(f"'{file}' and '{numbers[number]}' are the same matrix; give one of them")
+        numbers[number] = file
+    counts = {symbol: len(numbers) for symbol, numbers in series.items() if len(numbers) > 1}
+    if len(set(counts.values())) > 1:
+        texts = ", ".join(f"{count} of {symbol}" for symbol, count in counts.items())
+        raise FileError(f"there are {texts}; give every matrix at the same azimuths, or one constant file")
+    arrays: dict[str, Any] = {symbol: _stacked(numbers) for symbol, numbers in series.items()}
+    for symbol in "db":
+        if symbol in arrays:
+            arrays[symbol] = arrays[symbol].reshape(len(arrays[symbol]), -1)
+    if phases is not None:
+        arrays["phase"] = np.asarray(phases, dtype=float)
+    if coordinates is not None:
+        arrays["states" if "A" in arrays else "coordinates"] = np.array(list(coordinates))
+    name = files[0].name[: _SYMBOL.search(files[0].name).start()] or files[0].parent.name  # type: ignore[union-attr]
+    return system_of(arrays, name, None if speed is None else float(speed_in_si(speed)))
+
+
+def _stacked(numbers: dict[int, Path]) -> Array:
+    """Matrices (k, …) in the order of their numbers. Raises FileError."""
+    matrices = [_read(numbers[number]) for number in sorted(numbers)]
+    first = next(iter(numbers.values()))
+    if len({matrix.shape for matrix in matrices}) > 1:
+        raise FileError(f"'{first}' and its other azimuths have different numbers of rows or columns")
+    return np.array(matrices)
+
+
+def _read(file: Path) -> Array:
+    """Dense matrix of a file. Raises FileError."""
+    from scipy.io import mminfo, mmread
+    from scipy.sparse import issparse
+
+    try:
+        rows, columns, *_, field, _ = mminfo(file)
+        if max(rows, columns) > _LARGEST:
+            raise FileError(f"'{file}' has {rows} × {columns} entries; allowed: up to {_LARGEST} rows")
+        if field not in ("real", "integer", "double", "unsigned-integer"):
+            raise FileError(f"'{file}' has {field} entries; expected real numbers")
+        matrix: Any = mmread(file)
+    except FileError:
+        raise
+    except Exception as error:
+        reason = re.sub(r"\s+", " ", str(error)) or "it is damaged"
+        raise FileError(f"'{file}' cannot be read as Matrix Market: {reason}") from None
+    return matrix.toarray() if issparse(matrix) else np.asarray(matrix)

@@ -1,0 +1,204 @@
+"""Linearisations of a wind turbine by OpenFAST over the azimuth of its rotor."""
+
+import itertools
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError, require_name
+from solve.first_order import Signals
+from solve.readers.files import expanded
+from solve.readers.lin_file import LinFile, Signal
+from solve.readers.sampled import SampledStates, Source
+
+_SAME_SPEED = 0.01
+"""Relative difference of the rotor speeds of one set, up to which they are one operating point: in a periodic
+steady state the speed of the rotor varies within a revolution. A choice."""
+
+_PRINTED = 6e-4
+"""Difference in rad between an azimuth printed with four decimals or three, and the sum of its states."""
+
+_DOF = re.compile(r"\(internal DOF index = DOF_([^()]*(?:\([^()]*\))?)\)")
+_UNIT = re.compile(r",\s*[(\[]?([^,()\[\]]+)[)\]]?$")
+_RATE = "First time derivative of "
+_AZIMUTH_STATES = "Variable speed generator DOF", "Drivetrain rotational-flexibility DOF"
+
+
+def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[str] = ()) -> SampledStates:
+    """Read a set of OpenFAST linearisation files over the azimuth.
+
+    Parameters
+    ----------
+    paths : str, Path or sequence of these
+        Files (`.lin`), or a pattern such as "run.*.lin". Files of single modules, such as "run.1.ED.lin", are
+        left out of a pattern.
+    exclude : sequence of str
+        Names of states that are left out with their rows and columns, such as "GeAz", the azimuth of the
+        generator, and its rate "GeAz_rate".
+
+    Returns
+    -------
+    FirstOrderSystem
+        States, inputs and outputs have names made of the descriptions, which are in `meanings`; `units` has
+        the units of the file. `source` has the rotor speed, the states in the rotating frame and the
+        operating points. The system is that of small deviations from the periodic motion, without load.
+
+    Raises
+    ------
+    FileError
+        For a file that cannot be read or is malformed, and for files that do not belong together.
+    MatricesError
+        For fewer than three azimuths, and for azimuths that coincide.
+
+    Notes
+    -----
+    Azimuths are printed with four decimals. If the file has the angle of the generator and the twist of the
+    drive train among its states, the azimuth is their sum, with twelve digits. Matrices between the azimuths
+    are the trigonometric interpolant; its error is in the results.
+
+    Examples
+    --------
+    >>> read_openfast("no_such_file.*.lin")
+    Traceback (most recent call last):
+    solve.errors.FileError: no file matches 'no_such_file.*.lin'; give the path of files that exist
+    """
+    files = [LinFile.read(path) for path in _whole_turbine(expanded(paths))]
+    first = files[0]
+    _require_same(files)
+    names = {kind: _names(first.signals.get(kind, []), kind) for kind in ("states", "inputs", "outputs")}
+    kept = _kept(names["states"], exclude)
+    azimuths = np.array([_azimuth(file) for file in files])
+    matrices = {
+        name: np.array([file.matrices[name] for file in files]) for name in "ABCD" if name in first.matrices
+    }
+    A = matrices["A"][:, kept][:, :, kept]
+    signals = _signals(matrices, names, kept)
+    states = [names["states"][k] for k in kept]
+    system = SampledStates.from_samples(A, np.zeros(A.shape[:2]), states, azimuths, signals=signals)
+    assert isinstance(system, SampledStates)
+    system.of_source(_source(files, names))
+    return system
+
+
+def _whole_turbine(paths: Sequence[Path]) -> list[Path]:
+    """Paths without the files of single modules, if there are others."""
+    whole = [path for path in paths if not re.search(r"\.\d+\.[A-Za-z]\w*\.lin$", path.name)]
+    return whole or list(paths)
+
+
+def _require_same(files: Sequence[LinFile]) -> None:
+    """Raise FileError for files of different models or operating points."""
+    first = files[0]
+    for file in files[1:]:
+        for kind in ("states", "inputs", "outputs"):
+            here, there = (
+                [signal.description for signal in each.signals.get(kind, [])] for each in (file, first)
+            )
+            if here != there:
+                raise FileError(f"'{file.path}' has other {kind} than '{first.path}'; give files of one run")
+        if file.matrices.keys() != first.matrices.keys():
+            raise FileError(f"'{file.path}' has other matrices than '{first.path}'; give files of one run")
+    speeds = np.array([file.speed for file in files])
+    if np.ptp(speeds) > _SAME_SPEED * np.abs(speeds).max():
+        raise FileError(
+            f"rotor speeds of the files are from {speeds.min():g} to {speeds.max():g} rad/s; give files of "
+            "one operating point"
+        )
+    if speeds.mean() <= 0:
+        raise FileError(f"the rotor speed is {speeds.mean():g} rad/s; linearise a turning rotor")
+
+
+def _names(signals: Sequence[Signal], kind: str) -> list[str]:
+    """Names of signals: the index of a degree of freedom or the words of the description."""
+    names: list[str] = []
+    for signal in signals:
+        name = _name(signal.description)
+        name = f"{name}_input" if kind == "inputs" else name
+        repeated = (f"{name}_{count}" for count in itertools.count(2))
+        names.append(name if name not in names else next(each for each in repeated if each not in names))
+    return names
+
+
+def _name(description: str) -> str:
+    """Short name of a description.
+
+    >>> _name("ED First time derivative of 1st tower mode (internal DOF index = DOF_TFA1), m/s")
+    'TFA1_rate'
+    >>> _name("AD vind (axial) at blade 1, node 2, m/s")
+    'AD_vind_axial_at_blade_1_node_2'
+    """
+    rate = "_rate" if _RATE in description else ""
+    text = _UNIT.sub("", description.replace(_RATE, ""))
+    index = _DOF.search(description)
+    words = index[1] if index else text
+    return re.sub(r"\W+", "_", words).strip("_") + rate
+
+
+def _unit(description: str) -> str:
+    """Unit at the end of a description; empty without one."""
+    found = _UNIT.search(description)
+    return found[1].strip() if found else ""
+
+
+def _kept(states: Sequence[str], exclude: Sequence[str]) -> list[int]:
+    """Positions of the states that are not excluded. Raises UnknownNameError."""
+    for name in exclude:
+        require_name("state", name, states)
+    return [k for k, name in enumerate(states) if name not in exclude]
+
+
+def _azimuth(file: LinFile) -> float:
+    """Azimuth in rad within a revolution, from the states if they agree with the printed one."""
+    angles = []
+    for text in _AZIMUTH_STATES:
+        angles += [
+            signal.operating_point
+            for signal in file.signals["states"]
+            if text in signal.description and _RATE not in signal.description
+        ]
+    # ElastoDyn counts the azimuth of blade 1 from the vertical, the generator's angle a quarter later.
+    exact = sum(angles) + math.pi / 2
+    is_same = angles and abs(math.remainder(exact - file.azimuth, 2 * math.pi)) < _PRINTED
+    return (exact if is_same else file.azimuth) % (2 * math.pi)
+
+
+def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequence[int]) -> Signals | None:
+    """B, C, D of the kept states with their names; None unless all are there."""
+    if not {"B", "C", "D"} <= matrices.keys() or not (names["inputs"] or names["outputs"]):
+        return None
+    states = {names["states"][k] for k in kept}
+    outputs = [f"{name}_output" if name in states else name for name in names["outputs"]]
+    return Signals(matrices["B"][:, kept], matrices["C"][:, :, kept], matrices["D"], names["inputs"], outputs)
+
+
+def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
+    """Labels of the set."""
+    first = files[0]
+    labelled = [
+        (name, signal)
+        for kind, labels in names.items()
+        for name, signal in zip(labels, first.signals.get(kind, []), strict=True)
+    ]
+    points = {
+        name: np.array([file.signals[kind][k].operating_point for file in files])
+        for kind, labels in names.items()
+        for k, name in enumerate(labels)
+    }
+    return Source(
+        _common_name([file.path for file in files]),
+        first.title,
+        float(np.mean([file.speed for file in files])),
+        {name: _unit(signal.description) for name, signal in labelled},
+        {name: signal.description for name, signal in labelled},
+        [name for name, signal in labelled if signal.rotating],
+        points,
+    )
+
+
+def _common_name(paths: Sequence[Path]) -> str:
+    """Beginning of the names of the files."""
+    return re.sub(r"(\.\d+)?\.lin$", "", paths[0].name)

@@ -1,0 +1,82 @@
+"""Systems that were sampled by another tool at one speed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError
+from solve.first_order import FirstOrderSystem, MixedSystem
+from solve.system import PeriodicSystem
+
+_SAME_SPEED = 1e-3
+"""Relative difference from the speed of the samples from which a result carries a warning. Files state the
+speed with four digits or more."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where samples come from.
+
+    Attributes
+    ----------
+    name : str
+        Name of the file or files.
+    title : str
+        Description in the file.
+    speed : float or None
+        Speed in rad/s at which the matrices were sampled.
+    units, meanings : mapping of str to str
+        Units and descriptions of coordinates, states and outputs.
+    rotating : sequence of str
+        States, inputs and outputs in the rotating frame.
+    operating_points : mapping of str to (k,) array
+        Values of states, inputs and outputs about which the matrices were linearised, by azimuth.
+    """
+
+    name: str
+    title: str = ""
+    speed: float | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    meanings: Mapping[str, str] = field(default_factory=dict)
+    rotating: Sequence[str] = ()
+    operating_points: Mapping[str, Array] = field(default_factory=dict)
+
+
+class _OfSource:
+    """Labels of a system from a source, and a warning at other speeds."""
+
+    source: Source
+
+    def of_source(self, source: Source) -> None:
+        """Take the labels of the source."""
+        if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
+            raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")
+        vars(self).update(
+            source=source,
+            name=source.name,
+            title=source.title,
+            case_speed=None if source.speed is None else f"{source.speed!r} rad/s",
+            units=dict(source.units),
+            meanings=dict(source.meanings),
+        )
+
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
+        found = super().warnings(speed, linear)  # type: ignore[misc]
+        sampled = self.source.speed
+        if sampled is not None and abs(speed - sampled) > _SAME_SPEED * sampled:
+            found.append(f"the matrices were sampled at {sampled:.6g} rad/s, not at {speed:.6g} rad/s")
+        return found
+
+
+class SampledSystem(_OfSource, PeriodicSystem):
+    """Second-order system from a file."""
+
+
+class SampledStates(_OfSource, FirstOrderSystem):
+    """First-order system from a file."""
+
+
+class SampledMixed(_OfSource, MixedSystem):
+    """System with coordinates and states from a file."""

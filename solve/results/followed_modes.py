@@ -1,0 +1,247 @@
+"""Floquet modes followed over the speed or a parameter."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import require_name
+from solve.labels import SPEED
+from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
+from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
+from solve.system import PeriodicSystem
+
+CROSSING, VEERING = "crossing", "veering"
+CLOSE, LOCKED = "close", "locked"
+
+_REASONS = {
+    CLOSE: "their exponents are closer than the tolerance resolves",
+    LOCKED: "they are locked in a parametric resonance",
+}
+_DOUBTFUL = 1e-4
+"""Relative error of an exponent from which a warning is given: four digits are shown."""
+
+_MOST_NAMED = 4
+"""Maximum number of pairs in a warning."""
+
+
+@serializable
+@dataclass(frozen=True)
+class Meeting:
+    """Two modes whose frequencies come together.
+
+    Attributes
+    ----------
+    modes : tuple of str
+        Labels.
+    value : float
+        Speed in rad/s, or value of the parameter.
+    kind : {"crossing", "veering"}
+        At a crossing the frequencies are equal and each mode keeps its vector. At a veering the modes are
+        coupled: their exponents stay apart and their vectors are exchanged gradually.
+    gap : float
+        Distance of the exponents there in rad/s; at a crossing the difference of the growth rates.
+    """
+
+    modes: tuple[str, str]
+    value: float
+    kind: str
+    gap: float
+
+
+@serializable
+@dataclass(frozen=True)
+class Ambiguity:
+    """Two modes whose identity is undetermined between two values.
+
+    Attributes
+    ----------
+    modes : tuple of str
+        Labels.
+    low, high : float
+        Speeds in rad/s, or values of the parameter.
+    kind : {"close", "locked"}
+        "close": exponents closer than the tolerance resolves. "locked": a parametric resonance; each of the
+        two exponents belongs to both modes.
+    """
+
+    modes: tuple[str, str]
+    low: float
+    high: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class FollowedModes(Result):
+    """M Floquet modes at P speeds or values of a parameter, from `solve.follow_modes`.
+
+    Attributes
+    ----------
+    speeds : (P,) array
+        Speeds in rad/s.
+    exponents : (P, M) complex array
+        Exponents λ in 1/s; the imaginary part is the frequency of the harmonic 0 of the mode. NaN without a
+        result.
+    errors : (P, M) array
+        Estimated errors of the exponents in 1/s.
+    labels : sequence of str
+        Labels of the modes, by ascending frequency at the first speed. A mode whose pair of multipliers is
+        real at some speeds has two labels, such as 2 and 2'.
+    harmonics : (H,) array
+        Harmonics h of the modes: the harmonic h has the frequency |Im λ + 2πh/T|.
+    participation : (P, M, n, H) array
+        Fraction of each harmonic of each coordinate in the mode, weighted by the mean inertia of the
+        coordinate.
+    meetings : sequence of Meeting
+        Crossings and veerings.
+    ambiguous : sequence of Ambiguity
+        Pairs whose identity is undetermined.
+    path, path_exponents : (S,), (S, M) arrays
+        All values solved, with those added by the refinement, and the exponents there.
+    resolution : float
+        Gap in rad/s up to which a veering is not distinguished from a crossing.
+    failures : mapping of int to str
+        Reasons of speeds without a result, by position.
+    parameters : mapping of str to (P,) array
+        Values of the parameter that varies instead of the speed.
+    """
+
+    system: PeriodicSystem
+    speeds: Array
+    exponents: Array
+    errors: Array
+    labels: Sequence[str]
+    harmonics: Array
+    participation: Array
+    meetings: Sequence[Meeting]
+    ambiguous: Sequence[Ambiguity]
+    path: Array
+    path_exponents: Array
+    resolution: float
+    rtol: float
+    steps: int
+    failures: Mapping[int, str] = field(default_factory=dict)
+    parameters: Mapping[str, Array] = field(default_factory=dict)
+    notes: Sequence[str] = ()
+
+    @property
+    def over(self) -> str:
+        """Name of what varies: "speed", or a parameter."""
+        return next(iter(self.parameters), SPEED)
+
+    @property
+    def values(self) -> Array:
+        """Values (P,) of what varies; speeds in rad/s."""
+        return self.parameters.get(self.over, self.speeds)
+
+    @property
+    def frequencies(self) -> Array:
+        """Unfolded frequencies (P, M) in rad/s."""
+        return np.abs(np.imag(self.exponents))
+
+    @property
+    def damping(self) -> Array:
+        """Damping ratios -Re λ/|λ| (P, M); negative for a mode that grows."""
+        return damping_ratios(self.exponents)
+
+    def mode(self, label: str) -> int:
+        """Position of the mode with a label. Raises UnknownNameError."""
+        require_name("mode", label, self.labels)
+        return list(self.labels).index(label)
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on undetermined identities, errors above the tolerance, and failures."""
+        sentences = [*self._reduction, *self.notes]
+        for kind, reason in _REASONS.items():
+            sentences += self._ambiguity(kind, reason)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            worst = float(np.nanmax(self.errors / np.abs(self.exponents), initial=0.0))
+        if worst > _DOUBTFUL:
+            steps = f"{self.steps} steps do not resolve all modes"
+            sentences.append(f"relative errors of the exponents are up to {worst:.1e}: {steps}")
+        for position, reason in self.failures.items():
+            sentences.append(f"no result at {self.text_of(float(self.values[position]))}: {reason}")
+        return [*sentences, *self.system.warnings(float(self.speeds.max()))]
+
+    def _ambiguity(self, kind: str, reason: str) -> list[str]:
+        """Sentence on the pairs of one kind."""
+        pairs = [pair for pair in self.ambiguous if pair.kind == kind]
+        if not pairs:
+            return []
+        places = [
+            f"{pair.modes[0]} and {pair.modes[1]} at {self.text_of(pair.low)}" for pair in pairs[:_MOST_NAMED]
+        ]
+        more = f" and {len(pairs) - _MOST_NAMED} more" if len(pairs) > _MOST_NAMED else ""
+        return [f"the identity of modes {', '.join(places)}{more} is undetermined: {reason}"]
+
+    def text_of(self, value: float) -> str:
+        """Text of a speed in rad/s or a value of the parameter."""
+        return self.system.unit_of(self.over).text(value, ".6g")
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        names = "labels", "ambiguous", "meetings", "resolution", "rtol", "steps", "notes"
+        return {name: getattr(self, name) for name in names}
+
+    def record(self) -> dict[str, Any]:
+        """JSON object of `solve modes --json`."""
+        arrays = {
+            "speeds": self.speeds,
+            **self.parameters,
+            "frequencies": self.frequencies,
+            "damping": self.damping,
+            "growth": np.real(self.exponents),
+            "errors": self.errors,
+            "harmonics": self.harmonics,
+            "coordinates": self.system.coordinates,
+            "participation": self.participation,
+        }
+        return {**super().record(), **to_json(arrays)}
+
+    @property
+    def columns(self) -> Columns:
+        """Row per speed and mode."""
+        axes = "point", "mode"
+        unit, meaning = self.system.parameter_labels.get(self.over, ("rad/s", "speed of rotation"))
+        columns = {
+            "speed": Column(self.speeds, "rad/s", "speed of rotation", axes=("point",)),
+            "label": Column(np.array(self.labels), "", "mode", axes=("mode",)),
+            "frequency": Column(self.frequencies, "rad/s", "unfolded frequency", axes=axes),
+            "damping": Column(self.damping, "1", "damping ratio", axes=axes),
+            "growth": Column(np.real(self.exponents), "1/s", "real part of the exponent", axes=axes),
+            "error": Column(self.errors, "1/s", "estimated error of the exponent", axes=axes),
+        }
+        if self.parameters:
+            columns = {self.over: Column(self.values, unit, meaning, axes=("point",)), **columns}
+        return columns
+
+    def file_contents(self) -> FileContents:
+        """Row per speed and mode; in .nc, .npz and .mat the participation of harmonics and coordinates."""
+        axes = "point", "mode", "coordinate", "harmonic"
+        others = {
+            "coordinate": Column(np.array(self.system.coordinates), axes=("coordinate",)),
+            "harmonic": Column(self.harmonics, "1", "harmonic of the mode", axes=("harmonic",)),
+            "participation": Column(self.participation, "1", "fraction of the mode", axes=axes),
+        }
+        every = {**self.columns, **others}
+        arrays = {name: column.array for name, column in every.items()}
+        return FileContents(self.columns, others, self.metadata, arrays)
+
+    def header_rows(self) -> HeaderRows:
+        low, high = self.values.min(), self.values.max()
+        span = self.system.unit_of(self.over).span(float(low), float(high))
+        rows = [("over", f"{self.over}, {len(self.values)} values from {span}")]
+        added = len(self.path) - len(self.values)
+        rows.append(("followed", f"{len(self.labels)} modes, {added} further values added"))
+        return rows
+
+
+def damping_ratios(exponents: Array) -> Array:
+    """-Re λ/|λ|; 0 for λ = 0."""
+    size = np.abs(exponents)
+    with np.errstate(invalid="ignore"):
+        return np.where(size == 0, 0.0, -np.real(exponents) / np.where(size == 0, 1.0, size))

@@ -1,0 +1,276 @@
+"""Floquet modes that keep their identity over the speed or a parameter."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from solve.arguments import require_steps
+from solve.arrays import Array
+from solve.certify.mode_vectors import ModeVectors, mode_vectors
+from solve.errors import NoResultError, SolveError, StepsError, ValueOutOfBoundsError, require_name
+from solve.kernel.engines import chosen_engine
+from solve.labels import SPEED
+from solve.methods.choice import Rule, chosen, damping
+from solve.methods.method import Method
+from solve.period.points import OnePoint
+from solve.results.followed_modes import FollowedModes
+from solve.studies.mode_identity import Identities, identified
+from solve.studies.mode_tracks import Sample, Tracks
+from solve.studies.sweep import Over, varied_values
+from solve.system import PeriodicSystem, of_system
+from solve.terminal import progress
+from solve.threads import one_thread
+from solve.units import checked_rtol, speeds_between, speeds_given
+
+_FEWEST_STEPS, _MOST_STEPS = 64, 512
+"""Steps of the first and the last grid that is tried: the phases at which vectors are compared must resolve
+their harmonics. A choice."""
+
+_ALLOWED = 100.0
+"""Ratio of the errors of single multipliers to `rtol` up to which the steps are not doubled: a choice."""
+
+_ADDED = 30
+"""Samples that may be added for each given one, on average: a choice. A veering takes about
+2 log₂(spacing/width)."""
+
+
+@dataclass
+class _Solver:
+    """Modes at values of the parameter, on one grid for all values."""
+
+    at: Callable[[float], tuple[PeriodicSystem, float]]
+    method: Method
+    rtol: float
+    engine: str
+    steps: int
+
+    def solved(self, x: float) -> ModeVectors:
+        """Modes. Raises SolveError subclasses."""
+        system, speed = self.at(x)
+        system.checked(speed)
+        with one_thread(system.n):
+            return mode_vectors(OnePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
+
+    def __call__(self, x: float) -> ModeVectors | None:
+        """Modes; None where there is no solution."""
+        try:
+            return self.solved(x)
+        except SolveError:
+            return None
+
+    def choose_steps(self, values: Sequence[float]) -> None:
+        """Double the steps until all multipliers at these values meet the tolerance and no further ones have
+        a digit, or until two doublings gain nothing."""
+        history: list[tuple[int, float]] = []
+        while True:
+            count, error = self._quality(values)
+            history.append((count, error))
+            is_accurate = error <= _ALLOWED * self.rtol
+            if len(history) > 1 and is_accurate and count == history[-2][0]:
+                return
+            if 2 * self.steps > _MOST_STEPS or (len(history) > 2 and not _better(history)):
+                return
+            self.steps *= 2
+
+    def _quality(self, values: Sequence[float]) -> tuple[int, float]:
+        """Number of modes, and the largest relative error of a multiplier; infinite if the nodes do not
+        resolve the harmonics."""
+        solved = [self(x) for x in values]
+        found = [modes for modes in solved if modes is not None and modes.resolved]
+        errors = [2 * math.pi * modes.errors.max(initial=0.0) / modes.rotation for modes in found]
+        return sum(len(modes.exponents) for modes in found), float(max(errors, default=math.inf))
+
+
+def _better(history: Sequence[tuple[int, float]]) -> bool:
+    """Whether two doublings gave more modes or a smaller error."""
+    (count, error), (latest_count, latest_error) = history[-3], history[-1]
+    return latest_count > count or latest_error < 0.1 * error
+
+
+@of_system
+def follow_modes(
+    system: PeriodicSystem,
+    speeds: float | str | Sequence[float | str] | Array | None = None,
+    method: str | Rule = "auto",
+    steps: int | None = None,
+    rtol: float = 1e-8,
+    engine: str = "auto",
+    over: Over | None = None,
+) -> FollowedModes:
+    """Follow each Floquet mode over the speed, or over a parameter.
+
+    Parameters
+    ----------
+    speeds : float, str or sequence of float or str, optional
+        Two or more speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; with `over` one
+        speed, by default that of the case.
+    method : str or Method
+        Method with step maps, radau or gauss; by default radau.
+    steps : int, optional
+        Steps per period; by default as many as `rtol` requires at the ends of the range.
+    rtol : float
+        Relative tolerance of the multipliers. Modes whose exponents differ by less than about 40 `rtol`/T
+        are not distinguished.
+    engine : str
+        "auto", "compiled" or "numpy".
+    over : dict or str, optional
+        Values of one parameter, in the model's units or with a unit, such as "k1=1e4:9e4:50".
+
+    Returns
+    -------
+    FollowedModes
+
+    Raises
+    ------
+    SolveError
+        A subclass for bad input, or if no value has a result.
+
+    Notes
+    -----
+    A mode p(φ) exp(λt) has the same identity at two neighbouring speeds if its vector overlaps with that of
+    one mode only. The overlap of p_a and p_b is |y_aᴴp_b| |y_bᴴp_a| with left vectors y, averaged over the
+    period, at the shift of the harmonics for which it is largest. Where two modes come close, their equations
+    are reduced to a matrix of order 2, whose exceptional points (T. Kato, Perturbation Theory for Linear
+    Operators, II.1.1) show whether the modes cross or veer. Speeds are added until the identity of all modes
+    is unambiguous. Pairs for which this fails are listed as ambiguous.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def oscillator(phase, speed):
+    ...     one = np.ones((len(phase), 1, 1))
+    ...     return one, 0.1 * one, 4.0 * one, np.zeros((len(phase), 1))
+    >>> followed = follow_modes(PeriodicSystem(oscillator, ["q"]), [1.0, 1.5])
+    >>> followed.frequencies.round(6).tolist(), followed.damping.round(6).tolist()
+    ([[1.999375], [1.999375]], [[0.025], [0.025]])
+    """
+    points = _Points.of(system, speeds, over)
+    engine_used, notes = chosen_engine(engine)
+    solver = _Solver(points.at, _method(method, system.n), checked_rtol(rtol), engine_used, _FEWEST_STEPS)
+    if steps is not None:
+        require_steps(steps)
+        solver.steps = steps
+    if steps is None:
+        solver.choose_steps([float(points.values[0]), float(points.values[-1])])
+    with progress.task("values", len(points.values)) as count:
+        samples, failures = _solved(solver, points.values, count)
+    branches = _followed(solver, samples)
+    found = identified(branches, [sample.x for sample in samples])
+    return _result(points, solver, found, failures, notes)
+
+
+def _method(method: str | Rule, coordinates: int) -> Method:
+    """Method whose steps have maps, and with one more stage. Raises StepsError for others."""
+    rule = chosen(method)
+    used = rule if isinstance(rule, Method) else damping(coordinates)
+    if used.with_another_stage is None:
+        raise StepsError(f"{used.name} gives no vectors with error estimates; use radau or gauss")
+    return used
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Values of the speed or of a parameter, ascending, and the speeds (P,)."""
+
+    system: PeriodicSystem
+    name: str
+    values: Array
+    speeds: Array
+
+    @classmethod
+    def of(cls, system: PeriodicSystem, speeds: Any, over: Over | None) -> Self:
+        """Points of the arguments of `follow_modes`. Raises SolveError subclasses."""
+        if over is None:
+            omegas = speeds_between([] if speeds is None else speeds, "followed modes")
+            return cls(system.shown_in(omegas[0]), SPEED, np.array(omegas), np.array(omegas))
+        ranges = varied_values(over, system)
+        if len(ranges) != 1:
+            raise ValueOutOfBoundsError(f"over gives {len(ranges)} parameters; modes are followed over one")
+        ((name, numbers),) = ranges.items()
+        numbers = np.unique(numbers)
+        if len(numbers) < 2:
+            raise ValueOutOfBoundsError(f"over gives one value of {name}; give two or more: {name}=A:B:N")
+        given = speeds_given(system.speed_or_usual(None) if speeds is None else speeds)
+        if len(given) != 1:
+            raise ValueOutOfBoundsError(f"{len(given)} speeds and over {name}; give one speed with over")
+        require_name(f"parameter of {system.name}", name, system.parameters)
+        for extreme in (numbers[0], numbers[-1]):
+            system.require_bounds({name: float(extreme)})
+        return cls(system.shown_in(given[0]), name, numbers, np.full(len(numbers), float(given[0])))
+
+    def at(self, x: float) -> tuple[PeriodicSystem, float]:
+        """System and speed at a value."""
+        if self.name == SPEED:
+            return self.system, x
+        return self.system.varied({self.name: x}), float(self.speeds[0])
+
+
+def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[Sample], dict[int, str]]:
+    """Samples at the values, and reasons of failures by position. Raises NoResultError without samples."""
+    samples, failures = [], {}
+    for position, x in enumerate(values.tolist()):
+        try:
+            samples.append(Sample(x, solver.solved(x)))
+        except SolveError as error:
+            failures[position] = str(error)
+        count.add(1)
+    if not samples:
+        raise NoResultError(f"no value has a result: {failures[0]}")
+    if not len(samples[0].modes.exponents):
+        raise NoResultError("no multiplier has a digit: there are no modes to follow")
+    return samples, failures
+
+
+def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Tracks]:
+    """Tracks downwards and upwards from the sample whose modes are best separated."""
+    start = min(range(len(samples)), key=lambda k: (samples[k].modes.coincident.sum(), k))
+    branches = []
+    for others in (samples[:start][::-1], samples[start + 1 :]):
+        tracks = Tracks(solver, _ADDED * len(samples))
+        tracks.start(samples[start])
+        with progress.task("followed values", len(others)) as count:
+            for sample in others:
+                tracks.extend(sample)
+                count.add(1)
+        branches.append(tracks)
+    return branches[0], branches[1]
+
+
+def _result(
+    points: _Points,
+    solver: _Solver,
+    found: Identities,
+    failures: dict[int, str],
+    notes: Sequence[str],
+) -> FollowedModes:
+    """Result with NaN at the values that failed."""
+    rows = np.setdiff1d(np.arange(len(points.values)), list(failures))
+
+    def spread(values: Array) -> Array:
+        missing = complex(np.nan, np.nan) if np.iscomplexobj(values) else np.nan
+        every = np.full((len(points.values), *values.shape[1:]), missing)
+        every[rows] = values
+        return every
+
+    return FollowedModes(
+        points.system,
+        points.speeds,
+        spread(found.exponents),
+        spread(found.errors),
+        found.labels,
+        found.harmonics,
+        spread(found.participation),
+        found.meetings,
+        found.ambiguous,
+        found.path,
+        found.path_exponents,
+        found.resolution,
+        solver.rtol,
+        solver.steps,
+        failures,
+        {} if points.name == SPEED else {points.name: points.values},
+        notes,
+    )

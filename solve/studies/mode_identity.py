@@ -1,0 +1,251 @@
+"""Modes of a result from tracks: one of each conjugate pair, its harmonics, its crossings and veerings."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.mode_vectors import SURE, ModeVectors
+from solve.results.followed_modes import CROSSING, VEERING, Ambiguity, Meeting
+from solve.studies.mode_tracks import Approach, Doubt, Sample, State, Tracks
+
+_COVERED = 0.99
+"""Fraction of each mode that the listed harmonics contain, if there are at most `_MOST_HARMONICS` on either
+side. A choice."""
+
+_MOST_HARMONICS = 12
+"""Maximum number of harmonics on either side of the main one: a choice."""
+
+_SAME = 1e-6
+"""Relative difference between the participations of two harmonics that counts as zero: a choice."""
+
+_LEAST_EXCHANGE = 4.0
+"""Range of values relative to the width of a veering from which the pair is listed: in a wider one the
+vectors are exchanged for the smaller part only. A choice."""
+
+
+class Identities(NamedTuple):
+    """Modes at the given values (P,) and on the whole path (S,); see `FollowedModes`."""
+
+    exponents: Array
+    errors: Array
+    labels: list[str]
+    harmonics: Array
+    participation: Array
+    meetings: list[Meeting]
+    ambiguous: list[Ambiguity]
+    path: Array
+    path_exponents: Array
+    resolution: float
+
+
+@dataclass(frozen=True)
+class _Path:
+    """Samples in ascending order with the states of T tracks."""
+
+    samples: Sequence[Sample]
+    states: Sequence[State]
+
+    @classmethod
+    def of(cls, branches: tuple[Tracks, Tracks]) -> "_Path":
+        down, up = branches
+        every = [*zip(down.samples[:0:-1], down.states[:0:-1], strict=True)]
+        every += zip(up.samples, up.states, strict=True)
+        samples, states = zip(*every, strict=True)
+        return cls(samples, states)
+
+    @property
+    def x(self) -> Array:
+        return np.array([sample.x for sample in self.samples])
+
+    def of_modes(self, name: str) -> Array:
+        """Values (S, T) of an attribute (k,) of the modes; NaN for a track without a mode."""
+        rows = []
+        for sample, state in zip(self.samples, self.states, strict=True):
+            values = getattr(sample.modes, name)[state.modes]
+            rows.append(np.where(state.modes >= 0, values, np.nan))
+        return np.array(rows)
+
+    @property
+    def rotations(self) -> Array:
+        """2π/T (S, 1) in rad/s."""
+        return np.array([[sample.modes.rotation] for sample in self.samples])
+
+    def partners(self) -> Array:
+        """Tracks (S, T) of the complex conjugates; -1 for a track without one."""
+        rows = []
+        for sample, state in zip(self.samples, self.states, strict=True):
+            track_of = np.full(len(sample.modes.exponents) + 1, -1)
+            track_of[state.modes] = np.arange(len(state.modes))
+            track_of[-1] = -1
+            conjugate = np.append(sample.modes.partners, -1)[state.modes]
+            rows.append(np.where(state.modes >= 0, track_of[conjugate], -1))
+        return np.array(rows)
+
+
+def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Identities:
+    """Modes of the tracks downwards and upwards from one sample, at the given values."""
+    path = _Path.of(branches)
+    given = np.searchsorted(path.x, values)
+    main = np.array([_main_harmonic(path, given, track) for track in range(len(path.states[0].modes))])
+    shifts = np.array([state.shifts for state in path.states]) + main
+    twins = {**branches[0].twins, **branches[1].twins}
+    every = path.of_modes("exponents") + 1j * shifts * path.rotations
+    tracks, every = _columns(path, every, twins)
+    first = np.nan_to_num(np.abs(np.imag(every[given[0], tracks])), nan=np.inf)
+    tracks = tracks[np.argsort(first, kind="stable")]
+    labels = [str(number) for number in range(1, len(tracks) + 1)]
+    label_of = dict(zip(tracks.tolist(), labels, strict=True))
+    label_of |= {twins[track]: label for track, label in label_of.items() if track in twins}
+    doubts = [doubt for branch in branches for doubt in branch.doubts]
+    ambiguous = _ambiguities(doubts, label_of)
+    approaches = [approach for branch in branches for approach in branch.approaches]
+    meetings = _veerings(approaches, label_of, path.x)
+    meetings += _crossings(path.x, every[:, tracks], labels, ambiguous)
+    errors = path.of_modes("errors")[:, tracks]
+    return Identities(
+        every[given][:, tracks],
+        errors[given],
+        labels,
+        *_participation(path, given, tracks, shifts),
+        sorted(meetings, key=lambda meeting: meeting.value),
+        ambiguous,
+        path.x,
+        every[:, tracks],
+        4 * SURE * float(np.nanmax(errors, initial=0.0)),
+    )
+
+
+def _main_harmonic(path: _Path, given: Array, track: int) -> int:
+    """Harmonic with the largest participation over all given values, in the numbering of the track; of equal
+    ones the highest frequency."""
+    totals: dict[int, float] = {}
+    frequencies: dict[int, float] = {}
+    for at in given.tolist():
+        sample, state = path.samples[at], path.states[at]
+        mode, shift = int(state.modes[track]), int(state.shifts[track])
+        if mode < 0:
+            continue
+        harmonics = _every_harmonic(sample.modes)
+        power = sample.modes.power(harmonics)[mode].sum(axis=0)
+        power /= power.sum()
+        angular = np.imag(sample.modes.exponents[mode]) + harmonics * sample.modes.rotation
+        for h, share, frequency in zip((harmonics - shift).tolist(), power, np.abs(angular), strict=True):
+            totals[h] = totals.get(h, 0.0) + float(share)
+            frequencies[h] = frequencies.get(h, 0.0) + float(frequency)
+    largest = max(totals.values())
+    return max((h for h in totals if totals[h] >= (1 - _SAME) * largest), key=lambda h: frequencies[h])
+
+
+def _every_harmonic(modes: ModeVectors) -> Array:
+    """Harmonics that the nodes resolve."""
+    most = (len(modes.nodes) - 1) // 2
+    return np.arange(-most, most + 1)
+
+
+def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
+    """One track of each conjugate pair, and the exponents (S, T): of two real multipliers the less damped
+    one, and with a positive imaginary part on average."""
+    partners, columns = path.partners(), exponents.copy()
+    tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
+    for track in tracks:
+        other = twins.get(track, track)
+        is_real = (partners[:, track] == track) & (partners[:, other] == other)
+        is_weaker = is_real & (np.real(exponents[:, other]) > np.real(exponents[:, track]))
+        column = np.where(is_weaker, exponents[:, other].conj(), exponents[:, track])
+        columns[:, track] = column if np.nansum(np.imag(column)) >= 0 else column.conj()
+    return np.array(tracks), columns
+
+
+def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> tuple[Array, Array]:
+    """Harmonics (H,) around the main one, and the participation (P, M, n, H)."""
+    window = np.arange(-_MOST_HARMONICS, _MOST_HARMONICS + 1)
+    n = len(path.samples[0].modes.inertia)
+    values = np.full((len(given), len(tracks), n, len(window)), np.nan)
+    for row, at in enumerate(given.tolist()):
+        sample, state = path.samples[at], path.states[at]
+        every = _every_harmonic(sample.modes)
+        power = sample.modes.power(every)
+        power /= power.sum(axis=(1, 2), keepdims=True)
+        for column, track in enumerate(tracks.tolist()):
+            if state.modes[track] >= 0:
+                places = window + shifts[at, track] - every[0]
+                is_inside = (places >= 0) & (places < len(every))
+                picked = power[state.modes[track]][:, np.where(is_inside, places, 0)]
+                values[row, column] = np.where(is_inside, picked, 0.0)
+    sums = np.nan_to_num(values.sum(axis=2), nan=1.0)
+    covers = [
+        (sums[..., np.abs(window) <= half].sum(axis=-1) >= _COVERED).all() for half in range(_MOST_HARMONICS)
+    ]
+    half = covers.index(True) if True in covers else _MOST_HARMONICS
+    return window[np.abs(window) <= half], values[..., np.abs(window) <= half]
+
+
+def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str] | None:
+    """Labels of two tracks in their order; None for a mode and its own conjugate, or unlisted tracks."""
+    labels = [label_of.get(pair.first), label_of.get(pair.second)]
+    if None in labels or labels[0] == labels[1]:
+        return None
+    first, second = sorted((str(label) for label in labels), key=lambda text: (len(text), text))
+    return first, second
+
+
+def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
+    """Ambiguities in ascending order, those of one pair and kind joined where they touch."""
+    found = set()
+    for doubt in doubts:
+        pair = _pair(label_of, doubt)
+        if pair is not None:
+            low, high = sorted((doubt.low, doubt.high))
+            found.add(Ambiguity(pair, low, high, doubt.kind))
+    joined: list[Ambiguity] = []
+    for one in sorted(found, key=lambda one: (one.modes, one.kind, one.low)):
+        last = joined[-1] if joined else None
+        if last and (last.modes, last.kind) == (one.modes, one.kind) and one.low <= last.high:
+            joined[-1] = Ambiguity(one.modes, last.low, max(last.high, one.high), one.kind)
+        else:
+            joined.append(one)
+    return sorted(joined, key=lambda one: one.low)
+
+
+def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Array) -> list[Meeting]:
+    """Veerings narrower than the range of the values: pairs whose exceptional points lie on either side of
+    the real axis."""
+    found: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
+    for approach in sorted(approaches, key=lambda approach: approach.gap):
+        pair = _pair(label_of, approach)
+        above, below = (root.imag for root in approach.roots)
+        place = float(np.mean([root.real for root in approach.roots]))
+        width = max(abs(above), abs(below))
+        if pair is None or above * below >= 0 or _LEAST_EXCHANGE * width > np.ptp(x):
+            continue
+        known = found.setdefault(pair, [])
+        if all(abs(place - other) > 2 * max(width, wide) for other, wide, _ in known):
+            known.append((place, width, approach.gap))
+    return [Meeting(pair, place, VEERING, gap) for pair, places in found.items() for place, _, gap in places]
+
+
+def _crossings(
+    x: Array,
+    exponents: Array,
+    labels: Sequence[str],
+    ambiguous: Sequence[Ambiguity],
+) -> list[Meeting]:
+    """Pairs whose unfolded frequencies (S, M) cross, interpolated between samples; without ambiguous ones."""
+    crossings, frequencies = [], np.abs(np.imag(exponents))
+    for first, second in itertools.combinations(range(len(labels)), 2):
+        difference, pair = frequencies[:, first] - frequencies[:, second], (labels[first], labels[second])
+        growth = np.real(exponents[:, first] - exponents[:, second])
+        with np.errstate(invalid="ignore"):
+            places = np.flatnonzero(difference[:-1] * difference[1:] < 0)
+        for at in places.tolist():
+            t = difference[at] / (difference[at] - difference[at + 1])
+            value = float(x[at] + t * (x[at + 1] - x[at]))
+            is_ambiguous = any(one.modes == pair and one.low <= value <= one.high for one in ambiguous)
+            if not is_ambiguous:
+                gap = float(abs(growth[at] + t * (growth[at + 1] - growth[at])))
+                crossings.append(Meeting(pair, value, CROSSING, gap))
+    return crossings

@@ -1,0 +1,354 @@
+"""Identity of Floquet modes over a parameter, by adaptive refinement until it is unambiguous.
+
+Modes are followed from one sample to the next. Their identity is unambiguous if every mode overlaps with one
+mode of the next sample only, and if no exceptional point of two coupled modes lies near the segment between
+both samples. Otherwise a sample is added in the middle.
+"""
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.certify.mode_vectors import SURE, ModeVectors
+from solve.period.overlaps import Meetings, Overlaps, meetings
+from solve.results.followed_modes import CLOSE, LOCKED
+
+_ACCEPTED = 0.8
+"""Overlap from which a mode of the next sample is the same mode. Any value above 1/2 excludes two candidates;
+a larger one takes more samples."""
+
+_CLEAR = 0.5
+"""Distance of exceptional points from the segment between two samples, relative to its length, from which the
+vectors change gradually in it: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
+
+_FEWEST_LEVELS, _MOST_LEVELS = 1, 36
+"""Bisections of an interval: at least one, so that no assignment rests on two samples alone; at most as many
+as leave some units of round-off of the parameter."""
+
+_REAL = 0.05
+"""Imaginary part of two exceptional points, relative to their distance, up to which they are real: between
+them the exponents of the pair are locked. A choice."""
+
+_WIDE, _FEWEST_LOCKED = 0.5, 4
+"""Distance of two real exceptional points relative to the step, and bisections, from which a pair is locked.
+Vectors that turn with the parameter without coupling have an apparent coupling that falls with the square of
+the step; two exceptional points that it separates come closer in proportion to the step."""
+
+
+_NEAR, _NARROW = 1.0, 0.1
+"""Distance and half-width of the exceptional points of a mode and its own conjugate, relative to the step,
+within which its vector is not used as a reference. Narrower resonances lie between two samples. Choices."""
+
+
+_TIE = 0.01
+"""Weight of the overlap with the last sample where that with an earlier one leaves a tie: a choice."""
+
+_FARTHEST = 8.0
+"""Distance of exceptional points, relative to the step, up to which the linear model locates them. A
+choice."""
+
+
+class Sample(NamedTuple):
+    """Modes at a value x of the parameter."""
+
+    x: float
+    modes: ModeVectors
+
+
+class Doubt(NamedTuple):
+    """Two tracks whose identity is undetermined from `low` to `high`."""
+
+    first: int
+    second: int
+    low: float
+    high: float
+    kind: str
+
+
+class Approach(NamedTuple):
+    """Two coupled tracks near their exceptional points (complex), and the gap of their exponents in rad/s."""
+
+    first: int
+    second: int
+    roots: tuple[complex, complex]
+    gap: float
+
+
+class State(NamedTuple):
+    """Mode (T,) and shift (T,) of each track at a sample; -1 for a track without a mode."""
+
+    modes: Array
+    shifts: Array
+
+
+@dataclass
+class Tracks:
+    """Tracks of modes over samples in the order of their acceptance.
+
+    Attributes
+    ----------
+    solve : callable
+        Modes at a value of the parameter; None without a solution.
+    samples, states : list
+        Accepted samples, and the modes of the tracks.
+    doubts, approaches : list
+        Undetermined identities, and approaches of coupled modes.
+    base : int
+        Position of the sample with which the next one is compared.
+    held : dict
+        Tracks that are compared with an earlier sample, at the position given.
+    twins : dict
+        Tracks of complex conjugates.
+    locked : set
+        Pairs of tracks that are locked at the last sample.
+    budget : int
+        Number of samples that may still be added.
+    """
+
+    solve: Callable[[float], ModeVectors | None]
+    budget: int
+    samples: list[Sample] = field(default_factory=list)
+    states: list[State] = field(default_factory=list)
+    doubts: list[Doubt] = field(default_factory=list)
+    approaches: list[Approach] = field(default_factory=list)
+    base: int = 0
+    held: dict[int, int] = field(default_factory=dict)
+    twins: dict[int, int] = field(default_factory=dict)
+    locked: set[tuple[int, int]] = field(default_factory=set)
+
+    def start(self, sample: Sample) -> None:
+        """Begin a track for each mode of the first sample."""
+        count = len(sample.modes.exponents)
+        self.samples.append(sample)
+        self.states.append(State(np.arange(count), np.zeros(count, dtype=int)))
+        self.note_twins()
+
+    def note_twins(self) -> None:
+        """Note the tracks that are complex conjugates at the last sample."""
+        sample, modes = self.samples[-1], self.states[-1].modes
+        track_of = {mode: track for track, mode in enumerate(modes.tolist()) if mode >= 0}
+        for mode, track in track_of.items():
+            other = track_of.get(int(sample.modes.partners[mode]), track)
+            if other != track and track not in self.twins and other not in self.twins:
+                self.twins[track], self.twins[other] = other, track
+
+    def extend(self, sample: Sample, level: int = 0) -> None:
+        """Follow the tracks to a sample, by way of further samples as needed."""
+        step = Step(self, sample, level)
+        if level < _FEWEST_LEVELS or not step.settled:
+            x = self.samples[-1].x
+            middle = (x + sample.x) / 2
+            between = None
+            if level < _MOST_LEVELS and self.budget > 0 and min(x, sample.x) < middle < max(x, sample.x):
+                self.budget -= 1
+                between = self.solve(middle)
+            if between is not None:
+                self.extend(Sample(middle, between), level + 1)
+                self.extend(sample, level + 1)
+                return
+        step.accept()
+
+
+class Step:
+    """Assignment of the tracks to the modes of the next sample."""
+
+    def __init__(self, tracks: Tracks, sample: Sample, level: int):
+        self.tracks, self.sample, self.level = tracks, sample, level
+        self.before = tracks.samples[tracks.base]
+        self.overlaps = Overlaps.of(self.before.modes, sample.modes)
+        self.references, products = self._references()
+        largest = products.max(axis=-1)
+        self.modes = _assigned(largest)
+        self.shifts = products[np.arange(len(products)), self.modes].argmax(axis=-1) - self.overlaps.largest
+        self.shifts[self.modes < 0] = 0
+        self.products = largest
+        self.quality = self._quality()
+
+    def _references(self) -> tuple[State, Array]:
+        """State with which each track is compared, and the overlaps (T, k, S)."""
+        tracks = self.tracks
+        modes, shifts = (values.copy() for values in tracks.states[tracks.base])
+        products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
+        for track, at in tracks.held.items():
+            earlier = Overlaps.of(tracks.samples[at].modes, self.sample.modes).products
+            modes[track], shifts[track] = (values[track] for values in tracks.states[at])
+            # The last sample decides where the earlier one does not.
+            products[track] = earlier[modes[track]] + _TIE * products[track]
+        return State(modes, shifts), products
+
+    def _quality(self) -> Array:
+        """Overlap (T,) of each track with its mode, or with all modes that coincide with it at one of the two
+        samples, or with a mode and its conjugate."""
+        quality, base = np.zeros(len(self.modes)), self.tracks.states[self.tracks.base].modes
+        for track in np.flatnonzero(self.modes >= 0).tolist():
+            twin = self.tracks.twins.get(track, track)
+            after = self.sample.modes.coincident[self.modes[track]].copy()
+            after[self.modes[twin]] |= self.modes[twin] >= 0
+            before = self.before.modes.coincident[base[track]][base] & (base >= 0)
+            before[twin] = True
+            rows = self.products[:, self.modes[track]]
+            quality[track] = max(self.products[track, after].sum(), rows[before].sum())
+        return quality
+
+    @cached_property
+    def own(self) -> Array:
+        """Overlap (T,) of each track with its mode alone."""
+        return np.where(self.modes >= 0, self.products[np.arange(len(self.modes)), self.modes], 0.0)
+
+    @property
+    def noise(self) -> Array:
+        """Bounds (T,) of the errors of the exponents of each track at both samples."""
+        at_base = self.tracks.states[self.tracks.base].modes
+        return SURE * (self.before.modes.errors[at_base] + self.sample.modes.errors[self.modes])
+
+    @cached_property
+    def compared(self) -> Array:
+        """Tracks that are compared with the base and have a mode at both samples."""
+        return np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
+
+    @cached_property
+    def meetings(self) -> Meetings:
+        """Exceptional points of the compared tracks."""
+        at, base = self.compared, self.tracks.states[self.tracks.base]
+        places, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
+        shifts = self.references.shifts + self.shifts - base.shifts
+        return meetings(self.overlaps, points, places, shifts[at], self.noise[at])
+
+    @cached_property
+    def twins(self) -> Array:
+        """Whether pairs (r,) of the meetings are a mode and its conjugate."""
+        first, second = (self.compared[each] for each in (self.meetings.first, self.meetings.second))
+        pairs = zip(first.tolist(), second.tolist(), strict=True)
+        return np.array([self.tracks.twins.get(one) == other for one, other in pairs], dtype=bool)
+
+    @cached_property
+    def close(self) -> Array:
+        """Pairs and shifts (r, S) of coupled tracks with exceptional points near the segment."""
+        found = self.meetings
+        modes = self.tracks.states[self.tracks.base].modes[self.compared]
+        is_separate = ~self.before.modes.coincident[modes[found.first], modes[found.second]]
+        is_held = np.isin(self.compared, list(self.tracks.held))
+        is_open = is_separate & ~self.twins & ~(is_held[found.first] & is_held[found.second])
+        return found.coupled & (found.distance < _CLEAR) & is_open[:, None]
+
+    @cached_property
+    def locked(self) -> Array:
+        """Pairs and shifts (r, S) among these whose exceptional points are real."""
+        roots = self.meetings.roots
+        with np.errstate(invalid="ignore"):
+            separation = np.abs(np.real(roots[0] - roots[1]))
+        is_real = np.abs(np.imag(roots)).max(axis=0) <= _REAL * separation
+        return self.close & is_real & (separation > _WIDE) & (self.level >= _FEWEST_LOCKED)
+
+    @cached_property
+    def locked_pairs(self) -> list[tuple[int, int]]:
+        return self._pairs(self.locked)
+
+    @cached_property
+    def unsettled(self) -> list[tuple[int, int]]:
+        """Pairs of tracks whose identity is undetermined after this step."""
+        pairs = self._pairs(self.close & ~self.locked)
+        exempt = {*self.tracks.held, *(track for pair in self.locked_pairs for track in pair)}
+        weak = [track for track in np.flatnonzero(self.quality < _ACCEPTED).tolist() if track not in exempt]
+        pairs += [(track, self._rival(track)) for track in weak if self.modes[track] >= 0]
+        return sorted({(min(pair), max(pair)) for pair in pairs})
+
+    @property
+    def settled(self) -> bool:
+        return not self.unsettled
+
+    def _pairs(self, flags: Array) -> list[tuple[int, int]]:
+        rows = np.flatnonzero(flags.any(axis=1))
+        first, second = (self.compared[each[rows]] for each in (self.meetings.first, self.meetings.second))
+        return [*zip(first.tolist(), second.tolist(), strict=True)]
+
+    def _rival(self, track: int) -> int:
+        """Other track with the largest overlap with the mode of this one."""
+        overlap = self.products[:, self.modes[track]].copy()
+        overlap[track] = -1.0
+        return int(overlap.argmax())
+
+    def accept(self) -> None:
+        """Add the sample to the tracks."""
+        tracks, here = self.tracks, len(self.tracks.samples)
+        low, high = self.before.x, self.sample.x
+        tracks.locked |= set(self.locked_pairs)
+        for kind, pairs in ((CLOSE, self.unsettled), (LOCKED, sorted(tracks.locked))):
+            tracks.doubts += [Doubt(*pair, low, high, kind) for pair in pairs]
+        tracks.locked = {pair for pair in tracks.locked if self._is_locked(*pair)}
+        self._note_approaches()
+        tracks.samples.append(self.sample)
+        tracks.states.append(State(self.modes, self.references.shifts + self.shifts))
+        self._hold()
+        tracks.note_twins()
+        if not self._coincidence_is_new() or tracks.base < here - 1:
+            tracks.base = here
+
+    def _hold(self) -> None:
+        """Compare tracks with an earlier sample while their own vectors are mixed: of locked pairs, and of
+        modes near a resonance with their own conjugate."""
+        tracks, found = self.tracks, self.meetings
+        width = np.abs(found.roots[0] - found.roots[1]) / 2
+        is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
+        near = {track for pair in self._pairs(is_near & self.twins[:, None]) for track in pair}
+        for track in [track for track in tracks.held if self._is_released(track, near)]:
+            del tracks.held[track]
+        locked = {track for pair in self.locked_pairs for track in pair}
+        mixed = {track for track in tracks.twins if 0 < self.own[track] < _ACCEPTED}
+        for track in near | mixed | {track for track in locked if self.own[track] < _ACCEPTED}:
+            tracks.held.setdefault(track, tracks.base)
+
+    def _is_locked(self, first: int, second: int) -> bool:
+        """Whether the exponents of two tracks at the sample have equal imaginary parts and other growth
+        rates."""
+        if self.modes[first] < 0 or self.modes[second] < 0:
+            return False
+        modes = self.sample.modes
+        one, other = modes.exponents[self.modes[[first, second]]]
+        limit = SURE * float(modes.errors[self.modes[[first, second]]].sum())
+        turns = (one - other).imag / modes.rotation
+        return abs(turns - round(turns)) * modes.rotation <= limit < abs((one - other).real)
+
+    def _is_released(self, track: int, near: Collection[int]) -> bool:
+        """Whether a held track is compared with the last sample again: its vector is its own, or that of the
+        earlier sample is too far away."""
+        mode = self.modes[track]
+        is_real = mode >= 0 and track in self.tracks.twins and self.sample.modes.partners[mode] == mode
+        if any(track in pair for pair in self.tracks.locked):
+            return False
+        if is_real or track in near:
+            return bool(self.quality[track] < _ACCEPTED)
+        return bool(self.own[track] >= _ACCEPTED)
+
+    def _coincidence_is_new(self) -> bool:
+        """Whether modes coincide at the sample but not at the base."""
+        present = np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
+        before = self.tracks.states[self.tracks.base].modes[present]
+        after = self.modes[present]
+        coincident_before = self.before.modes.coincident[np.ix_(before, before)]
+        return bool((self.sample.modes.coincident[np.ix_(after, after)] & ~coincident_before).any())
+
+    def _note_approaches(self) -> None:
+        """Keep the exceptional points of coupled pairs whose middle lies in this step."""
+        found, width = self.meetings, self.sample.x - self.before.x
+        middle = np.real(found.roots).mean(axis=0)
+        is_near = found.coupled & (middle >= 0) & (middle < 1) & (found.distance < _FARTHEST)
+        for row, column in np.argwhere(is_near).tolist():
+            first, second = (self.before.x + width * complex(root) for root in found.roots[:, row, column])
+            pair = sorted((int(self.compared[found.first[row]]), int(self.compared[found.second[row]])))
+            gap = float(found.gap[row, column])
+            self.tracks.approaches.append(Approach(pair[0], pair[1], (first, second), gap))
+
+
+def _assigned(overlaps: Array) -> Array:
+    """Mode (T,) of each track, so that the sum of the overlaps (T, k) is largest; -1 without one."""
+    from scipy.optimize import linear_sum_assignment
+
+    modes = np.full(len(overlaps), -1)
+    rows, columns = linear_sum_assignment(-overlaps)
+    modes[rows] = np.where(overlaps[rows, columns] > 0, columns, -1)
+    return modes

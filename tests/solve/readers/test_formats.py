@@ -1,0 +1,230 @@
+"""Matrices over the azimuth in .mat, .npz, netCDF and Matrix Market files: round trips, and bad files."""
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse
+import xarray
+
+import solve
+from solve.errors import FileError, MatricesError
+
+COUNT = 16
+PHASES = np.arange(COUNT) * 2 * np.pi / COUNT
+RNG = np.random.default_rng(7)
+
+
+def second_order():
+    """M, C, K and d with the azimuth first."""
+    c, s = np.cos(PHASES)[:, None, None], np.sin(PHASES)[:, None, None]
+    base = np.random.default_rng(7).standard_normal((3, 2, 2))
+    M = np.eye(2) + 0.1 * c * base[0]
+    C = 0.2 * np.eye(2) + 0.1 * s * base[1]
+    K = np.diag([4.0, 9.0]) + 0.3 * c * base[2]
+    return {"M": M, "C": C, "K": K, "d": np.stack((np.cos(PHASES), np.sin(PHASES)), axis=1)}
+
+
+def first_order():
+    arrays = second_order()
+    zero, one = np.zeros((COUNT, 2, 2)), np.broadcast_to(np.eye(2), (COUNT, 2, 2))
+    inverse = np.linalg.inv(arrays["M"])
+    A = np.block([[zero, one], [-inverse @ arrays["K"], -inverse @ arrays["C"]]])
+    b = np.concatenate((np.zeros((COUNT, 2)), np.einsum("kij,kj->ki", inverse, arrays["d"])), axis=1)
+    B, D = np.ones((COUNT, 4, 1)), np.zeros((COUNT, 3, 1))
+    return {"A": A, "b": b, "B": B, "C": np.ones((COUNT, 3, 4)), "D": D}
+
+
+NAMES = {
+    "second": {"coordinates": np.array(["bending", "torsion"])},
+    "first": {
+        "states": np.array(["p", "q", "r", "s"]),
+        "inputs": np.array(["force"]),
+        "outputs": np.array(["y1", "y2", "y3"]),
+    },
+}
+ARRAYS = {"second": second_order(), "first": first_order()}
+
+
+def write(arrays, file):
+    """Write arrays with the azimuth first in the format of the ending, with the conventions of the tool."""
+    if file.suffix == ".npz":
+        np.savez(file, **arrays)
+    elif file.suffix == ".nc":
+        variables = {
+            name: ([f"{name}{axis}" for axis in range(np.ndim(values))], values)
+            for name, values in arrays.items()
+        }
+        xarray.Dataset(variables).to_netcdf(file, engine="h5netcdf")
+    else:
+        content = {}
+        for name, values in arrays.items():
+            is_text = np.asarray(values).dtype.kind == "U"
+            content[name] = (
+                values.astype(object)
+                if is_text
+                else np.moveaxis(values, 0, -1)
+                if np.ndim(values) > 1
+                else values
+            )
+        scipy.io.savemat(file, content)
+
+
+READERS = {".mat": solve.read_mat, ".npz": solve.read_npz, ".nc": solve.read_netcdf}
+
+
+@pytest.mark.parametrize("ending", READERS)
+@pytest.mark.parametrize("kind", ["second", "first"])
+def test_files_are_read_back_as_they_were_written(tmp_path, ending, kind):
+    arrays, file = ARRAYS[kind], tmp_path / f"machine{ending}"
+    write({**arrays, **NAMES[kind], "speed": 2.5}, file)
+    system = READERS[ending](file)
+    assert system.coordinates == tuple(NAMES[kind]["coordinates" if kind == "second" else "states"])
+    assert system.speed_or_usual(None) == 2.5
+    assert system.name == f"machine{ending}"
+    found = system.at(PHASES, 2.5) if kind == "second" else system.equations_at(PHASES, 2.5)
+    order = "MCKd" if kind == "second" else "AbBCD"
+    for name, values in zip(order, found, strict=True):
+        np.testing.assert_allclose(values, arrays[name], atol=1e-13, err_msg=name)
+
+
+def test_both_forms_have_the_same_multipliers_and_orbit(tmp_path):
+    results = []
+    for kind in ARRAYS:
+        write(ARRAYS[kind], tmp_path / f"{kind}.npz")
+        results.append(solve.periodic(solve.read_npz(tmp_path / f"{kind}.npz", "2.5 rad/s"), 2.5))
+    np.testing.assert_allclose(results[0].multipliers, results[1].multipliers, atol=1e-6)
+    np.testing.assert_allclose(results[0].at(0.3)[0], results[1].at(0.3)[0][:2], atol=1e-4)
+
+
+def test_export_of_a_model_is_read_back(tmp_path):
+    cam, file = solve.load("cam"), tmp_path / "cam.mat"
+    solve.export(cam, file, "600 rpm", samples=256)
+    read = solve.read_mat(file)
+    assert read.coordinates == cam.coordinates
+    expected = solve.floquet(cam, "600 rpm").multipliers
+    np.testing.assert_allclose(solve.floquet(read, "600 rpm").multipliers, expected, atol=1e-7)
+
+
+def test_azimuths_and_constant_matrices(tmp_path):
+    phases = np.sort(RNG.uniform(0, 2 * np.pi, 21))
+    K = 4 + 0.5 * np.cos(phases)
+    np.savez(tmp_path / "k.npz", M=np.eye(1), K=K[:, None, None], phase=phases)
+    system = solve.read_npz(tmp_path / "k.npz")
+    at = np.array([0.1, 2.0, 5.0])
+    np.testing.assert_allclose(system.at(at, 1.0)[2][:, 0, 0], 4 + 0.5 * np.cos(at), atol=1e-9)
+    np.testing.assert_allclose(system.at(at, 1.0)[0], np.ones((3, 1, 1)), atol=1e-12)
+
+
+def test_coordinates_beside_states_make_a_mixed_system(tmp_path):
+    M = np.diag([1.0, 0.0])
+    C, K = np.array([[0.1, 0.0], [0.0, 0.5]]), np.array([[4.0, -1.0], [0.2, 1.0]])
+    file = tmp_path / "mixed.npz"
+    np.savez(file, M=M, C=C, K=K, coordinates=["q"], states=["x"])
+    assert solve.floquet(solve.read_npz(file), 1.0).multipliers.shape == (3,)
+
+
+def bad(name, **changes):
+    """A file of second order with some arrays changed; None removes one."""
+    arrays = {**ARRAYS["second"], **changes}
+    return {key: value for key, value in arrays.items() if value is not None}
+
+
+BAD = {
+    "no K": (bad("no K", K=None), "has no K"),
+    "nothing": ({"x": np.ones(3)}, "give M and K, or A"),
+    "vector": (bad("vector", K=np.ones(3)), "expected"),
+    "shape": (bad("shape", C=np.ones((COUNT, 2, 3))), "C has 2 × 3 entries; expected 2 × 2"),
+    "load": (bad("load", d=np.ones((COUNT, 5))), "d has shape"),
+    "complex": (bad("complex", K=1j * ARRAYS["second"]["K"]), "expected real numbers"),
+    "NaN": (bad("NaN", K=np.nan * ARRAYS["second"]["K"]), "NaN or infinite"),
+    "two speeds": (bad("speeds", speed=np.ones(2)), "expected one"),
+    "negative speed": (bad("speed", speed=-1.0), "finite speed"),
+    "names": (bad("names", coordinates=np.array(["a"])), "expected 2, one for each row"),
+}
+
+
+@pytest.mark.parametrize("ending", [".mat", ".npz"])
+@pytest.mark.parametrize(("arrays", "expected"), BAD.values(), ids=BAD)
+def test_arrays_that_do_not_fit_are_refused_in_one_line(tmp_path, ending, arrays, expected):
+    file = tmp_path / f"bad{ending}"
+    write(arrays, file)
+    with pytest.raises(FileError, match=f"bad{ending}") as refused:
+        READERS[ending](file)
+    assert expected in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("ending", READERS)
+def test_other_files_are_refused_in_one_line(tmp_path, ending):
+    file = tmp_path / f"damaged{ending}"
+    file.write_bytes(b"not a file of this kind" * 20)
+    with pytest.raises(FileError, match="damaged") as refused:
+        READERS[ending](file)
+    assert "\n" not in str(refused.value)
+    with pytest.raises(FileError, match="there is no file"):
+        READERS[ending](tmp_path / f"none{ending}")
+    with pytest.raises(FileError, match="ends in"):
+        READERS[ending](tmp_path / "none.txt")
+
+
+def test_pickles_are_not_loaded(tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("a pickle was executed",))
+
+    np.savez(tmp_path / "trap.npz", M=np.array([Trap()], dtype=object), K=np.eye(1))
+    with pytest.raises(FileError, match="cannot be read"):
+        solve.read_npz(tmp_path / "trap.npz")
+
+
+def write_matrix_market(folder, symbols="MCKd"):
+    arrays = ARRAYS["second" if "K" in symbols else "first"]
+    for symbol in symbols:
+        for k, values in enumerate(arrays[symbol]):
+            matrix = np.atleast_2d(values).T if values.ndim == 1 else values
+            sparse = scipy.sparse.coo_array(matrix) if symbol == "K" else matrix
+            scipy.io.mmwrite(folder / f"run.{symbol}.{k:03d}.mtx", sparse, precision=17)
+    return str(folder / "run.*.mtx")
+
+
+@pytest.mark.parametrize("symbols", ["MCKd", "AbBCD"])
+def test_matrix_market_files_are_read_back(tmp_path, symbols):
+    system = solve.read_matrix_market(write_matrix_market(tmp_path, symbols), "2.5 rad/s")
+    kind = "second" if "K" in symbols else "first"
+    found = system.at(PHASES, 2.5) if kind == "second" else system.equations_at(PHASES, 2.5)
+    for name, values in zip(symbols, found, strict=True):
+        np.testing.assert_allclose(values, ARRAYS[kind][name], atol=1e-13, err_msg=name)
+    assert system.name == "run"
+
+
+def test_matrix_market_takes_constant_matrices_names_and_azimuths(tmp_path):
+    scipy.io.mmwrite(tmp_path / "M.mtx", np.eye(1))
+    phases = [0.0, 1.0, 2.5, 4.0, 5.5]
+    for number, phase in enumerate(phases):
+        scipy.io.mmwrite(tmp_path / f"K{number}.mtx", np.array([[4 + np.cos(phase)]]), precision=17)
+    files = sorted(tmp_path.glob("*.mtx"))
+    system = solve.read_matrix_market(files, 1.0, phases, ["bending"])
+    assert system.coordinates == ("bending",)
+    np.testing.assert_allclose(system.at(np.array([3.0]), 1.0)[2], [[[4 + np.cos(3.0)]]], atol=1e-12)
+
+
+def test_matrix_market_files_that_do_not_fit_are_refused(tmp_path):
+    pattern = write_matrix_market(tmp_path)
+    (tmp_path / "run.K.003.mtx").unlink()
+    with pytest.raises(FileError, match="same azimuths"):
+        solve.read_matrix_market(pattern)
+    (tmp_path / "run.K.003.mtx").write_text("%%MatrixMarket matrix array real general\n2 2\n1\n2\n")
+    with pytest.raises(FileError, match=r"run\.K\.003\.mtx.* cannot be read"):
+        solve.read_matrix_market(pattern)
+    scipy.io.mmwrite(tmp_path / "run.K.003.mtx", np.eye(3))
+    with pytest.raises(FileError, match="different numbers of rows"):
+        solve.read_matrix_market(pattern)
+    (tmp_path / "run.other.mtx").write_text("")
+    with pytest.raises(FileError, match="no symbol"):
+        solve.read_matrix_market(pattern)
+
+
+def test_azimuths_of_other_number_are_refused(tmp_path):
+    np.savez(tmp_path / "p.npz", **ARRAYS["second"], phase=PHASES[:-1])
+    with pytest.raises(MatricesError, match="phases"):
+        solve.read_npz(tmp_path / "p.npz")
