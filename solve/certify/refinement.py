@@ -35,13 +35,16 @@ SAFETY = 2.0
 first order, and is at least half of it in 99.8 % of the stored population."""
 
 _MAX_GROWTH = 6.0
-"""Largest ratio of the steps of successive grids: a choice."""
+"""Largest ratio of the steps of successive grids. With 3 and 12, 65 results on 14 systems of both populations
+remain honest with the same verdicts."""
 
 _UNKNOWN = 0.5
-"""Estimate above which an error is infinite: it may then be as large as the result."""
+"""Estimate above which an error is infinite: it may then be as large as the result. With 0.25 and 1, 65
+results on 14 systems of both populations remain honest with the same verdicts."""
 
 _STALLED = 0.5
-"""Fraction of the previous error above which an error does not decrease: a choice."""
+"""Fraction of the previous error above which an error does not decrease. With 0.25 and 0.9, 65 results on 14
+systems of both populations remain honest with the same verdicts."""
 
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
