@@ -18,7 +18,7 @@ from solve.period.points import Points
 _COEFFICIENTS = 1e-3
 """Fraction of `rtol` by which coefficients may differ from their interpolant, relative to the stiffness of
 the softest mode. The response amplifies this by at most the phase advance of a resolved mode, some hundred
-radians."""
+radians. Half and twice leave 65 results on 14 systems of both populations honest with the same verdicts."""
 
 _AMPLIFICATION = 100.0
 """Factor by which the response may amplify aliased harmonics of the coefficients: that of a resonance with a

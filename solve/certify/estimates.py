@@ -18,7 +18,8 @@ from solve.period.grid import Grid
 from solve.period.period_map import at_rest
 
 PHASES_PER_STEP = 4
-"""Smallest number of phases per step at which curves are compared: a choice."""
+"""Smallest number of phases per step at which curves are compared. With 2 and 8, 65 results on 14 systems of
+both populations remain honest with the same verdicts."""
 
 NO_DIGIT = 0.1
 """Relative error above which a number has no correct digit."""

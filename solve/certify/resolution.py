@@ -32,7 +32,8 @@ AIM = 0.3
 
 _UNRESOLVED = 0.25
 """Relative error of a mode over the period above which it is unresolved: a quarter of a radian of phase, far
-below half a revolution, where two solutions may agree by chance."""
+below half a revolution, where two solutions may agree by chance. Half and twice leave 65 results on 14
+systems of both populations honest with the same verdicts."""
 
 
 def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:

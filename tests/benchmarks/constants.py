@@ -1,0 +1,66 @@
+"""python -m tests.benchmarks.constants [--every K]: half and twice of every chosen constant of the
+certificate.
+
+For each value: honesty, sharpness and verdicts of `auto`, Gauss and Radau on each K-th system of the
+population and by `auto` on each K-th of the fresh one, and processor time with the references."""
+
+import argparse
+import time
+from importlib import import_module
+
+from solve.certify import coefficients, comparison, estimates, refinement, resolution
+from tests.solve.certificates import fresh, population
+from tests.solve.certificates.trials import TRIALS, outcomes, rates
+
+MODULES = coefficients, comparison, estimates, refinement, resolution
+CONSTANTS = {
+    "refinement": ("SAFETY", "_MAX_GROWTH", "_UNKNOWN", "_STALLED"),
+    "resolution": ("MIN_STEPS", "_UNRESOLVED", "AIM"),
+    "comparison": ("_COEFFICIENTS", "_AMPLIFICATION"),
+    "coefficients": ("PHASES", "ROUND_OFF"),
+    "estimates": ("PHASES_PER_STEP", "NO_DIGIT", "ROUND_OFF"),
+}
+CACHED = comparison._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
+
+
+def set_constant(owner: str, name: str, value: float) -> None:
+    """Set a constant in its module, and in those that import it."""
+    present = getattr(import_module(f"solve.certify.{owner}"), name)
+    for module in MODULES:
+        if vars(module).get(name) is present:
+            setattr(module, name, value)
+    for function in CACHED:
+        function.cache_clear()
+
+
+def measured(label: str, every: int) -> float:
+    """Print the rates, and return the processor time."""
+    trials = [trial for trial in TRIALS if trial.name in {"auto", "gauss", "radau"}]
+    started, found = time.process_time(), []
+    for index in range(6, population.SIZE, every):
+        found += outcomes(population.member(index), trials)
+    automatic = [trial for trial in trials if trial.name == "auto" and trial.rtol < 1e-2]
+    for index in range(6, fresh.SIZE, every):
+        if fresh.kind_of(index) != "twenty":
+            found += outcomes(fresh.member(index), automatic)
+    seconds = time.process_time() - started
+    print(f"{seconds:7.1f} s  {rates(label, found)}", flush=True)
+    return seconds
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.constants", description=__doc__)
+    parser.add_argument("--every", type=int, default=142, help="each K-th system")
+    every = parser.parse_args().every
+    measured("present values", every)
+    for owner, names in CONSTANTS.items():
+        for name in names:
+            present = getattr(import_module(f"solve.certify.{owner}"), name)
+            for value in (type(present)(present / 2), type(present)(2 * present)):
+                set_constant(owner, name, value)
+                measured(f"{name} {value:.3g}", every)
+                set_constant(owner, name, present)
+
+
+if __name__ == "__main__":
+    main()
