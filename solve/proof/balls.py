@@ -28,6 +28,10 @@ arb, acb, arb_mat, acb_mat = flint.arb, flint.acb, flint.arb_mat, flint.acb_mat
 arb_series = flint.arb_series
 
 
+_LARGEST_WHOLE = 2**53
+"""Whole numbers below it are exact doubles."""
+
+
 def _exact_parts(x: Ball) -> tuple[int, int]:
     mantissa, exponent = x.man_exp()
     return int(mantissa), int(exponent)
@@ -80,6 +84,13 @@ def coefficient(x: Ball, term: int) -> Ball:
             raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
         return x[term]
     return x if term == 0 else arb(0)
+
+
+def number(x: float, rounded: bool) -> Ball:
+    """A number as a ball: rounded, with all numbers within two units in the last place, since units and
+    constants such as π round several times."""
+    whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
+    return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
 
 def norm(matrix: Matrix) -> Ball:

@@ -14,10 +14,11 @@ from solve.arrays import Array
 from solve.errors import ResonanceError
 from solve.model.model import Model
 from solve.period.multipliers import UNDETERMINED, VERDICTS
-from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest, precision
+from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest, number, precision
 from solve.proof.equation import Equation
 from solve.proof.instructions import Instructions
 from solve.proof.orbit import largest_modulus, polynomials, position_and_rate, states
+from solve.proof.outputs import Outputs
 from solve.proof.periodicity import repeats
 from solve.proof.result import Proof
 from solve.proof.spectrum import Multiplier, multipliers, verdict
@@ -42,9 +43,6 @@ _SAMPLES = 64
 
 _SHOWN = 4
 """Decimal digits that are shown beyond those which two bounds share."""
-
-_LARGEST_WHOLE = 2**53
-"""Whole numbers below it are exact doubles."""
 
 EXACT = "parameters, speed and constants are exactly their double-precision numbers"
 _ALL_WITHIN = (
@@ -81,6 +79,7 @@ def enclosed(
             try:
                 enclosures = states(found.turn, equation.n, found.Phi)
                 bounds, orbit_error = _orbit(result, equation, found, enclosures)
+                bounds |= _outputs(system, Outputs.of(system, equation, found.turn, enclosures, rounded))
             except ResonanceError as error:
                 warnings.append(str(error))
         errors = {"multipliers": true_error(result, found.discs), "orbit": orbit_error}
@@ -161,13 +160,6 @@ def equation_of(system: Model, omega: float, rounded: bool) -> Equation:
     return Equation.scaled(instructions, numbers[0], numbers[1:], samples)
 
 
-def number(x: float, rounded: bool) -> Ball:
-    """A number as a ball: rounded, with all numbers within two units in the last place, since units and
-    constants such as π round several times."""
-    whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
-    return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
-
-
 def multiple_of_pi(T: float) -> Fraction | None:
     """The fraction k/q of π that a period stands for."""
     for q in _DENOMINATORS:
@@ -207,6 +199,14 @@ def _orbit(
     # A coordinate that may be at rest has no size of its own.
     size = max(low for low, _ in bounds.values())
     return bounds, max(worst, resting / size) if size > 0 else math.inf
+
+
+def _outputs(system: Model, outputs: Outputs | None) -> dict[str, tuple[float, float]]:
+    """Bounds on the largest moduli of the outputs, where these are finite."""
+    if outputs is None:
+        return {}
+    each = {name: outputs.largest_modulus(k) for k, name in enumerate(system.outputs)}
+    return {name: (below(low), above(high)) for name, (low, high) in each.items() if high.is_finite()}
 
 
 def true_error(result: Stability, discs: list[Multiplier]) -> float:

@@ -14,9 +14,9 @@ from solve.arrays import Array
 from solve.errors import NoOrbitError, ResonanceError, StepsError
 from solve.model.model import LinearisedModel, Model
 from solve.period.multipliers import UNDETERMINED, VERDICTS
-from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest, precision, widened
+from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest, number, precision, widened
 from solve.proof.curvature import sizes_of
-from solve.proof.enclosure import GUARD_BITS, assumption, bounds_of, discs_of, number, period_of, true_error
+from solve.proof.enclosure import GUARD_BITS, assumption, bounds_of, discs_of, period_of, true_error
 from solve.proof.equation import Equation
 from solve.proof.existence import Existence, Linear, existence
 from solve.proof.instructions import Instructions

@@ -74,13 +74,13 @@ def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball,
     of second order."""
     coefficients, error = piece
     middle, half = (arb(start) + arb(end)) / 2, (arb(end) - arb(start)) / 2
-    value, slope, curvature = _derivatives(coefficients, middle, arb(start).union(arb(end)))
+    value, slope, curvature = derivatives_on(coefficients, middle, arb(start).union(arb(end)))
     low = (abs(value) - error).lower()
     high = (abs(value) + abs(slope) * half + curvature * half**2 / 2 + error).upper()
     return low, high
 
 
-def _derivatives(coefficients: list[Ball], middle: Ball, cell: Ball) -> tuple[Ball, Ball, Ball]:
+def derivatives_on(coefficients: list[Ball], middle: Ball, cell: Ball) -> tuple[Ball, Ball, Ball]:
     """p and p′ at the middle, and a bound on |p″| on the cell, by Horner's scheme."""
     value, slope, second = arb(0), arb(0), arb(0)
     first_on, value_on = arb(0), arb(0)

@@ -69,7 +69,7 @@ def test_the_trace_of_mathieus_equation(delta, epsilon, zeta, message):
     trace = exact_trace(delta, epsilon, zeta)
     with precision(300):
         Phi = _enclosed(
-            proof.result.system, equation_of(proof.result.system, 1.0, False), 120, 24.0, False
+            proof.result.system, equation_of(proof.result.system, 1.0, False), Marching(120, 24.0), False
         ).Phi
         enclosure, exact = Phi[0, 0] + Phi[1, 1], arb(mpmath.nstr(trace, 38))
         assert abs(enclosure - exact) < 1e-30

@@ -1,0 +1,129 @@
+"""Enclosures of the extrema of outputs, functions of phase, q, q̇ and q̈, along the periodic solution.
+
+On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ for the state x at its start. Since
+m E₂′ = −h r_y E − D₂, and ε contains the factor max(1, ‖m⁻¹‖) Σ‖D_k‖, also ‖E₂′‖ ≤ (h‖A‖ + 1) ε‖x‖ for the
+derivative by τ. So q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ they are evaluated by
+the mean value form of second order, and the generated function on the resulting balls.
+"""
+
+import heapq
+import math
+from dataclasses import dataclass, field
+from functools import partial
+
+from solve.errors import LinearModelError
+from solve.model.model import Model
+from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, largest, number
+from solve.proof.equation import Equation
+from solve.proof.instructions import Instructions, UndecidedError
+from solve.proof.orbit import derivatives_on
+from solve.proof.turn import Turn
+
+_WIDTH = 1e-3
+"""Relative width at which the search for a maximum ends: balls of the generated function converge with the
+length of the interval only."""
+
+_CELLS = 600
+"""Most intervals that are examined for one output."""
+
+Polynomial = tuple[list[Ball], Ball]
+"""Coefficients by τ, and a bound on their error."""
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Outputs along the periodic solution of an equation, on steps without jumps.
+
+    states : (2n+1, 1) at the start of each step
+    """
+
+    instructions: Instructions
+    equation: Equation
+    turn: Turn
+    states: list[Matrix]
+    _motions: dict[int, list[list[Polynomial]]] = field(default_factory=dict)
+    _found: dict[tuple[int, float, float], list[Ball]] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, model: Model, equation: Equation, turn: Turn, states: list[Matrix], rounded: bool
+    ) -> "Outputs | None":
+        """Outputs of a model; None without outputs, with jumps, or with operations without a rule."""
+        if not model.outputs or not all(step.load for step in turn.steps):
+            return None
+        try:
+            instructions = Instructions.of(model.setup.function("outputs"), partial(number, rounded=rounded))
+        except LinearModelError:
+            return None
+        return cls(instructions, equation, turn, states)
+
+    def largest_modulus(self, number: int) -> tuple[Ball, Ball]:
+        """Lower and upper bound on the maximum of an output's modulus; the upper one is infinite where an
+        operation with pieces is undecided."""
+        low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(self.turn.steps))]
+        for _ in range(_CELLS):
+            bound, at, start, end = heap[0]
+            if low > 0 and arb(-bound) - low < _WIDTH * low:
+                break
+            heapq.heappop(heap)
+            middle = (start + end) / 2
+            for first, second in ((start, middle), (middle, end)):
+                center = (first + second) / 2
+                least = self._on(at, center, center)[number].abs_lower()
+                low = least if least > low else low
+                most = self._on(at, first, second)[number].abs_upper()
+                heapq.heappush(heap, (-above(most), at, first, second))
+        return low, arb(-heap[0][0])
+
+    def _on(self, at: int, start: float, end: float) -> list[Ball]:
+        """Balls that contain the outputs on a part of a step."""
+        key = at, start, end
+        if key not in self._found:
+            self._found[key] = self._evaluated(at, arb(start), arb(end))
+        return self._found[key]
+
+    def _evaluated(self, at: int, start: Ball, end: Ball) -> list[Ball]:
+        if at not in self._motions:
+            self._motions[at] = self._motion(at)
+        phase = (self.turn.starts[at] + self.turn.lengths[at] * start).union(
+            self.turn.starts[at] + self.turn.lengths[at] * end
+        )
+        states = [[_range(each, start, end) for each in row] for row in self._motions[at]]
+        count = len(self.instructions.entries)
+        try:
+            values, _ = self.instructions([[phase], [self.equation.speed], *states, self.equation.parameters])
+        except UndecidedError:
+            return [arb.pos_inf()] * count
+        return [entries[0][2] if entries else arb(0) for entries in values]
+
+    def _motion(self, at: int) -> list[list[Polynomial]]:
+        """q, q̇ and q̈ on a step."""
+        equation, n, state = self.equation, self.equation.n, self.states[at]
+        step, h = self.turn.steps[at], self.turn.lengths[at]
+        T = arb_mat(equation.modes.tolist()) * arb(equation.load)
+        TW = arb_mat((equation.modes * equation.frequencies).tolist()) * arb(equation.load)
+        size = step.error * largest(entry.abs_upper() for entry in state.entries())
+        terms = [(term * state).entries() for term in step.terms]
+        position = [arb_mat(n, 1, y[:n]) for y in terms]
+        rate = [arb_mat(n, 1, y[n:]) for y in terms]
+        change = [y * (k / h) for k, y in enumerate(rate)][1:] or [arb_mat(n, 1)]
+        speed = equation.speed
+        return [
+            _polynomials(T, position, size),
+            _polynomials(TW * speed, rate, size),
+            _polynomials(TW * speed**2, change, (step.advance + 1) * size / h),
+        ]
+
+
+def _polynomials(matrix: Matrix, terms: list[Matrix], error: Ball) -> list[Polynomial]:
+    """Rows of a matrix times terms, with their errors."""
+    products = [(matrix * term).entries() for term in terms]
+    errors = [sum((abs(x) for x in row), arb(0)) * error for row in matrix.table()]
+    return [([product[i] for product in products], each.upper()) for i, each in enumerate(errors)]
+
+
+def _range(polynomial: Polynomial, start: Ball, end: Ball) -> Ball:
+    coefficients, error = polynomial
+    middle, half = (start + end) / 2, (end - start) / 2
+    value, slope, curvature = derivatives_on(coefficients, middle, start.union(end))
+    return value + arb(0, (abs(slope) * half + curvature * half**2 / 2 + error).upper())
