@@ -5,7 +5,6 @@ are zero. A system ẋ = A x + b has M = 0, C = 1, K = -A and d = b."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -22,16 +21,9 @@ from solve.matrices import (
 from solve.samples import sampled
 from solve.system import PeriodicSystem
 
-
-class Signals(NamedTuple):
-    """Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, and the names of its inputs
-    and outputs."""
-
-    B: Array
-    C: Array
-    D: Array
-    inputs: Sequence[str]
-    outputs: Sequence[str]
+Signals = tuple[Array, Array, Array, Sequence[str], Sequence[str]]
+"""Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, and the names of its inputs and
+outputs."""
 
 
 class FirstOrderSystem(PeriodicSystem):
@@ -110,8 +102,9 @@ class FirstOrderSystem(PeriodicSystem):
             Azimuths in rad, by default uniform from 0 without the end of the period.
         period : float
             Period in phase.
-        signals : Signals, optional
-            Samples B (k, N, r), C (k, y, N) and D (k, y, r), and names of inputs and outputs.
+        signals : tuple, optional
+            Samples B (k, N, r), C (k, y, N) and D (k, y, r), and the names of inputs and outputs: (B, C, D,
+            inputs, outputs).
 
         Returns
         -------
@@ -128,8 +121,10 @@ class FirstOrderSystem(PeriodicSystem):
         >>> FirstOrderSystem.from_samples(A, A[:, 0], ["x"]).states
         ('x',)
         """
-        inputs, outputs = () if signals is None else signals[3], () if signals is None else signals[4]
-        arrays = (A, b) if signals is None else (A, b, *signals[:3])
+        arrays, inputs, outputs = (A, b), (), ()
+        if signals is not None:
+            *matrices, inputs, outputs = signals
+            arrays = (A, b, *matrices)
         samples = sampled(arrays, "AbBCD"[: len(arrays)], period, phases)
         made = cls(samples.function, states, samples.period, (), inputs, outputs)
         return made.from_interpolant(samples)

@@ -246,8 +246,8 @@ def _of_rows(method: Collocation, stage: int, n: int) -> Array:
 def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
     """Stage accelerations (P, m, s, n, N+1) of steps h (m,) with stages at phases (m, s); rates of
     first-order coordinates."""
-    *sampled, loads = matrices(points, phases.ravel())
-    sampled = *by_rates(*sampled, points.first_order), loads
+    M, C, K, d = matrices(points, phases.ravel())
+    sampled = *by_rates(M, C, K, points.first_order), d
     M, C, K, d = (part.reshape(len(part), *phases.shape, *part.shape[2:]) for part in sampled)
     a = method.stage_accelerations(h, M, C, K, d)
     if not points.first_order:

@@ -14,7 +14,14 @@ from solve.period.frozen import FrozenModes, frozen
 from solve.period.grid import Grid
 from solve.period.period_map import Steps, monodromy, periodic_states
 from solve.period.points import Points, matrices
-from solve.period.rigid_body import Free, RigidBodyModes, conserved_momentum, rigid_body_modes, still_rigid
+from solve.period.rigid_body import (
+    Free,
+    RigidBodyModes,
+    conserved_momentum,
+    rigid_body_modes,
+    still_rigid,
+    with_unit_states,
+)
 
 _IN_A_PIECE = 8
 """Further phases at which K is tested in each interval between two jumps."""
@@ -38,8 +45,6 @@ _SMALLEST = float(np.finfo(float).tiny)
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
     """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
-    if points.first_order:
-        return None
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():
@@ -57,10 +62,10 @@ def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
         found = replace(found, vectors=vectors)
     if not found.any.any():
         return None
-    if not points.breaks and (found.damped & found.present).any():
+    if not (points.breaks or points.first_order) and (found.damped & found.present).any():
         M, C, K = modes.matrices
         found = replace(found, momentum=conserved_momentum(M, C, K, found, points.period))
-    return Free(found, modes.mean_mass)
+    return Free(found, with_unit_states(modes.mean_mass, points.first_order))
 
 
 def _further(points: Points) -> Array:

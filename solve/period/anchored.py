@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.curve import Curve, FourierCurve, PeriodicCurve
-from solve.period.points import Points, Tables
+from solve.period.points import Points, Tables, state_size
 from solve.period.rigid_body import RigidBodyModes
 
 _RATES = 1.0, 3.0
@@ -97,14 +97,14 @@ class Anchored:
         return first, second
 
     def quotient(self, Phi: Array) -> Array:
-        """Monodromy matrices (P, 2n, 2n) of the motion relative to the modes, from those of the anchored
+        """Monodromy matrices (P, N, N) of the motion relative to the modes, from those of the anchored
         points. Modes with C e ≠ 0 keep their rates at their reference coordinates; the other entries of
         reference coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
-        """One-step maps (P, m, 2n, 2n) in the same coordinates, with 1 on the diagonal where `quotient` has
+        """One-step maps (P, m, N, N) in the same coordinates, with 1 on the diagonal where `quotient` has
         zeros: multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         made = left[:, None] @ A @ right[:, None]
@@ -112,20 +112,23 @@ class Anchored:
         return made + ones[:, None, :, None] * np.eye(A.shape[-1])
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
-        """Projection onto states (P, 2n, 2n) of the motion relative to the modes, and the embedding back.
+        """Projection onto states (P, N, N) of the motion relative to the modes, and the embedding back.
         whole: for the whole period, where the rate of a mode with conserved momentum is left out too."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
-        left, right = np.zeros((2, len(self), 2 * n, 2 * n))
-        left[:, :n, :n] = left[:, n:, n:] = kept[..., None] * relative
-        right[:, range(n), range(n)] = right[:, range(n, 2 * n), range(n, 2 * n)] = kept
-        damped = modes.damped & modes.present
+        N, p = state_size(self), n - self.first_order
+        left, right = np.zeros((2, len(self), N, N))
+        left[:, :n, :n] = kept[..., None] * relative
+        left[:, n:, n:] = left[:, :p, :p]
+        right[:, range(n), range(n)], right[:, range(n, N), range(n, N)] = kept, kept[:, :p]
+        # First-order coordinates have no rates.
+        damped = modes.damped & modes.present & (modes.references < p)
         for point, mode in np.argwhere(damped).tolist():
             at = n + modes.references[point, mode]
             measure = modes.measures[point, mode]
-            left[point, at, n:] = measure
+            left[point, at, n:] = measure[:p]
             left[point, at, :n] = alpha[point, mode] * measure
-            right[point, n:, at] = modes.vectors[point, :, mode]
+            right[point, n:, at] = modes.vectors[point, :p, mode]
             if whole and modes.momentum is not None and modes.conserving[point]:
                 along = modes.momentum[point, n:] @ modes.vectors[point, :, mode]
                 left[point, at], right[point, n:, at] = 0.0, 0.0

@@ -10,7 +10,7 @@ import numpy as np
 from solve.arrays import Array, covers_all, solved
 from solve.kernel import eigenvalues as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.matrices import by_rates, split_entries
+from solve.matrices import by_rates, leading, split_entries
 from solve.period.eigenvalues import balance_matrices
 from solve.period.pencils import (
     LOOPED,
@@ -77,8 +77,6 @@ class FrozenModes:
     @cached_property
     def rigid_body_modes(self) -> RigidBodyModes | None:
         """Rigid-body modes at these phases; None if no point has one."""
-        if self._first_order:
-            return None
         if self._n == 1 and not self._tables.own:
             low, high = self._ranges
             M, C, K = np.maximum(-low[:3], high[:3])
@@ -89,7 +87,7 @@ class FrozenModes:
             if not may_be_singular(K[:, 0], ROUNDING * (np.abs(M) + np.abs(C))[:, 0]).any():
                 return None
         M, C, K = self.matrices
-        modes = rigid_body_modes(K, C, M)
+        modes = rigid_body_modes(K, C, M).of_one_kind(self._first_order)
         return modes if modes.any.any() else None
 
     @property
@@ -239,9 +237,9 @@ class FrozenModes:
         """Mean accelerations of coordinates due to coordinates and their rates (P, n, n), and due to loads
         (P, n)."""
         n = self._n
-        *matrices, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
-        matrices = by_rates(*matrices, self._first_order)
-        rate = np.abs(rate_of(*matrices, load)[..., n:, :]).mean(axis=1)
+        M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
+        M, C, K = by_rates(M, C, K, self._first_order)
+        rate = np.abs(rate_of(M, C, K, load)[..., n:, :]).mean(axis=1)
         return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
 
     def load_scale(self, sizes: Array) -> Array:
@@ -272,6 +270,7 @@ class FrozenModes:
         if modes is not None and modes.any.any():
             relative, mask = modes.relative
             mask = mask[:, None, None]
+            M = leading(M, C, self._first_order)
             C, K = (relative[:, None] @ solved(M, matrix) * mask for matrix in (C, K))
             # Reference coordinates are excluded.
             K = K + (1 - mask) * np.eye(self._n)
@@ -376,7 +375,8 @@ class FrozenModes:
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
         """M⁻¹C and M⁻¹K as fields (n, n, P, k), with first-order coordinates taken as rates."""
-        return mass_normalised(*self._rates_at(phases), self._first_order)
+        M, C, K = self._rates_at(phases)
+        return mass_normalised(M, C, K, self._first_order)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:

@@ -73,8 +73,8 @@ def fields_by_rates(pencils: Array, first_order: int) -> Array:
         return pencils
     if first_order == pencils.shape[1]:
         return np.stack((pencils[1], pencils[2], np.zeros_like(pencils[0])))
-    columns = by_rates(*np.moveaxis(pencils, 2, -1), first_order)
-    return np.moveaxis(np.stack(columns), -1, 2)
+    M, C, K = np.moveaxis(pencils, 2, -1)
+    return np.moveaxis(np.stack(by_rates(M, C, K, first_order)), -1, 2)
 
 
 def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 The machine moves along e without a restoring force, for example in the rotation of a drive train without a
 spring to ground."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,6 +74,14 @@ class RigidBodyModes:
             self.errors[points],
             None if self.momentum is None else self.momentum[points],
         )
+
+    def of_one_kind(self, first_order: int) -> "RigidBodyModes":
+        """Modes without those that move both first-order coordinates, which are the last ones, and others."""
+        if not first_order:
+            return self
+        moves = self.vectors != 0
+        mixed = moves[:, :-first_order].any(axis=1) & moves[:, -first_order:].any(axis=1)
+        return replace(self, vectors=np.where(mixed[:, None], 0.0, self.vectors))
 
     @property
     def conserving(self) -> Array:
@@ -176,6 +184,19 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
         result.vectors[point, :, :r], result.references[point, :r] = modes.vectors[0], modes.references[0]
         result.damped[point, :r], result.errors[point, :r] = modes.damped[0], modes.errors[0]
     return result
+
+
+def with_unit_states(mass: Array, first_order: int) -> Array:
+    """Mass matrices (P, n, n) with 1 for first-order coordinates, which are the last ones; 1 for all
+    coordinates if rows of M belong to equations in another order."""
+    if not first_order:
+        return mass
+    n, p = mass.shape[-1], mass.shape[-1] - first_order
+    made = np.broadcast_to(np.eye(n), mass.shape).copy()
+    symmetric = (mass[:, :p, :p] + np.swapaxes(mass[:, :p, :p], 1, 2)) / 2
+    positive = (np.linalg.eigvalsh(symmetric) > 0).all(axis=1) if p else np.ones(len(mass), dtype=bool)
+    made[positive, :p, :p] = mass[positive, :p, :p]
+    return made
 
 
 def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:

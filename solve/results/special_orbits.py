@@ -147,7 +147,7 @@ class RigidOrbit(Orbit):
     spectral_radius = distance_from_one = condition = liouville = np.nan  # type: ignore[assignment]
     error_estimate = ErrorEstimate(_ROUNDOFF, np.nan)  # type: ignore[assignment]
     residual = 0.0  # type: ignore[assignment]
-    curve = linearisation_error = reduction_error = None  # type: ignore[assignment]
+    curve = linearisation_error = reduction_error = interpolation_error = None  # type: ignore[assignment]
     rigid_body_modes = ()  # type: ignore[assignment]
     unresolved = 0  # type: ignore[assignment]
     multipliers = exponents = np.zeros(0, dtype=complex)  # type: ignore[assignment]

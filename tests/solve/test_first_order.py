@@ -154,6 +154,47 @@ def test_bands_of_a_restated_mathieu_equation_are_the_same():
     assert first[0].high == pytest.approx(second[0].high, rel=1e-6)
 
 
+def mathieu_states(delta, epsilon):
+    def matrices(phase, speed):
+        A = np.zeros((len(phase), 2, 2))
+        A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1.0, -(delta + epsilon * np.cos(2 * phase)), -0.1
+        return A, np.cos(2 * phase)[:, None] * [0, 1]
+
+    return FirstOrderSystem(matrices, ["q", "v"], period=np.pi)
+
+
+def mathieu(delta, epsilon):
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        stiffness = (delta + epsilon * np.cos(2 * phase))[:, None, None]
+        return one, 0.1 * one, stiffness, np.cos(2 * phase)[:, None]
+
+    return PeriodicSystem(matrices, ["q"], period=np.pi)
+
+
+def test_charts_of_both_forms_are_the_same():
+    charts = [
+        solve.chart(build, "delta=0.5:1.5:5", "epsilon=0:1:4", speed=1.0)
+        for build in (mathieu, mathieu_states)
+    ]
+    assert (charts[0].verdicts == charts[1].verdicts).all()
+    assert charts[1].spectral_radius == pytest.approx(charts[0].spectral_radius, rel=1e-8)
+    assert len(charts[0].boundaries) == len(charts[1].boundaries) == 1
+
+
+def test_critical_speeds_of_both_forms_are_the_same():
+    second, first = (
+        solve.critical_speeds(build(1.3, 0.4), (0.5, 3.0)) for build in (mathieu, mathieu_states)
+    )
+    for one, other in zip(second.rows, first.rows, strict=True):
+        for kind in ("response", "multiplier", "radius"):
+            maxima = getattr(one, kind), getattr(other, kind)
+            if maxima[0] is None:
+                assert maxima[1] is None
+            else:
+                assert maxima[1].speed == pytest.approx(maxima[0].speed, rel=1e-5)
+
+
 @pytest.mark.parametrize("method", REFUSED)
 def test_methods_of_second_order_are_refused_in_one_line(method):
     with pytest.raises(SolveError, match=r"second order only.*use auto, radau, gauss") as refused:
@@ -307,3 +348,93 @@ def test_state_space_of_other_forms_gives_the_same_response(order):
     transfers = [solve.harmonic_transfer(one, 1.3, harmonics=12) for one in (second, system)]
     responses = [np.einsum("iokj,kj->io", one.at(0.0).values, one.excitation) + one.rest for one in transfers]
     assert np.abs(responses[1][:, :2] - responses[0]).max() <= 1e-7 * np.abs(responses[0]).max()
+
+
+def conduction(phase, speed):
+    """Three bodies with heat conduction between them, which the sum of their temperatures survives."""
+    exchange = np.array([[-1, 1, 0], [1, -2, 1], [0, 1, -1.0]])
+    sources = np.stack((np.cos(phase) + 0.3, np.sin(2 * phase), 0.5 * np.cos(phase)), axis=1)
+    return (1 + 0.5 * np.cos(phase))[:, None, None] * exchange, sources
+
+
+def test_constant_vector_without_rate_is_a_rigid_body_mode():
+    orbit = solve.periodic(FirstOrderSystem(conduction, names("x", 3)), 1.0)
+    (mode,) = orbit.rigid_body_modes
+    assert mode.vector == (1, 1, 1)
+    # The mean source 0.3 heats all three.
+    assert mode.drift == pytest.approx(0.1, rel=1e-9)
+    assert orbit.multipliers == pytest.approx(np.exp(-2 * np.pi * np.array([0, 1, 3])), abs=1e-10)
+    assert orbit.verdict == "asymptotically stable"
+    assert orbit.spectral_radius == pytest.approx(np.exp(-2 * np.pi), rel=1e-8)
+    mean = [orbit.statistics(name).mean for name in orbit.states]
+    assert sum(mean) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_orbit_along_a_free_direction_satisfies_the_equations():
+    from scipy.integrate import solve_ivp
+
+    orbit = solve.periodic(FirstOrderSystem(conduction, names("x", 3)), 1.0)
+
+    def rate(t, x):
+        A, b = conduction(np.array([t]), 1.0)
+        return A[0] @ x + b[0]
+
+    times = np.linspace(0, 2 * np.pi, 9)
+    motion = solve_ivp(rate, (0, 2 * np.pi), orbit.x[:, 0], rtol=1e-10, atol=1e-12, t_eval=times).y
+    assert motion - 0.1 * times == pytest.approx(orbit.at(times), abs=1e-7)
+
+
+@pytest.mark.parametrize("drag", [0.0, 0.2])
+@pytest.mark.parametrize("engine", ["compiled", "numpy"])
+def test_free_mixed_system_equals_its_second_order_form(drag, engine):
+    def second(phase, speed):
+        M, C, K = np.zeros((3, len(phase), 2, 2))
+        stiffness = 1 + 0.2 * np.cos(phase)
+        M[:] = np.eye(2)
+        K[:] = stiffness[:, None, None] * np.array([[1, -1], [-1, 1.0]])
+        C[:] = np.array([[0.1 + drag, -0.1], [-0.1, 0.1]])
+        return M, C, K, np.stack((np.cos(phase) + drag / 2, -np.cos(phase)), axis=1)
+
+    def with_sensor(phase, speed):
+        """And a state x that follows the twist."""
+        matrices = np.zeros((3, len(phase), 3, 3))
+        *parts, load = second(phase, speed)
+        for large, part in zip(matrices, parts, strict=True):
+            large[:, :2, :2] = part
+        matrices[1][:, 2, 2], matrices[2][:, 2] = 1.0, [-0.1, 0.1, 2.0]
+        return (*matrices, np.concatenate((load, 0 * load[:, :1]), axis=1))
+
+    q = names("q", 2)
+    reference = solve.periodic(PeriodicSystem(second, q), 1.0, engine=engine)
+    orbit = solve.periodic(MixedSystem(with_sensor, q, ["x"]), 1.0, engine=engine)
+    assert orbit_difference(orbit, reference, 2) < 1e-10
+    assert orbit.multipliers[:4] == pytest.approx(reference.multipliers, abs=1e-10)
+    assert orbit.multipliers[4] == pytest.approx(np.exp(-4 * np.pi), abs=1e-10)
+    assert orbit.verdict == reference.verdict
+    (mode,), (expected,) = orbit.rigid_body_modes, reference.rigid_body_modes
+    assert mode.vector == (*expected.vector, 0)
+    assert mode.damped == expected.damped == bool(drag)
+    assert (mode.drift or 0) == pytest.approx(expected.drift or 0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("A", "verdict"),
+    [
+        ([[0, 1], [-1, 0]], "stable"),
+        ([[0, 1], [0, 0]], "stable"),
+        ([[0, 1], [0, -1]], "asymptotically stable"),
+        ([[0, 1], [0, 1]], "unstable"),
+        ([[-1, 1], [0, 1e-3]], "unstable"),
+        ([[0]], "stable"),
+        ([[-1, 1, 0], [0, -1, 1], [0, 0, -1]], "asymptotically stable"),
+        ([[0, 1, 0, 0], [-1, 0, 1, 0], [0, 0, 0, 1], [0, 0, -1, 0]], "undetermined"),
+    ],
+)
+def test_verdicts_of_constant_systems(A, verdict):
+    """The last one has a double pair on the circle with one eigenvector."""
+    A = np.array(A, dtype=float)
+
+    def matrices(phase, speed):
+        return np.broadcast_to(A, (len(phase), *A.shape)), np.zeros((len(phase), len(A)))
+
+    assert solve.floquet(FirstOrderSystem(matrices, names("x", len(A))), 2.3).verdict == verdict

@@ -157,6 +157,17 @@ def test_samples_of_second_order_at_irregular_azimuths_are_interpolated():
     assert solve.periodic(mixed, 1.0).q == pytest.approx(orbit.q, rel=1e-12)
 
 
+def test_inputs_and_outputs_are_sampled_too():
+    A, _ = swaying(np.random.default_rng(1), 2, 0.3)
+    azimuths = uniform(16)
+    B, C = np.ones((16, 2, 1)), np.stack((np.cos(azimuths), 0 * azimuths), axis=1)[:, None]
+    signals = B, C, np.zeros((16, 1, 1)), ["u"], ["y"]
+    system = FirstOrderSystem.from_samples(*with_load(A)(azimuths, 1.0), names("x", 2), signals=signals)
+    orbit = solve.periodic(system, 1.0)
+    assert orbit.outputs["y"] == pytest.approx(np.cos(orbit.phase) * orbit.x[0], abs=1e-12)
+    assert solve.state_space(system, 1.0, samples=4).B.shape == (4, 2, 1)
+
+
 def test_uniform_azimuths_in_any_order_are_recognised():
     A, _ = swaying(np.random.default_rng(1), 2, 0.3)
     order = np.random.default_rng(0).permutation(12)

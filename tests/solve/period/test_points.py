@@ -34,6 +34,7 @@ class Several:
     each: tuple
     which: np.ndarray
     bytes_a_phase: int = 0
+    first_order: int = 0
     breaks: tuple = ()
     period: float = 2 * np.pi
 

@@ -1,0 +1,47 @@
+"""python -m tests.benchmarks.first_order: systems of second order beside the same with states.
+
+Each system has as many states as the other: n coordinates and their velocities. Run it with
+OMP_NUM_THREADS=1.
+"""
+
+import numpy as np
+
+import solve
+from solve import FirstOrderSystem, PeriodicSystem
+from tests.benchmarks.timing import median
+
+SIZES = 1, 2, 3, 4, 6
+SPEED = 1.3
+
+
+def pair(n: int) -> tuple[PeriodicSystem, FirstOrderSystem]:
+    """A system of n coordinates with unit inertia, and the same with 2n states."""
+    rng = np.random.default_rng(n)
+    K0 = np.diag(1.0 + np.arange(n)) + 0.2 * rng.standard_normal((n, n))
+    K1, load = 0.3 * rng.standard_normal((n, n)), rng.standard_normal(n)
+
+    def second(phase, speed):
+        wave = np.cos(phase)[:, None, None]
+        one = np.broadcast_to(np.eye(n), (len(phase), n, n))
+        return one, 0.1 * one, K0 + K1 * wave, np.cos(phase)[:, None] * load
+
+    def first(phase, speed):
+        A, b = np.zeros((len(phase), 2 * n, 2 * n)), np.zeros((len(phase), 2 * n))
+        A[:, :n, n:], A[:, n:, n:] = np.eye(n), -0.1 * np.eye(n)
+        A[:, n:, :n], b[:, n:] = -K0 - K1 * np.cos(phase)[:, None, None], np.cos(phase)[:, None] * load
+        return A, b
+
+    q, v = ([f"{kind}{k + 1}" for k in range(n)] for kind in "qv")
+    return PeriodicSystem(second, q), FirstOrderSystem(first, [*q, *v])
+
+
+def main() -> None:
+    print(f"{'states':>6}{'':4}{'':9}{'second ms':>10}{'first ms':>10}{'ratio':>7}")
+    for n in SIZES:
+        for run in (solve.floquet, solve.periodic):
+            times = [1e3 * median(lambda one=one, run=run: run(one, SPEED))[0] for one in pair(n)]
+            print(f"{2 * n:6}    {run.__name__:9}{times[0]:10.2f}{times[1]:10.2f}{times[1] / times[0]:7.2f}")
+
+
+if __name__ == "__main__":
+    main()
