@@ -8,7 +8,6 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import FileError
-from solve.first_order import Signals
 from solve.readers.sampled import SampledMixed, SampledStates, SampledSystem, Source
 
 _TEXTS = "coordinates", "states", "inputs", "outputs"
@@ -79,7 +78,7 @@ def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str
         _require_shapes({"B": B}, (N, len(inputs)), source.name)
         _require_shapes({"C": C}, (len(outputs), N), source.name)
         _require_shapes({"D": D}, (len(outputs), len(inputs)), source.name)
-        signals = Signals(B, C, D, inputs, outputs)
+        signals = B, C, D, inputs, outputs
     system = SampledStates.from_samples(A, b, states, **options, signals=signals)
     assert isinstance(system, SampledStates)
     system.of_source(source)

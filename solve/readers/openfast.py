@@ -172,7 +172,7 @@ def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequ
         return None
     states = {names["states"][k] for k in kept}
     outputs = [f"{name}_output" if name in states else name for name in names["outputs"]]
-    return Signals(matrices["B"][:, kept], matrices["C"][:, :, kept], matrices["D"], names["inputs"], outputs)
+    return (matrices["B"][:, kept], matrices["C"][:, :, kept], matrices["D"], names["inputs"], outputs)
 
 
 def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:

@@ -144,8 +144,8 @@ class FollowedModes(Result):
 
     @property
     def damping(self) -> Array:
-        """Damping ratios -Re λ/|λ| (P, M); negative for a mode that grows."""
-        return damping_ratios(self.exponents)
+        """Damping ratios -Re λ/|λ| (P, M); negative for a mode that grows, 0 for λ = 0 within its errors."""
+        return damping_ratios(self.exponents, self.resolution)
 
     def mode(self, label: str) -> int:
         """Position of the mode with a label. Raises UnknownNameError."""
@@ -159,7 +159,8 @@ class FollowedModes(Result):
         for kind, reason in _REASONS.items():
             sentences += self._ambiguity(kind, reason)
         with np.errstate(invalid="ignore", divide="ignore"):
-            worst = float(np.nanmax(self.errors / np.abs(self.exponents), initial=0.0))
+            sizes = np.maximum(np.abs(self.exponents), self.speeds[:, None] * 2 * np.pi / self.system.period)
+            worst = float(np.nanmax(self.errors / sizes, initial=0.0))
         if worst > _DOUBTFUL:
             steps = f"{self.steps} steps do not resolve all modes"
             sentences.append(f"relative errors of the exponents are up to {worst:.1e}: {steps}")
@@ -240,8 +241,9 @@ class FollowedModes(Result):
         return rows
 
 
-def damping_ratios(exponents: Array) -> Array:
-    """-Re λ/|λ|; 0 for λ = 0."""
+def damping_ratios(exponents: Array, resolution: float) -> Array:
+    """-Re λ/|λ|; 0 up to the resolution of λ, as for rigid-body modes."""
     size = np.abs(exponents)
     with np.errstate(invalid="ignore"):
-        return np.where(size == 0, 0.0, -np.real(exponents) / np.where(size == 0, 1.0, size))
+        is_zero = size <= resolution
+        return np.where(is_zero, 0.0, -np.real(exponents) / np.where(is_zero, 1.0, size))

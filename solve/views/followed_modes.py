@@ -21,6 +21,9 @@ _SIDEBAND = 0.1
 _LEAST_NAMED = 0.01
 """Participation from which tables name a harmonic: a choice."""
 
+_MOST_HARMONICS, _WIDTH = 3, 48
+"""Maximum number of harmonics that tables name, and of characters for them in 80 columns."""
+
 _HEADROOM = 1.15
 """Factor of free space above the highest frequency."""
 
@@ -94,7 +97,10 @@ def _draw_rays(axes: Axes, followed: FollowedModes, top: float) -> None:
 
 
 def _draw_damping(axes: Axes, followed: FollowedModes) -> None:
-    x, ratios = _places(followed, followed.path), 100 * damping_ratios(followed.path_exponents)
+    x, ratios = (
+        _places(followed, followed.path),
+        100 * damping_ratios(followed.path_exponents, followed.resolution),
+    )
     for column, style in enumerate(_styles(followed)):
         axes.plot(x, ratios[:, column], **style)
     axes.axhline(0.0, color=BLACK, linewidth=0.8)
@@ -152,16 +158,21 @@ def _mode_table(followed: FollowedModes) -> Table:
             continue
         least, first = int(np.nanargmin(ratios)), int(np.argmin(np.isnan(ratios)))
         parts = followed.participation[first, column]
-        largest = np.argsort(-parts, axis=None, kind="stable")[:3]
+        largest = np.argsort(-parts, axis=None, kind="stable")[:_MOST_HARMONICS]
         names = [
             f"{coordinates[row]}[{followed.harmonics[number]:+d}] {100 * parts[row, number]:.0f} %"
             for row, number in zip(*np.unravel_index(largest, parts.shape), strict=True)
             if parts[row, number] >= _LEAST_NAMED
         ]
         place = f"{unit.of(float(followed.values[least])):.6g}"
+        while len(", ".join(names)) > _WIDTH and len(names) > 1:
+            names.pop()
         rows.append((label, f"{100 * ratios[least]:.3f}", place, ", ".join(names)))
-    headings = "mode", "least damping (%)", f"at ({unit.name})" if unit.name else "at", "participation"
-    caption = "participation at the first value: coordinate[harmonic of the mode]"
+    headings = "mode", "least ζ (%)", "at", "participation"
+    caption = (
+        f"at: {unit.name or followed.over} of the least damping ratio ζ\n"
+        "participation at the first value: coordinate[harmonic of the mode]"
+    )
     return table("Modes", *headings, rows=rows, caption=caption)
 
 

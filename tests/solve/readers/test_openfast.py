@@ -63,6 +63,14 @@ def test_other_speeds_carry_a_warning(tmp_path):
     assert any("sampled at 1.2 rad/s" in text for text in solve.floquet(system, 2 * SPEED).warnings)
 
 
+def test_free_rotor_has_a_mode_without_frequency_and_damping(tmp_path):
+    """The azimuth of the generator is a state that nothing restores."""
+    modes = solve.follow_modes(solve.read_openfast(write_set(tmp_path, 12)), [SPEED, 1.01 * SPEED])
+    assert modes.frequencies[0, 0] == modes.damping[0, 0] == 0
+    assert len(modes.labels) == 3
+    assert not any("relative errors" in text for text in modes.warnings)
+
+
 def edited(old, new, count=1):
     text = lin_text(0.5)
     assert old in text
