@@ -1,8 +1,11 @@
 """Files that maintainers and other programs expect: versions, citation, hooks, schemas, llms.txt."""
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 import tomllib
 from importlib.metadata import version
 from pathlib import Path
@@ -111,6 +114,20 @@ def test_schema_refuses_output_without_a_key(capsys):
     del found["error_estimate"]
     with pytest.raises(jsonschema.ValidationError, match="'error_estimate' is a required property"):
         validated("floquet", found)
+
+
+def test_output_in_an_older_encoding_is_the_same_object():
+    """As of a pipe on Windows."""
+    words = "floquet mathieu --method newmark --steps 4 --json".split()
+    command = [sys.executable, "-m", "solve", *words]
+
+    def printed(encoding):
+        environment = {**os.environ, "PYTHONIOENCODING": encoding}
+        ran = subprocess.run(command, env=environment, capture_output=True, check=True)
+        return json.loads(ran.stdout.decode(encoding))
+
+    assert "ω" in printed("utf-8")["warnings"][0]
+    assert printed("cp1252") == printed("utf-8")
 
 
 @pytest.mark.slow

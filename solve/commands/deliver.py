@@ -61,7 +61,9 @@ def deliver_result(
         if flags.json:
             values = (record or result.record)()
             values |= {} if proof is None else {"proof": to_json(proof.record)}
-            print(json.dumps(values, ensure_ascii=False, allow_nan=False))
+            # A pipe of Windows has an older encoding, in which Greek letters would be replaced.
+            escaped = not (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf8")
+            print(json.dumps(values, ensure_ascii=escaped, allow_nan=False))
         else:
             console().print(report() if report else printout(result, choices))
             if proof is not None:

@@ -40,7 +40,7 @@ class Origin:
     def of(cls, model: Model) -> "Origin":
         """Origin of a loaded model, from the place of its generated code."""
         generated = Path(getattr(model.module, "__file__", None) or "")
-        for argument in (model.name, str(generated.parent.parent / generated.name)):
+        for argument in (model.name, (generated.parent.parent / generated.name).as_posix()):
             try:
                 if model_files(argument).generated.resolve() == generated.resolve():
                     return cls(argument)
@@ -90,9 +90,9 @@ class State:
         """Command that computes the same orbit; empty for a model in memory."""
         if self.origin.argument is None:
             return ""
-        parts = ["solve", "periodic", shlex.quote(self.origin.argument)]
-        parts += ["--case", shlex.quote(self.model.case)] if self.model.case else []
-        parts += ["--cases", shlex.quote(self.origin.cases)] if self.origin.cases else []
+        parts = ["solve", "periodic", _quoted(self.origin.argument)]
+        parts += ["--case", _quoted(self.model.case)] if self.model.case else []
+        parts += ["--cases", _quoted(self.origin.cases)] if self.origin.cases else []
         for flag, values in (("--option", self.options), ("--set", self.set)):
             parts += (f"{flag} {_quoted(f'{name}={value}')}" for name, value in values.items())
         return " ".join([*parts, "--speed", f'"{self.speed}"'])
@@ -202,8 +202,14 @@ def _base(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Text in double quotes if a shell would split it."""
-    return text if re.fullmatch(r"[\w.=+,:/-]+", text) else f'"{text}"'
+    """Text in quotes if a shell would split it, in double ones, which also Windows knows, if these suffice.
+
+    >>> _quoted("k=3 mm"), _quoted("$x"), _quoted("k=3")
+    ('"k=3 mm"', "'$x'", 'k=3')
+    """
+    if re.fullmatch(r"[\w.=+,:/-]+", text):
+        return text
+    return shlex.quote(text) if re.search(r'["$`\\!]', text) else f'"{text}"'
 
 
 def _escaped(text: str) -> str:
