@@ -122,8 +122,7 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
     made = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
     for reason in made.failures.values():
         raise reason
-    modes = result.modes[np.array([row])]
-    return differences(made, solutions, lambda _, sizes: modes.load_scale(sizes))[0]
+    return differences(made, solutions, result.modes[np.array([row])])[0]
 
 
 def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:

@@ -4,6 +4,7 @@ range."""
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -218,7 +219,7 @@ class Search:
             top = int(np.argmax(values))
             if values[top] < -_NEARLY:
                 continue
-            best = minimize_scalar(
+            best: Any = minimize_scalar(
                 lambda speed: -excess(speed),
                 bounds=(between[max(top - 1, 0)], between[min(top + 1, _BETWEEN)]),
                 method="bounded",
