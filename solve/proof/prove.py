@@ -44,7 +44,7 @@ def prove(
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
         a nonlinear orbit.
     rounded : bool, optional
-        Whether the statement holds for all real numbers within two units in the last place of the given
+        Whether the statement of a linear result holds for all real numbers within two units in the last place of the given
         ones, whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
         Whether the periodic solution is enclosed too; that of a result is, if it has one.
@@ -101,8 +101,8 @@ def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor:
 
 
 def require_exact(rounded: bool) -> None:
-    """Raise ValueOutOfBoundsError for a nonlinear orbit of rounded numbers: the balls of its parameters exceed
-    the width that the bounds of a step allow."""
+    """Raise ValueOutOfBoundsError for a nonlinear orbit of rounded numbers: the balls of its parameters are
+    wider than the bounds of a step allow."""
     if rounded:
         raise ValueOutOfBoundsError(
             "a proof of a nonlinear orbit is for exactly the given numbers; leave out rounded"
