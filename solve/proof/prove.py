@@ -44,8 +44,8 @@ def prove(
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
         a nonlinear orbit.
     rounded : bool, optional
-        Whether the statement of a linear result holds for all real numbers within two units in the last place of the given
-        ones, whole numbers being exact, rather than for exactly these doubles.
+        Whether the statement of a linear result holds for all real numbers within two units in the last place
+        of the given ones, whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
         Whether the periodic solution is enclosed too; that of a result is, if it has one.
     executor : Executor, optional
