@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("flint")
 
 import solve
-from solve.errors import LinearModelError
+from solve.errors import LinearModelError, ValueOutOfBoundsError
 from solve.proof import existence as of_existence
 from solve.proof import nonlinear as of_nonlinear
 from solve.proof.balls import arb
@@ -141,6 +141,18 @@ def test_coexisting_orbits_are_unique_in_disjoint_regions():
 def test_an_orbit_of_equations_with_jumps_is_refused():
     with pytest.raises(LinearModelError, match="without jumps or kinks"):
         solve.prove(solve.nonlinear(solve.load("meissner"), 1.0))
+
+
+def test_rounded_numbers_of_a_nonlinear_orbit_are_refused():
+    with pytest.raises(ValueOutOfBoundsError, match="leave out rounded"):
+        solve.prove(orbit(), rounded=True)
+
+
+def test_two_periods_have_the_square_of_the_multipliers():
+    twice = solve.prove(solve.nonlinear(orbit().system.model, SPEED, start=orbit(), periods=2))
+    low, high = (float(bound) ** 2 for bound in proof().spectral_radius)
+    assert float(twice.spectral_radius[0]) <= high
+    assert float(twice.spectral_radius[1]) >= low
 
 
 def test_a_linear_system_has_its_orbit_everywhere_unique():
