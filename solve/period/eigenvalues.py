@@ -66,24 +66,10 @@ def multiplier_roundoff(Phi: Array, units: Array | None = None, engine: str = NU
     return np.where(is_resolved, np.minimum(perturbation * across(np.maximum, conditions), bound), 0.0)
 
 
-def roundoff_bound(Phi: Array, radius: Array, steps: int) -> Array:
-    """Upper bound (…) of `multiplier_roundoff` for defective blocks of at most two, from the spectral radius
-    (…)."""
-    is_resolved = radius > NEGLIGIBLE
-    perturbation = EPS * roundoff_growth(steps) * frobenius_norm(Phi) / np.where(is_resolved, radius, 1.0)
-    return np.where(is_resolved, np.sqrt(np.minimum(perturbation, 1.0)), 0.0)
-
-
 def roundoff_growth(steps: int) -> float:
     """Units of round-off in the product of this number of steps: a sixteenth per step, as measured, at least
     8."""
     return max(8.0, steps / 16)
-
-
-def frobenius_norm(Phi: Array) -> Array:
-    """Frobenius norms (…) of matrices (…, N, N), without overflow."""
-    scaled, unit = _scaled_entries(Phi)
-    return unit * _frobenius(scaled)
 
 
 def balanced(Phi: Array, units: Array | None = None) -> Array:
