@@ -293,6 +293,7 @@ class Collocated(OneStep):
     order: int
     orders: range
     samples_evenly = False
+    first_order = True
 
     def __post_init__(self) -> None:
         if self.order not in self.orders:

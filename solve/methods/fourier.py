@@ -51,6 +51,7 @@ class Fourier(Method):
     """
 
     name = "fourier"
+    first_order = True
     order = math.inf
     curve_order = math.inf
     spectral = True

@@ -17,6 +17,7 @@ class Hsu(OneStep):
     The order is 2; piecewise-constant coefficients are solved exactly."""
 
     name = "hsu"
+    first_order = True
     order = 2
     curve_order = 2
 

@@ -30,7 +30,6 @@ class March(OneStep):
     base: Newmark = field(default_factory=Newmark)
 
     name = "march"
-    first_order = False
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < 1:

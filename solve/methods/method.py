@@ -145,7 +145,7 @@ class Method:
     phase_constant: float = 0.0
     warnings: tuple[str, ...] = ()
     symmetric: bool = False
-    first_order: bool = True
+    first_order: bool = False
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -27,7 +27,6 @@ class Modal(OneStep):
     curve_order = 0
     converges = False
     symmetric = True
-    first_order = False
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         n = points.n

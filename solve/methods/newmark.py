@@ -28,7 +28,6 @@ class Newmark(OneStep):
     beta: float = 0.25
 
     name = "newmark"
-    first_order = False
 
     def __post_init__(self) -> None:
         for symbol, value in (("gamma", self.gamma), ("beta", self.beta)):

@@ -19,6 +19,7 @@ class RungeKutta4(OneStep):
     """Explicit method, stable for h |λ| inside the region |R(hλ)| ≤ 1, up to about 2.8."""
 
     name = "rk4"
+    first_order = True
     order = 4
     curve_order = 4
     # Far inside the stability limit, near which RK4 damps undamped modes.
