@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import Point
 from solve.newton.manifold import Manifold
-from solve.period.multipliers import EPS
+from solve.period.multipliers import EPS, UNIT_CIRCLE
 from solve.results.branch import DOUBLING, FOLD, TORUS
 
 _MAX_REFINEMENTS = 30
@@ -50,9 +50,17 @@ def _tests(before: Point, after: Point) -> dict[str, Test]:
     if beyond[0] % 2:
         tests[DOUBLING] = doubling_test
     leaving = int((np.abs(second) > 1).sum() - (np.abs(first) > 1).sum())
-    if abs(leaving - sum(change for change in beyond if change % 2)) == 2:
+    crossing = abs(leaving - sum(change for change in beyond if change % 2)) == 2
+    if crossing and not any(map(_stays_on_circle, (before, after))):
         tests[TORUS] = _torus_test
     return tests
+
+
+def _stays_on_circle(point: Point) -> bool:
+    """Whether complex multipliers are on the unit circle within the errors, as without damping."""
+    rho = point.orbit.multipliers
+    moduli = np.abs(rho[np.abs(np.imag(rho)) > _REAL * np.abs(rho)])
+    return bool((np.abs(moduli - 1) <= UNIT_CIRCLE + float(point.orbit.errors[1])).any())
 
 
 def _count(multipliers: Array, test: Callable[[Array], Array]) -> int:

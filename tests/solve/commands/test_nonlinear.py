@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.special import mathieu_a, mathieu_b
 
 import solve
 from solve.results import serialization
@@ -113,6 +114,13 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("transient", "cam", "--speeds", "0:9 rpm", "--show", "q9"), ("q9", "coordinate or output")),
         (("branch", "cam"), ("no speeds", "--speeds")),
         (("branch", "cam", "--speeds", "300 rpm"), ("300 rpm", "give two")),
+        (("branch", "cam", "--speeds", "300:310 rpm", "--over", "k1=1:2"), ("--over and --speeds",)),
+        (("branch", "cam", "--speed", "300 rpm"), ("no speeds", "--over NAME=A:B")),
+        (("branch", "cam", "--over", "k1=1e4", "--speed", "300 rpm"), ("write NAME=A:B",)),
+        (("branch", "cam", "--over", "k1=1e4:2e4", "--over", "k2=1:2"), ("--over is given twice",)),
+        (("branch", "cam", "--follow", "fold", "--switch"), ("--follow takes two ranges",)),
+        (("branch", "cam", "--scatter", "3", "--over", "k1=1:2"), ("--scatter is at one speed",)),
+        (("sweep", "cam", "--speeds", "300:310:2 rpm", "--nonlinear", "--turn", "q1"), ("--turn",)),
         (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),
         (("validity", "cam"), ("no speeds", "--speeds")),
     ],
@@ -155,3 +163,15 @@ def test_a_run_up_has_its_speeds_and_its_picture_over_time(command, tmp_path):
         ran = command("transient", "cam", *flags)
         assert (ran.status, ran.out) == (2, "")
         assert words in ran.err
+
+
+def test_a_branch_over_a_parameter_has_its_special_points(command):
+    """Mathieu's equation at rest: doublings at the edges of the first unstable region."""
+    line = "branch", "mathieu", "--over", "delta=0.8:1.2", "--set", "epsilon=0.2", "--speed", "1 rad/s"
+    record = json.loads(command(*line, "--set", "zeta=0", "--rtol", "1e-6", "--json").out)
+    edges = [mathieu_b(1, 0.1), mathieu_a(1, 0.1)]
+    assert [point["delta"] for point in record["doublings"]] == pytest.approx(edges, rel=1e-6)
+    assert (record["folds"], record["tori"], record["jumps"]) == ([], [], [])
+    kinds = [point["kind"] for point in record["points"]]
+    assert kinds.count("doubling") == 2
+    assert {"turns", "spectral_radius", "delta"} <= record["points"][0].keys()
