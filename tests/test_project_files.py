@@ -118,7 +118,7 @@ def test_schema_refuses_output_without_a_key(capsys):
 
 def test_output_in_an_older_encoding_is_the_same_object():
     """As of a pipe on Windows."""
-    words = "floquet mathieu --method newmark --steps 4 --json".split()
+    words = ["floquet", "mathieu", "--method", "newmark", "--steps", "4", "--json"]
     command = [sys.executable, "-m", "solve", *words]
 
     def printed(encoding):
