@@ -113,7 +113,7 @@ def _in_units(matrices: Array, units: Array) -> Array:
 
 def _without_eigenvalues(values: Array, Phi: Array, units: Array | None) -> tuple[Array, Array, Array | None]:
     """Positions (k,) of matrices whose eigenvalues (P, N) are not found, these matrices and their units."""
-    rows = (np.isnan(values).any(axis=1)).nonzero()[0]
+    rows = np.nonzero(np.isnan(values).any(axis=1))[0]
     return rows, Phi[rows], None if units is None else units[rows]
 
 
