@@ -26,21 +26,21 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
     """Results of nonlinear orbits at points (P, v), in their order. A store keeps each point.
 
     Raises SolveError subclasses for errors that affect all points."""
-    n = task.family.example.n
-    results = PointResults.blank(len(points), n, task.kept)
+    multipliers = task.family.example.multiplier_count
+    results = PointResults.blank(len(points), multipliers, task.kept)
     orbits = dict[int, NonlinearOrbit]()
     with ExitStack() as opening:
         kept = None
         if store is not None:
             columns = dict(zip(task.family.names, points.T, strict=True))
             description = {**task.description(points, points), "nonlinear": True}
-            kept = opening.enter_context(opened(store, description, columns, n, task.kept, 1))
+            kept = opening.enter_context(opened(store, description, columns, multipliers, task.kept, 1))
         count = opening.enter_context(progress.task(POINTS, len(points)))
         for at in range(len(points)):
             index = np.array([at])
             stored = None if kept is None else kept.read(index)
             if stored is None:
-                stored = PointResults.blank(1, n, task.kept)
+                stored = PointResults.blank(1, multipliers, task.kept)
                 _solve(task, points, at, stored, orbits)
                 if kept is not None:
                     kept.write(index, stored)
