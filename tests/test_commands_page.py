@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 import solve
+from solve.results.followed_modes import Ambiguity, Meeting
 from tests.pages import ROOT
 from tests.solve.free_machines import DRAG, train
-from tests.solve.newton.mechanisms import duffing, model_of
+from tests.solve.newton.mechanisms import autoparametric, duffing, model_of
+from tests.solve.newton.test_special_points import COUPLED, DRIVEN, DUFFING
 from tests.solve.studies.test_critical_speeds import _growing
 from tests.solve.studies.test_failed_points import LOW, holed
 from tests.solve.studies.test_resonances import two_modes
@@ -39,6 +41,8 @@ solve critical cam --speeds "40:50:3 rad/s" --rtol 1e-5
 solve transient cam --speed "300 rpm" --turns 2 --rtol 1e-3
 solve transient cam --speeds "600:610 rpm" --turns 1 --rtol 1e-3
 solve branch cam --speeds "90:120 rpm" --points 3 --rtol 1e-2
+solve modes mathieu --speeds "0.9:1.1:3 rad/s" --set zeta=0.01 --rtol 1e-4
+solve optimise mathieu --speed "1 rad/s" --minimise spectral_radius --free zeta --bounds zeta=0:0.1
 solve validity cam --speeds "10:20:2 rad/s"
 solve sensitivity cam --speed "300 rpm" --of q1.max_abs --by k1
 solve sensitivity cam --speeds "30:40:2 rad/s" --of q1.max_abs --by k1
@@ -53,6 +57,8 @@ models.four_bar curve --speed "30 rad/s" --rtol 1e-3
 SLOW_COMMANDS = """
 solve compare cam --speed "300 rpm" --method gauss
 solve floquet mathieu --prove
+solve optimise manipulator --speed "50 rpm" --minimise q1.max_abs --free b1 --bounds b1=0:1mm --prove
+solve branch cam --speed "100 rpm" --scatter 2
 solve periodic manipulator --speed "50 rpm" --prove
 solve chart mathieu --x delta=0.95:1.05:3 --y epsilon=0.1:0.2:3 --set zeta=0.01 --prove
 models.four_bar study --speeds "20:32:13 rad/s" --over L4=0.547,0.6 --of crank_root_stress
@@ -77,7 +83,8 @@ def paths_of(command, folder):
     output = io.StringIO()
     with contextlib.chdir(folder), contextlib.redirect_stdout(output):
         assert import_module(module).run([*arguments, "--json"]) == 0
-    return f"{program} {arguments[0]}", dict(paths(json.loads(output.getvalue())))
+    name = f"{program} {arguments[0]}" + (" --scatter" if "--scatter" in arguments else "")
+    return name, dict(paths(json.loads(output.getvalue())))
 
 
 def paths(value, place=()):
@@ -162,8 +169,16 @@ def records():
     gaps = {"delta": [0.2, LOW + 0.1]}, {"epsilon": [0.5, 2.5]}
     mass = model_of(duffing(), zeta=0.1, k=1.0, alpha=0.2, f=0.3)
     validity = solve.validity(mass, [0.1, 0.2])
+    modes = solve.follow_modes(mass, [0.1, 0.2], rtol=1e-4)
+    meeting, doubt = Meeting(("1", "2"), 0.15, "veering", 0.01), Ambiguity(("1", "2"), 0.1, 0.2, "close")
+    coupled = model_of(autoparametric(), **COUPLED, F=0.04)
     results = {
         "solve periodic": [free],
+        "solve modes": [replace(modes, meetings=[meeting], ambiguous=[doubt])],
+        "solve branch": [
+            solve.branch(model_of(duffing(), **DUFFING), "1:2.2 rad/s", rtol=1e-6),
+            solve.branch(coupled, DRIVEN, over="F=0.04:0.12", switch=True, points=40),
+        ],
         "solve sweep": [solve.sweep(resonant(), [1.5, 2.0])],
         "solve chart": [solve.chart(holed, *gaps, 1.0)],
         "solve critical": [
