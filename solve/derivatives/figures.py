@@ -271,8 +271,10 @@ def _first(slopes: Array) -> Array:
 
 
 def _of_harmonic(quantity: Named, value: complex, weights: Array) -> Array:
-    """Weights (k,) in the derivative of amplitude or phase angle of an order, of those (k, 2) of real and
-    imaginary part of its complex amplitude `value`. Raises NoDerivativeError."""
+    """Weights (k,) of the derivative of the amplitude or phase angle of a harmonic. Raises NoDerivativeError.
+
+    value: complex amplitude. weights (k, 2): weights of the derivatives of its real and imaginary part.
+    """
     if quantity.number == 0:
         return weights[:, 0] * (quantity.figure == HARMONIC)
     along = _over(np.array([value.real, value.imag]), abs(value), quantity)

@@ -238,8 +238,8 @@ def _require_simple(solved: Stability, at: int, quantity: Named) -> None:
     distance = np.delete(np.abs(multipliers - rho), at)
     if distance.min(initial=np.inf) <= COALESCENCE * abs(rho):
         raise NoDerivativeError(
-            f"{quantity.text} has no derivative: the multiplier meets another, apart by "
-            f"{distance.min() / abs(rho):.1e} of itself"
+            f"{quantity.text} has no derivative: the multiplier meets another up to a relative "
+            f"distance of {distance.min() / abs(rho):.1e}"
         )
     rivals = np.abs(np.abs(multipliers) - abs(rho)) <= COALESCENCE * abs(rho)
     rivals &= ~solved.spectrum.rigid[: len(multipliers)]

@@ -154,8 +154,8 @@ def _require_different_names(variables: _Variables) -> None:
     duplicates = sorted({name for name in names if names.count(name) > 1})
     if duplicates:
         raise ValueOutOfBoundsError(
-            f"'{duplicates[0]}' would be the name of two variables of the FMU; give the coordinate, output "
-            "or parameter of the mechanism another"
+            f"'{duplicates[0]}' would be the name of two variables of the FMU; rename the coordinate, output "
+            "or parameter of the mechanism"
         )
 
 

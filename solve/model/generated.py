@@ -132,7 +132,7 @@ def readable(path: Path) -> str:
         return path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         why = (error.strerror or str(error)).lower()
-        raise ModelFileError(f"'{path}' cannot be read: {why}; make it readable or give another") from None
+        raise ModelFileError(f"'{path}' cannot be read: {why}; make it readable") from None
 
 
 @lru_cache(maxsize=32)

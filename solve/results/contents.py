@@ -141,7 +141,7 @@ class FileContents:
         for name in (*self.columns, *self.others, *self.arrays):
             if not name or "/" in name or name == "metadata" or is_state_name(name):
                 raise ValueOutOfBoundsError(
-                    f"'{name}' cannot be the name of a column in a file; give the coordinate another"
+                    f"'{name}' cannot be the name of a column in a file; rename the coordinate"
                 )
 
     @property
@@ -193,7 +193,7 @@ def require_different_names(columns: Sequence[tuple[str, Column]]) -> None:
         if first is not column:
             raise ValueOutOfBoundsError(
                 f"'{name}' is the name of two quantities ({first.meaning or 'a coordinate'}; "
-                f"{column.meaning or 'a coordinate'}); give the coordinate, output or parameter another"
+                f"{column.meaning or 'a coordinate'}); rename the coordinate, output or parameter"
             )
 
 

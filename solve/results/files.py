@@ -114,7 +114,7 @@ def _file_errors(file: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise FileError(f"'{file}' cannot be written ({error.strerror or error}); nothing was") from None
+        raise FileError(f"'{file}' cannot be written ({error.strerror or error}); no file is left") from None
 
 
 @contextmanager

@@ -145,8 +145,8 @@ def _write_mat(result: Saved, stream: BinaryIO) -> None:
         # SciPy omits names with an underscore and raises for characters beyond Latin-1.
         if name.startswith("_") or max(name) > "\xff":
             raise ValueOutOfBoundsError(
-                f"'{name}' cannot be the name of a variable in MATLAB; save .nc or .npz, or give the "
-                "coordinate another"
+                f"'{name}' cannot be the name of a variable in MATLAB; save .nc or .npz, or rename "
+                "the coordinate"
             )
     # MATLAB has cells of texts, not arrays.
     arrays = {

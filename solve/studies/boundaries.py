@@ -287,8 +287,10 @@ def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
 
 
 def _next_distances(radii: Array, first: Array) -> Array:
-    """Predicted distances (E,) for the next trials, from trials at the radii (E, k) on either side of which
-    the one at position `first` (E,) is the first beyond the edge."""
+    """Predicted distances (E,) of the edges, for the next trials.
+
+    radii (E, k): distances of the trials on either side. first (E,): index of the first one beyond the edge.
+    """
     lines, pairs = np.arange(len(radii)), radii.shape[1]
     ring = np.abs(first - pairs)
     missed = np.sqrt(np.maximum(radii[:, -1], _MIN_DISTANCE))

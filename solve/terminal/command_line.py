@@ -161,7 +161,7 @@ def run_cli(
 
 
 def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
-    """Run `sys.argv` as a program and exit with its status; parameters as of `run_cli`.
+    """Run `sys.argv` as a program and exit with its status; parameters as in `run_cli`.
 
     Warnings of libraries are hidden unless Python was started with -W: doubtful results carry their own.
     """

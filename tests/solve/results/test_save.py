@@ -46,7 +46,7 @@ def test_names_that_files_hold_already_are_refused(names, tmp_path):
     """Otherwise one of the two would be lost, the table's time among them."""
     alike = chain(2)
     twice = solve.periodic(PeriodicSystem(alike.at, names), 3.0, rtol=1e-3)
-    with pytest.raises(ValueOutOfBoundsError, match=r"is the name of two quantities .*give the coordinate"):
+    with pytest.raises(ValueOutOfBoundsError, match=r"is the name of two quantities .*rename the coordinate"):
         twice.save(tmp_path / "orbit.nc")
     assert list(tmp_path.iterdir()) == []
 
