@@ -157,15 +157,11 @@ class Spectrum:
     @property
     def notes(self) -> list[str]:
         """Sentence on what is missing because the eigenvalues of the factors are unknown, if anything is."""
-        missing, is_refused = [], self.each and self.refined is None
+        is_refused = self.each and self.refined is None
         # Eigenvalues of the factors are not computed only for a note.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
-        if is_refused:
-            missing.append("rtol is not applied to each multiplier")
-        if self.unresolved:
-            missing.append(f"{self.unresolved} multipliers are below the round-off of the monodromy matrix")
-        if not slicot.available() and (is_refused or self._has_factors):
-            missing = missing or ["orders and frequencies of the modes are unknown"]
+        is_installed = slicot.available()
+        if not is_installed and (is_refused or self._has_factors):
             reason = "SLICOT is required: pip install ctrlsys (not available on all platforms)"
         elif is_refused or has_failed:
             reason = "the eigenvalues of the product of the steps did not converge"
@@ -173,6 +169,11 @@ class Spectrum:
             reason = "with so many coordinates and steps, they are computed only with all_multipliers"
         else:
             return []
+        missing = ["rtol is not applied to each multiplier"] if is_refused else []
+        if self.unresolved:
+            missing.append(f"{self.unresolved} multipliers are below the round-off of the monodromy matrix")
+        if not (missing or is_installed):
+            missing.append("orders and frequencies of the modes are unknown")
         return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
     def _with_rigid(self, values: Array, fill: float) -> Array:

@@ -208,6 +208,7 @@ class StateSpace:
 
     @property
     def b(self) -> Array:
+        """Constant terms (m, N) of the states."""
         return self.coefficients.b
 
     def frozen(self, phase: float) -> "control.StateSpace":

@@ -44,6 +44,8 @@ def scatter(
 
     Parameters
     ----------
+    system : Model
+        Model with nonlinear equations.
     speed : float or str, optional
         Speed in rad/s, or a text with unit; by default that of the case.
     count : int
@@ -63,6 +65,7 @@ def scatter(
     Returns
     -------
     Scatter
+        Orbits with the shares of the initial states that lead to them.
 
     Raises
     ------

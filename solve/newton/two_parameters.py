@@ -46,6 +46,8 @@ def special_curves(
 
     Parameters
     ----------
+    system : Model
+        Model with nonlinear equations.
     kind : str
         "fold" or "doubling".
     over : sequence of str
@@ -66,6 +68,7 @@ def special_curves(
     Returns
     -------
     SpecialCurves
+        Points of all curves, cusps included.
 
     Raises
     ------

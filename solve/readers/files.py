@@ -19,7 +19,9 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
 
     Raises FileError without any file.
     """
-    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    given = (
+        [checked_path(paths)] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
+    )
     found: list[Path] = []
     for path in given:
         text = str(path)
@@ -36,6 +38,13 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     if len(found) > _MOST_FILES:
         raise FileError(f"{len(found)} files match; allowed: up to {_MOST_FILES}")
     return found
+
+
+def checked_path(path: object) -> str | Path:
+    """The path. Raises FileError for other objects."""
+    if not isinstance(path, str | Path):
+        raise FileError(f"path is {path!r}; give the path of a file")
+    return path
 
 
 def is_matrix_file(text: str) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import FileError
 from solve.readers.arrays import Read, system_of
+from solve.readers.files import checked_path
 from solve.units import speed_in_si
 
 _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
@@ -122,7 +123,7 @@ def _read(
     speed: float | str | None,
 ) -> Read:
     """System of the arrays of a file. Raises FileError."""
-    file = Path(path)
+    file = Path(checked_path(path))
     if file.suffix.lower() != ending:
         raise FileError(f"'{path}' ends in '{file.suffix}'; allowed: {ending}")
     if not file.is_file():

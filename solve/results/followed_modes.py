@@ -103,10 +103,16 @@ class FollowedModes(Result):
         All values solved, with those added by the refinement, and the exponents there.
     resolution : float
         Gap in rad/s up to which a veering is not distinguished from a crossing.
+    rtol : float
+        Relative tolerance of the exponents.
+    steps : int
+        Number of steps per period.
     failures : mapping of int to str
         Reasons of speeds without a result, by position.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
+    notes : sequence of str
+        Sentences on the calculation.
     """
 
     system: PeriodicSystem

@@ -4,8 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from solve.arrays import Array
 from solve.model.cases import case_text
 from solve.results.contents import Column, Columns, HeaderRows, speeds_of
@@ -25,6 +23,15 @@ class Requirement(NamedTuple):
     name: str
     value: float
     bound: float
+
+
+@serializable
+class Curves(NamedTuple):
+    """Values (m,) of a coordinate or output at phases (m,) over a period, before and at the optimum."""
+
+    phase: Array
+    before: Array
+    after: Array
 
 
 @serializable
@@ -67,14 +74,12 @@ class Optimum(Result):
         Speeds in rad/s.
     values, values_before : (k,) array
         Minimised quantity at these speeds.
-    phase, curve, curve_before : (m,) array
-        Curve of the quantity's coordinate or output at the speed of its largest value; empty without one.
+    curves : Curves or None
+        Curves of the quantity's coordinate or output at the speed of its largest value, if it has one.
     confirmed : mapping of str to object
         Largest value and verdicts of the nonlinear orbits, and proofs; empty if there are none.
     doubts : sequence of str
         Sentences on what is doubtful.
-    solutions : int
-        Number of solutions that were computed.
     """
 
     system: PeriodicSystem
@@ -87,12 +92,9 @@ class Optimum(Result):
     speeds: Array
     values: Array
     values_before: Array
-    phase: Array
-    curve: Array
-    curve_before: Array
+    curves: Curves | None
     confirmed: Mapping[str, Any]
     doubts: Sequence[str] = ()
-    solutions: int = 0
 
     @property
     def free(self) -> Mapping[str, float]:
@@ -124,7 +126,6 @@ class Optimum(Result):
             "constraints": [requirement._asdict() for requirement in self.constraints],
             "confirmed": self.confirmed,
             "speeds": self.speeds,
-            "solutions": self.solutions,
         }
 
     @property
@@ -142,11 +143,6 @@ class Optimum(Result):
     def header_rows(self) -> HeaderRows:
         rows = [("minimised", f"{self.minimised}, largest over {len(self.speeds)} speeds")]
         return rows if len(self.speeds) > 1 else [("minimised", self.minimised)]
-
-    @property
-    def worst(self) -> int:
-        """Position of the speed with the largest value at the optimum."""
-        return int(np.argmax(self.values))
 
     @property
     def toml(self) -> str:

@@ -65,7 +65,7 @@ class DesignPoint:
 class Design:
     """A model whose free parameters vary between bounds: x (r,) runs from 0 to 1.
 
-    orbits: whether quantities of orbits are needed, or only multipliers. solutions: number of solutions.
+    orbits: whether quantities of orbits are needed, or only multipliers.
     """
 
     model: Model
@@ -76,7 +76,6 @@ class Design:
     method: str | Rule
     rtol: float
     orbits: bool
-    solutions: int = 0
     _last: tuple[bytes, list[DesignPoint]] = (b"", [])
 
     @property
@@ -105,7 +104,6 @@ class Design:
     def at(self, x: Array, speeds: Sequence[float]) -> list[DesignPoint]:
         """Solutions at other speeds."""
         model, solve = self.varied(x), periodic if self.orbits else floquet
-        self.solutions += len(speeds)
         return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
 
     def slopes(self, by_parameters: Array) -> Array:

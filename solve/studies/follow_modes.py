@@ -104,6 +104,8 @@ def follow_modes(
 
     Parameters
     ----------
+    system : PeriodicSystem
+        System of second or first order.
     speeds : float, str or sequence of float or str, optional
         Two or more speeds in rad/s, texts with unit, or one text such as "100:900:81 rpm"; with `over` one
         speed, by default that of the case.
@@ -122,6 +124,7 @@ def follow_modes(
     Returns
     -------
     FollowedModes
+        Frequencies, damping ratios and labels of the modes, their crossings and veerings.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from solve.model.model import Model, of_model
 from solve.newton.orbits import nonlinear
 from solve.period.named import RADIUS, Named
 from solve.proof.prove import prove as proof_of
-from solve.results.optimum import FreeParameter, Optimum
+from solve.results.optimum import Curves, FreeParameter, Optimum
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.optimum_search import ROUNDS, Search, State
@@ -49,7 +49,11 @@ def optimise(
 ) -> Optimum:
     """Minimise the largest value of a quantity over speeds, under bounds, with stability at every speed.
 
-    Parameters ---------- minimise : str or callable
+    Parameters
+    ----------
+    model : Model
+        Model with derivatives with respect to the free parameters.
+    minimise : str or callable
         Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
         of orbits at the speeds, which is differentiated by differences.
     free : mapping
@@ -72,19 +76,31 @@ def optimise(
     prove : bool
         Whether to prove the verdicts of the optimum, as by `solve.prove`.
 
-    Returns ------- Optimum
+    Returns
+    -------
+    Optimum
+        Optimal parameters, the quantity before and after, and the worst value of each requirement.
 
-    Raises ------ UnknownNameError, ValueOutOfBoundsError, UnitError, NoDerivativeError
+    Raises
+    ------
+    UnknownNameError, ValueOutOfBoundsError, UnitError, NoDerivativeError
         For bad input.
     SolveError
         Other subclasses, if the model has no solution at the start.
 
-    Notes ----- Every local extremum that may be the largest is a constraint of the epigraph. The spectral
+    Notes
+    -----
+    Every local extremum that may be the largest is a constraint of the epigraph. The spectral
     radius with its error stays below 1 at every speed; on the unit circle, for a model without damping. The
     optimum is a local one.
 
-    Examples -------- >>> import solve >>> cam = solve.load("cam") >>> found = optimise(cam, "q3.max_abs",
-    {"c3": (800, 1200), "k3": (2e8, 3e8)}, "600 rpm") >>> found.objective < found.before True
+    Examples
+    --------
+    >>> import solve
+    >>> cam = solve.load("cam")
+    >>> found = optimise(cam, "q3.max_abs", {"c3": (800, 1200), "k3": (2e8, 3e8)}, "600 rpm")
+    >>> found.objective < found.before
+    True
     """
     require_integer("starts", starts)
     rule = chosen(method)
@@ -144,11 +160,10 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
     design, objective = search.design, search.minimise
     before, points = design.at(design.start, design.speeds), design.points(best.x)
     values, values_before = search.values(points), search.values(before)
-    is_named = isinstance(objective, Named)
-    phase, curves = np.empty(0), [np.empty(0)] * 2
+    is_named, curves = isinstance(objective, Named), None
     if isinstance(objective, Named) and objective.of_orbit:
         worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, _CURVE_PHASES)
-        curves = [each[worst].signal(objective.subject, phase) for each in (points, before)]
+        curves = Curves(phase, *(each[worst].signal(objective.subject, phase) for each in (before, points)))
     confirmed, unconfirmed = _confirmed(search, best, prove)
     if not best.feasible:
         doubts = [
@@ -175,12 +190,9 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
         speeds=np.array(design.speeds),
         values=values,
         values_before=values_before,
-        phase=phase,
-        curve=curves[0],
-        curve_before=curves[1],
+        curves=curves,
         confirmed=confirmed,
         doubts=[*doubts, *warnings, *unconfirmed, *failed],
-        solutions=design.solutions,
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from solve.results.formatting import measured
-from solve.results.optimum import Optimum
+from solve.results.optimum import Curves, Optimum
 from solve.views.panels import draw_through, label_phases, label_quantity, label_speeds, labelled, titled
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
@@ -23,26 +23,27 @@ def optimum_figure(optimum: Optimum) -> Figure:
     names = list(optimum.parameters)[:_MOST_PARAMETERS]
     heights = [0.5 + 0.18 * len(names)]
     heights += [2.0] if len(optimum.speeds) > 1 else []
-    heights += [2.2] if len(optimum.phase) else []
-    title = f"{titled(optimum.system, optimum.speeds[optimum.worst])}: least {optimum.minimised}"
+    heights += [2.2] if optimum.curves else []
+    worst = optimum.speeds[int(np.argmax(optimum.values))]
+    title = f"{titled(optimum.system, worst)}: least {optimum.minimised}"
     with page(0.6 + sum(heights), title) as made:
         panels = list(made.subplots(len(heights), 1, squeeze=False, height_ratios=heights[::-1])[:, 0])
-        if len(optimum.phase):
-            _draw_curve(panels.pop(0), optimum)
+        if optimum.curves:
+            _draw_curves(panels.pop(0), optimum, optimum.curves)
         if len(optimum.speeds) > 1:
             _draw_over_speed(panels.pop(0), optimum)
         _draw_parameters(panels.pop(0), optimum, names)
     return made
 
 
-def _draw_curve(axes: Axes, optimum: Optimum) -> None:
+def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
     """Coordinate or output over the period at the worst speed, before and at the optimum."""
     name = optimum.minimised.partition(".")[0]
-    factor = label_quantity(axes, optimum.system, name, np.append(optimum.curve, optimum.curve_before))
-    phase = np.degrees(optimum.phase)
-    axes.plot(phase, factor * optimum.curve_before, color=GREY, label="before")
-    axes.plot(phase, factor * optimum.curve, color=BLUE, label="optimum")
-    label_phases(axes, float(optimum.phase[-1]))
+    factor = label_quantity(axes, optimum.system, name, np.append(curves.before, curves.after))
+    phase = np.degrees(curves.phase)
+    axes.plot(phase, factor * curves.before, color=GREY, label="before")
+    axes.plot(phase, factor * curves.after, color=BLUE, label="optimum")
+    label_phases(axes, float(curves.phase[-1]))
     axes.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
 
 

@@ -68,7 +68,7 @@ REFUSED = {
     "period is '2'; allowed": lambda: solve.PeriodicSystem(plane().at, ["q"], "2"),  # type: ignore[arg-type]
     "1e\\+09 turns; allowed: up to 43690, or more with": lambda: solve.transient(plane(), 2.0, 10**9),
     "start is 3; allowed: rest, orbit": lambda: solve.transient(plane(), 2.0, 3, 3),  # type: ignore[arg-type]
-    "no harmonics above the mean were kept": lambda: solve.sweep(
+    "no harmonics above the mean are stored": lambda: solve.sweep(
         plane(), 2.0, spectra="q1", harmonics=0
     ).waterfall("q1"),
     "a phase is NaN": lambda: solve.periodic(plane(), 2.0).at(np.array([0.0, np.nan])),

@@ -34,6 +34,11 @@ _HEIGHT = 900
 class LiveWindow:
     """Live window of a model, from `solve.explore`.
 
+    Parameters
+    ----------
+    server : LiveServer
+        Server of the page.
+
     Attributes
     ----------
     address : str

@@ -39,7 +39,9 @@ def test_any_pencils(n, count, width):
     assert computed is not None
     assert computed.shape == (count, 2 * n)
     for at, values in enumerate(computed):
-        assert apart(values, by_generalised_problem(M[..., at], C[..., at], K[..., at])) < 1e-13
+        # Backward errors of both grow with the number of coordinates.
+        expected = by_generalised_problem(M[..., at], C[..., at], K[..., at])
+        assert apart(values, expected) < 64 * n * np.finfo(float).eps
 
 
 @given(st.lists(st.tuples(st.floats(0.1, 1e3), st.floats(-0.5, 0.99)), min_size=1, max_size=4), st.randoms())

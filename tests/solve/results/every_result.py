@@ -100,6 +100,10 @@ MADE = {
         ),
         '--speeds "0.8:1.2:2 rad/s" --set delta=1 --set epsilon=0.3 --by delta',
     ),
+    "solve.optimise": (
+        lambda: solve.optimise(cam(), "q3.max_abs", {"k3": (2e8, 3e8)}, ["500 rpm", "600 rpm"], rtol=1e-5),
+        '--minimise q3.max_abs --free k3 --bounds k3=2e8:3e8 --speeds "500 600 rpm" --rtol 1e-5',
+    ),
     "solve.fit": (
         lambda: solve.fit(cam(), measured_torque(), "k1", speed="400 rpm", rtol=1e-6),
         f'--data {measured_torque()} --free k1 --speed "6.5 Hz" --rtol 1e-6',
