@@ -77,7 +77,9 @@ def described(about: type) -> list[list[str]]:
 def test_classes_describe_their_fields_in_order(name):
     about = CLASSES[name]
     if not (dataclasses.is_dataclass(about) or issubclass(about, tuple)):
-        assert not faults(name)
+        # A constructor that is inherited is described where it is defined.
+        inherited = ["PR01"] if "__init__" not in vars(about) else []
+        assert not [fault for fault in faults(name) if fault[0] not in inherited]
         return
     assert not [fault for fault in faults(name) if fault[0] not in ("PR01", "PR03", "PR04")]
     bases = [kind for kind in about.__mro__ if kind.__module__.startswith(("solve.", "derive."))]

@@ -160,7 +160,9 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
     design, objective = search.design, search.minimise
     before, points = design.at(design.start, design.speeds), design.points(best.x)
     values, values_before = search.values(points), search.values(before)
-    is_named, curves = isinstance(objective, Named), None
+    text, unit, curves = "value of the function", "1", None
+    if isinstance(objective, Named):
+        text, unit = objective.text, objective.unit
     if isinstance(objective, Named) and objective.of_orbit:
         worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, _CURVE_PHASES)
         curves = Curves(phase, *(each[worst].signal(objective.subject, phase) for each in (before, points)))
@@ -176,8 +178,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
     failed = [f"trials without a solution: {failures}, the last: {search.failures[-1]}"] if failures else []
     return Optimum(
         system=design.varied(best.x),
-        minimised=objective.text if is_named else "value of the function",
-        unit=objective.unit if is_named else "1",
+        minimised=text,
+        unit=unit,
         parameters={
             name: FreeParameter(design.model.parameters[name], value, low, high)
             for (name, value), low, high in zip(
