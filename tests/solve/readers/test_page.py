@@ -1,11 +1,14 @@
 """docs/readers.md: its examples run, and the table lists the functions."""
 
 import re
+import shlex
 from pathlib import Path
 
 import solve
+from solve.commands.app import run
 from solve.readers.paths import READERS
 from tests.solve.readers.lin_files import write_set
+from tests.solve.readers.test_formats import PHASES, second_order, write, write_matrix_market
 
 PAGE = (Path(__file__).parents[3] / "docs" / "readers.md").read_text(encoding="utf-8")
 
@@ -16,6 +19,18 @@ def test_examples_run(tmp_path, monkeypatch, capsys):
     for example in re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL):
         exec(example, {})
     assert capsys.readouterr().out.startswith("asymptotically stable")
+
+
+def test_commands_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_set(tmp_path)
+    write({**second_order(), "phase": PHASES}, tmp_path / "rotor.mat")
+    for file in Path(write_matrix_market(tmp_path)).parent.glob("run.*.mtx"):
+        file.rename(file.with_name(file.name.replace("run", "rotor")))
+    commands = re.findall(r"^    python -m solve (.*)$", PAGE, flags=re.MULTILINE)
+    assert len(commands) == 3
+    for command in commands:
+        assert run(shlex.split(command.replace(":21 rpm", ":2 rpm"))) == 0, capsys.readouterr().err
 
 
 def test_table_lists_every_reader():
