@@ -13,8 +13,6 @@ from solve.contracts import Matrices
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.matrices import (
     leading,
-    real_arrays,
-    require_finite_entries,
     require_inertia,
     require_shapes,
 )
@@ -139,20 +137,7 @@ class FirstOrderSystem(PeriodicSystem):
 
         Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
         """
-        # A function of the user may modify its argument.
-        argument = phase if phase.flags.writeable else phase.copy()
-        try:
-            values = self._matrices(argument, speed)
-        except (IndexError, TypeError, ValueError) as error:
-            m = len(phase)
-            error.add_note(
-                f"The function was called for {m} phases at once: A must have the shape ({m}, {self.n}, "
-                f"{self.n}) and b ({m}, {self.n})."
-            )
-            raise
-        arrays = real_arrays(values, self._symbols, "matrices")
-        require_finite_entries(arrays, self._symbols, phase)
-        return arrays
+        return self._called(phase, speed, self._symbols, "A", "b")
 
     def at(self, phase: Array, speed: float) -> Matrices:
         A, b, *_ = self.equations_at(phase, speed)

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 from solve.arguments import unique_names
 from solve.contracts import DrawnLink
-from solve.errors import MissingValueError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si, unit_given
 
 SPEED = "speed"
@@ -116,6 +116,19 @@ class Labels:
         require_name(f"parameter of {self.name}", name, self.parameters)
         unit, _ = self.parameter_labels.get(name, ("", ""))
         return in_unit(value, unit or "1", name)
+
+    def bounds_in_own_unit(self, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
+        """Lower and upper bound of a parameter in its declared unit, which hold its value. Raises
+        UnknownNameError, UnitError, ValueOutOfBoundsError."""
+        require_name(f"parameter of {self.name}", name, self.parameters)
+        low, high = (self.in_own_unit(name, end) for end in ends)
+        value = float(self.parameters[name])
+        if not low < high or not low <= value <= high:
+            raise ValueOutOfBoundsError(
+                f"bounds of {name} are {low:g} to {high:g}, and it starts from {value:g}; give a range "
+                f"that holds it, or another start with --set {name}=NUMBER"
+            )
+        return low, high
 
     def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
         """Names of coordinates and outputs without repetitions, by default all; a text is one name. Raises

@@ -174,6 +174,12 @@ class PeriodicSystem(Labels):
 
         Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
         """
+        M, C, K, d = self._called(phase, speed, "MCKd", "M, C, K", "d")
+        return M, C, K, d
+
+    def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:
+        """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector: names
+        of those of shape (m, n, n) and (m, n). Raises MatricesError."""
         # A function of the user may modify its argument.
         argument = phase if phase.flags.writeable else phase.copy()
         try:
@@ -181,13 +187,13 @@ class PeriodicSystem(Labels):
         except (IndexError, TypeError, ValueError) as error:
             m = len(phase)
             error.add_note(
-                f"The function was called for {m} phases at once: M, C, K must have the shape "
-                f"({m}, {self.n}, {self.n}) and d ({m}, {self.n})."
+                f"The function was called for {m} phases at once: {square} must have the shape "
+                f"({m}, {self.n}, {self.n}) and {vector} ({m}, {self.n})."
             )
             raise
-        M, C, K, d = real_arrays(values, "MCKd", "matrices")
-        require_finite_entries((M, C, K, d), "MCKd", phase)
-        return M, C, K, d
+        arrays = real_arrays(values, symbols, "matrices")
+        require_finite_entries(arrays, symbols, phase)
+        return arrays
 
     def in_phase(self, phase: Array, speed: float) -> Matrices:
         """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives by the phase. Raises as `at` does."""

@@ -377,7 +377,7 @@ class LinearisedModel(Model):
         """q, q̇ and q̈ (n, k) of the motion."""
         states_of = getattr(self.motion, "states", None)
         if states_of and self.events.phases:
-            # Beside an event the sides of a switch must be told apart.
+            # Beside an event the sides of a switch must be distinguished.
             states_of = partial(states_of, beside_nodes=True)
         states = states_of(phase) if states_of else [self.motion(phase, order) for order in range(3)]
         return [speed**order * state for order, state in enumerate(states)]

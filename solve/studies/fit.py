@@ -110,14 +110,8 @@ def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
             raise ValueOutOfBoundsError(
                 f"bounds are given for {name}, which is not free; free it, or drop them"
             )
-        least, most = (problem.model.in_own_unit(name, end) for end in ends)
+        least, most = problem.model.bounds_in_own_unit(name, ends)
         at = list(problem.names).index(name)
-        value = float(problem.initial[at])
-        if not least < most or not least <= value <= most:
-            raise ValueOutOfBoundsError(
-                f"bounds of {name} are {least:g} to {most:g}, and it starts from {value:g}; give a range "
-                f"that holds it, or another start with --set {name}=NUMBER"
-            )
         if problem.by_logarithm[at]:
             low[at], high[at] = np.log(least) if least > 0 else -np.inf, np.log(most)
         else:

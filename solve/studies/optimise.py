@@ -1,34 +1,32 @@
 """Optimum of parameters under a stability verdict: the largest vibration over speeds is minimised, with exact
 derivatives and the error of the certificate on the safe side."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
-from solve.errors import SolveError, ValueOutOfBoundsError, require_name
+from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method
 from solve.model.model import Model, of_model
 from solve.newton.orbits import nonlinear
-from solve.period.named import RADIUS, Named
+from solve.period.named import Named
 from solve.proof.prove import prove as proof_of
 from solve.results.optimum import Curves, FreeParameter, Optimum
 from solve.results.orbit import Orbit
 from solve.studies.design_points import Design, DesignPoint
+from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
-from solve.studies.requirements import bounds_of, kept_of
+from solve.studies.requirements import bounds_of, kept_of, real_quantity
 from solve.terminal import progress
 from solve.units import speeds_given
 
 Objective = str | Callable[[Sequence[Orbit]], float]
 """Quantity by name, or a function of the orbits at all speeds."""
-
-Bounds = Mapping[str, tuple[float | str, float | str]]
-"""Lower and upper bounds of parameters by name, as numbers in their own units or texts with unit."""
 
 _CURVE_PHASES = 721
 """Number of phases of the stored curves: every half degree of a revolution."""
@@ -90,9 +88,9 @@ def optimise(
 
     Notes
     -----
-    Every local extremum that may be the largest is a constraint of the epigraph. The spectral
-    radius with its error stays below 1 at every speed; on the unit circle, for a model without damping. The
-    optimum is a local one.
+    Every local extremum that may be the largest is a constraint of the epigraph. The spectral radius with its
+    error stays below 1 at every speed; on the unit circle, for a model without damping. The optimum is a
+    local one.
 
     Examples
     --------
@@ -111,7 +109,7 @@ def optimise(
     model = model.shown_in(given[0])
     names, low, high = _free(model, free)
     kept, bounds = kept_of(model, keep), bounds_of(model, subject)
-    objective = _named(model, minimise) if isinstance(minimise, str) else minimise
+    objective = real_quantity(model, minimise) if isinstance(minimise, str) else minimise
     named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
     orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)
     design = Design(model, names, low, high, sorted(map(float, given)), rule, rtol, orbits)
@@ -123,14 +121,6 @@ def optimise(
     return _optimum(search, best, doubts, prove)
 
 
-def _named(model: Model, text: str) -> Named:
-    """Real quantity of a name. Raises UnknownNameError, ValueOutOfBoundsError."""
-    quantity = Named.of(model, text)
-    if quantity.figure == "" and quantity.subject != RADIUS:
-        raise ValueOutOfBoundsError(f"'{text}' is complex; minimise a part, such as {text}.re")
-    return quantity
-
-
 def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
     """Names, lower and upper bounds (r,) of the free parameters. Raises UnknownNameError,
     ValueOutOfBoundsError, UnitError, NoDerivativeError."""
@@ -139,17 +129,9 @@ def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
         raise ValueOutOfBoundsError("no parameter is free; give names with bounds, such as k1=4e4:1e5")
     ends = []
     for name in names:
-        require_name(f"parameter of {model.name}", name, model.parameters)
-        low, high = (model.in_own_unit(name, end) for end in free[name])
-        value = model.parameters[name]
-        if not (low < high and low <= value <= high):
-            raise ValueOutOfBoundsError(
-                f"bounds of {name} are {low:g} to {high:g}, and it starts from {value:g}; give a range that "
-                f"holds it, or another start with --set {name}=NUMBER"
-            )
-        for end in (low, high):
+        ends.append(model.bounds_in_own_unit(name, free[name]))
+        for end in ends[-1]:
             model.require_bounds({name: end})
-        ends.append((low, high))
     model.derivatives.by(names)
     low, high = np.array(ends).T
     return names, low, high

@@ -36,14 +36,15 @@ _STATIONARY = 100.0
 errors of the orbits, which differ from grid to grid, prevent the end for some optima of the manipulator."""
 
 _VIOLATION = 1e-7
-"""Violation of a bound, relative to its scale, that counts as none."""
+"""Violation of a bound, relative to its scale, that counts as none. A choice."""
 
 _BETWEEN, _MAX_ADDED = 4, 10
 """Parts of each interval of speeds, at whose ends the optimum of a range is checked, and most rounds in which
 speeds are added. Choices."""
 
 _NEARLY = 0.01
-"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined."""
+"""Distance below the largest value, relative to it, from which on a maximum between speeds is refined. A
+choice."""
 
 _SPEED_TOLERANCE = 1e-5
 """Tolerance of a refined speed, relative to it: the value at a maximum changes by its square. A choice."""
@@ -90,7 +91,11 @@ class Search:
         # Without damping, multipliers remain on the unit circle.
         self.limit = 1 + KNOWN_ON_CIRCLE if verdicts == {"stable"} else 1 - UNIT_CIRCLE
         self.kept_values = KeptValues(self.design, self.kept)
-        self.equations = self.kept_values.equations()
+        self._evaluate_kept()
+
+    def _evaluate_kept(self) -> None:
+        """Equations and limits of the kept quantities, which depend on the start and on the speeds only."""
+        self.equations, self.kept_limits = self.kept_values.equations(), self.kept_values.limits()
 
     def best(self, starts: int) -> State:
         """Best local optimum from the start and from random ones. Raises the error of the start."""
@@ -115,7 +120,7 @@ class Search:
                 (start,) = self.design.at(self.design.start, [speed])
                 self.design.speeds.insert(at, speed)
                 self.kept_values.insert(at, start)
-            self.equations = self.kept_values.equations()
+            self._evaluate_kept()
             state = self._descended(state.x)
         remaining = self._worse_between(state)
         if not remaining:
@@ -182,7 +187,7 @@ class Search:
 
     def _round(self, x: Array, reach: float) -> tuple[Array, float]:
         """Optimum near x of the extrema that lead there, and the relative change of the objective."""
-        design, limits = self.design, self.kept_values.limits()
+        design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):
             for each in self.bounds:
                 values = tracked(design, x, at, each.quantity, each.sign)
@@ -202,20 +207,22 @@ class Search:
         """Speeds of local maxima between those of the design at which the objective or a bound is worse."""
         from scipy.optimize import minimize_scalar
 
-        speeds, found = np.array(self.design.speeds), []
+        found = []
 
-        def excess(speed: float) -> float:
-            points = self.design.at(state.x, [float(speed)])
-            excesses = [violation for _, violation in self._bounded(points)]
+        def excess_of(point: DesignPoint) -> float:
+            excesses = [violation for _, violation in self._bounded([point])]
             if isinstance(self.minimise, Named):
-                excesses.append(
-                    (float(self.values(points)[0]) / state.objective - 1) if state.objective else 0.0
-                )
+                value = point.value(self.minimise)
+                excesses.append(value / state.objective - 1 if state.objective else 0.0)
             return max(excesses)
 
-        for low, high in itertools.pairwise(speeds):
+        def excess(speed: float) -> float:
+            return excess_of(*self.design.at(state.x, [float(speed)]))
+
+        given = zip(self.design.speeds, map(excess_of, self.design.points(state.x)), strict=True)
+        for (low, first), (high, last) in itertools.pairwise(given):
             between = np.linspace(low, high, _BETWEEN + 1)
-            values = np.array([excess(speed) for speed in between])
+            values = np.array([first, *map(excess, between[1:-1]), last])
             top = int(np.argmax(values))
             if values[top] < -_NEARLY:
                 continue

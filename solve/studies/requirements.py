@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.period.named import Named
+from solve.period.named import RADIUS, Named
 from solve.period.quantities import FIGURES
 from solve.system import PeriodicSystem
 from solve.units import apart, in_unit, quantity
@@ -42,9 +42,7 @@ class Bound:
             raise ValueOutOfBoundsError(
                 f"'{text}' is no bound; write a quantity, < or >, and a number, such as 'rho1.abs < 0.9'"
             )
-        named = Named.of(system, parts[1])
-        if named.figure == "" and named.subject.startswith(("rho", "exponent")):
-            raise ValueOutOfBoundsError(f"'{named.text}' is complex; bound a part, such as {named.text}.re")
+        named = real_quantity(system, parts[1])
         return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, _number(parts[3], named, text))
 
 
@@ -88,6 +86,14 @@ class Kept:
         if self.tolerance is not None:
             return self.tolerance
         return _TOLERANCE * (float(np.abs(values).max()) or 1.0)
+
+
+def real_quantity(system: PeriodicSystem, text: str) -> Named:
+    """Quantity of a name, a real number. Raises UnknownNameError, ValueOutOfBoundsError."""
+    named = Named.of(system, text)
+    if named.figure == "" and named.subject != RADIUS:
+        raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
+    return named
 
 
 def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:

@@ -289,7 +289,7 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
         computed.append(modes.is_within(rate))
         assert not (computed[-1] & (alone > rate * (1 + 1e-12))).any()
         np.testing.assert_allclose(modes.phase_advance, alone * system.period, rtol=1e-9)
-    assert (computed[0] == computed[1]).all(), "ranges of shared terms tell more or less than the phases"
+    assert (computed[0] == computed[1]).all(), "ranges of shared terms differ from those of the phases"
 
 
 def fastest_of(system, phase, speed):
