@@ -285,7 +285,10 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
     computed = []
     for made in (Tables.of(family.entries(phase, speeds[:, None]), n), shared):
         modes = FrozenModes(made, system.period)
-        assert modes.exceeds_rate(rate).tolist() == (fastest > rate).tolist()
+        exceeds = modes.exceeds_rate(rate)
+        # At scale 1 the rate is the median itself: equal up to round-off is decided either way.
+        assert exceeds[fastest > rate * (1 + 1e-12)].all()
+        assert not exceeds[fastest < rate * (1 - 1e-12)].any()
         computed.append(modes.is_within(rate))
         assert not (computed[-1] & (alone > rate * (1 + 1e-12))).any()
         np.testing.assert_allclose(modes.phase_advance, alone * system.period, rtol=1e-9)

@@ -49,5 +49,7 @@ def test_points_in_a_batch_are_as_accurate_as_single_points(scales):
     for row, scale in enumerate(scales):
         for column, angle in enumerate(angles):
             error = multiplier_error(chart.multipliers[row, column], truth[column].multipliers)
-            assert error <= 10 * chart.error_estimate[row, column], (scale, angle)
+            # The reference is computed in doubles too: both errors are part of the difference.
+            estimate = chart.error_estimate[row, column] + truth[column].error_estimate.multipliers
+            assert error <= 10 * estimate, (scale, angle)
             assert error <= 2e-10
