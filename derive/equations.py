@@ -163,8 +163,8 @@ def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearis
 
 
 def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
-    """First-order Taylor expansion of rows in coordinates q, their rates and accelerations, away from
-    switches.
+    """First-order Taylor expansion of a residual about the desired motion, in coordinates q, their rates and
+    accelerations; valid away from switches.
 
     signs: signs of the parameters. Raises ExpansionError if a step or kink in the coordinates leaves no
     tangent.

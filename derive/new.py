@@ -126,6 +126,6 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise UnwritableError(
-            f"{path} cannot be written ({reason}); give a place where you may write"
+            f"{path} cannot be written ({reason}); give a path in an existing, writable folder"
         ) from error
     return path, cases

@@ -158,7 +158,7 @@ class ParameterDerivatives(Protocol):
 
 
 class Structure(Protocol):
-    """Structure of beams at fixed positions."""
+    """Beam structure of a mechanism held at given positions."""
 
     def frequencies(self, positions: Array, count: int) -> Array:
         """Natural frequencies (m, count) in rad/s at positions (m,)."""

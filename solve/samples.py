@@ -191,7 +191,7 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
         azimuths = np.asarray(phases).astype(float, casting="same_kind")
     except (TypeError, ValueError) as error:
         raise MatricesError(
-            f"phases are no real numbers: {error}; give one azimuth in rad per sample"
+            f"phases are not real numbers: {error}; give one azimuth in rad per sample"
         ) from None
     if azimuths.shape != (count,) or not np.isfinite(azimuths).all():
         raise MatricesError(

@@ -396,7 +396,7 @@ def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
 
 
 def structure_of(system: PeriodicSystem) -> Structure:
-    """Elements of a structure of beams. Raises ValueOutOfBoundsError for other systems."""
+    """Beam structure of a system. Raises ValueOutOfBoundsError for systems without one."""
     if system.structure is None:
         raise ValueOutOfBoundsError(
             f"{system.name} has no links to draw; mode shapes require a structure of beams"

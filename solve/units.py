@@ -163,7 +163,8 @@ def require_size_of_number(what: str, value: float) -> None:
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
-    """Speeds in rad/s from one or several numbers in rad/s or texts with unit, or from one text of several.
+    """Speeds in rad/s from a number in rad/s, a text with unit, a sequence of these, or one text with
+    several speeds, such as "1:3:3 rad/s".
 
     Raises UnitError, ValueOutOfBoundsError.
 

@@ -1,4 +1,4 @@
-"""Map of the design method: stress over allowable stress for speeds and ground links L4 (thesis 7.5).
+"""Map of the design method: ratio of stress to allowable stress for speeds and ground lengths L4 (thesis 7.5).
 
 Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
@@ -162,7 +162,7 @@ def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]
 
 
 def _refined(stresses: DesignMap) -> DesignMap:
-    """The map with intervals of speeds halved until the interpolation meets the tolerance."""
+    """The map with speed intervals bisected until the interpolation meets the tolerance or a limit of the refinement is reached."""
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
         at = np.log(stresses.speeds)

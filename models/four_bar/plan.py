@@ -1,4 +1,4 @@
-"""The run-up plan: L4 as a function of speed with low stresses (thesis 7.5).
+"""Run-up plan: ground length L4 as a function of speed that keeps the stresses low (thesis 7.5).
 
 A map has ratios (P, g) of stress to allowable stress over rising speeds (P,) and lengths L4 (g,). Among the
 paths from the lowest speed to a point of the map, the best one has the smallest maximum ratio. A plan is a

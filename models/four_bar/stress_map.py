@@ -146,7 +146,7 @@ _FIELDS = tuple(Peaks.__dataclass_fields__)
 
 
 class OneLength:
-    """Stresses of the mechanism with one length L4 at many speeds."""
+    """Stresses of the mechanism at many speeds, for one value of the length L4."""
 
     def __init__(self, model: StructureModel):
         self.model = model

@@ -120,7 +120,7 @@ class Batch:
         return np.sort(np.concatenate(left))
 
     def _single(self, points: Array, at: int) -> Points | Failed:
-        """Point with its own system, or its failure."""
+        """Point at a position, with a system of its own; Failed if that system is refused."""
         try:
             system, speed = self.family.system(points[at])
             system.checked(speed)

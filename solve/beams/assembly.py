@@ -241,7 +241,8 @@ class Positions:
         return counts
 
     def expanded(self, vectors: Array) -> Array:
-        """Vectors (m, N, k) of all degrees of freedom, from those (m, n, k) left by inextensible links."""
+        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in those that inextensible links leave
+        free."""
         return vectors if self._free is None else self._free @ vectors
 
     @cached_property

@@ -156,7 +156,7 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """Sentence on what is missing because the eigenvalues of the factors are unknown, if anything is."""
+        """Note, if any, on results that are missing because the eigenvalues of the product of the step maps are unknown."""
         is_refused = self.each and self.refined is None
         # Eigenvalues of the factors are not computed only for a note.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None

@@ -42,7 +42,9 @@ def branch(
         deliver_result(results, found, problem.choices)
         return
     if follow is not None and (switch or speeds is not None):
-        raise ValueOutOfBoundsError("--follow takes two ranges; give --over NAME=A:B twice, without others")
+        raise ValueOutOfBoundsError(
+            "--follow excludes --switch and --speeds; give two ranges with --over NAME=A:B twice"
+        )
     if follow is None and len(over) > 1:
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")
     if follow is None:

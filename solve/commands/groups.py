@@ -148,7 +148,7 @@ class Numbers(CaseNumbers):
 
 @dataclass(frozen=True, kw_only=True)
 class Problem(Numbers):
-    """Model and its numbers."""
+    """Arguments that select a model, its case, parameters and options."""
 
     model: Annotated[
         str,
@@ -289,7 +289,9 @@ class Proving:
         if needed and not self.prove:
             raise ValueOutOfBoundsError(f"{needed[0]} requires --prove; add it")
         if len(flags) > 1:
-            raise ValueOutOfBoundsError("--rounded has the digits of the numbers; leave out --digits")
+            raise ValueOutOfBoundsError(
+                "--rounded limits the precision to that of the given numbers; leave out --digits"
+            )
         if self.prove:
             from solve.proof.prove import checked_digits, require_exact, require_provable
 

@@ -109,7 +109,7 @@ def optimise(
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if others := [name for name in limits if name not in names]:
         raise ValueOutOfBoundsError(
-            f"bounds are given for {others[0]}, which is not free; free it, or drop them"
+            f"bounds are given for {others[0]}, which is not free; add it to --free, or leave out its --bounds"
         )
     model = problem.loaded()
     given = speeds.speeds if speeds.speeds is not None else speed.omega(model)

@@ -285,5 +285,7 @@ def _of_harmonic(quantity: Named, value: complex, weights: Array) -> Array:
 
 def _over(slopes: Array, size: float, quantity: Named) -> Array:
     if size == 0:
-        raise NoDerivativeError(f"{quantity.text} is 0, where a modulus has a kink; request other quantities")
+        raise NoDerivativeError(
+            f"{quantity.text} is 0, where its derivative does not exist; request other quantities"
+        )
     return slopes / size

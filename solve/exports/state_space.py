@@ -143,7 +143,7 @@ def _reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Arra
 def _output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
+    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at states (3, n, k)."""
     rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
     # A dependence uses derivatives by the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates

@@ -103,7 +103,9 @@ def _require_own(path: Path) -> None:
         return
     found = path.lstat()
     if found.st_uid != os.getuid() or stat.S_IMODE(found.st_mode) & 0o022 or stat.S_ISLNK(found.st_mode):
-        raise CompilerError(f"'{path}' is not owned by you or is writable by others; remove it")
+        raise CompilerError(
+            f"'{path}' is a symbolic link, belongs to another user or is writable by others; remove it"
+        )
 
 
 def _hash(content: bytes) -> str:

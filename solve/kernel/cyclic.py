@@ -59,8 +59,8 @@ def _dense(own: Array, following: Array, right: Array) -> Array | None:
 
 
 def _banded(own: Array, following: Array, right: Array) -> Array | None:
-    """Solve in the order 0, m-1, 1, m-2, …, in which neighbours are at most two places apart, so that the
-    matrix is banded. All systems are combined in one banded matrix."""
+    """Solve the cyclic systems with their blocks in the order 0, m-1, 1, m-2, …: neighbours are then at most
+    two places apart, so that the matrix is banded. All systems are combined in one banded matrix."""
     r, m, b = right.shape
     k = np.arange(m)
     place = np.where(2 * k < m, 2 * k, 2 * (m - k) - 1)

@@ -237,7 +237,7 @@ class DampedDependence(GeneratedDependence):
         return np.einsum("kijr,kj->kir", self._slopes_of_damping(phase, speed), states[:, 1])
 
     def _slopes_of_damping(self, phase: Array, speed: float) -> Array:
-        """Derivatives of ΩC, (k, n, n, r)."""
+        """Derivatives (k, n, n, r) of ΩC with respect to the varied quantities."""
         by_time = np.array([1.0 if name == SPEED else speed for name in self._varied])
         return by_time * self._damping(phase.tobytes())
 

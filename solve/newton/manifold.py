@@ -104,7 +104,9 @@ class Manifold:
         try:
             weights = np.linalg.solve(matrix, missing)
         except np.linalg.LinAlgError:
-            raise NoOrbitError("the directions are normal to the branch") from None
+            raise NoOrbitError(
+                "the continuation step is singular: a tangent of the branch is normal to the directions of the step"
+            ) from None
         return _sum(family.place, weights, family.tangents), family
 
     def point(

@@ -309,7 +309,7 @@ def curves_through(nodes: Array, motions: Array) -> Curve:
 
 
 def interpolation_tolerance(rtol: float) -> float:
-    """Error allowed between the states: a tenth of rtol, but at least 1e-9 and at most 1e-3."""
+    """Interpolation error allowed between given states: rtol/10, limited to 1e-9 … 1e-3."""
     return min(max(rtol / 10, 1e-9), 1e-3)
 
 

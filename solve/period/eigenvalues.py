@@ -176,7 +176,7 @@ def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
 
 
 def _by_entry(matrices: Array) -> Array:
-    """Matrices (…, N, N) as fields (N², …), whose long rows are processed faster."""
+    """Matrices (…, N, N) as entries (N², …), contiguous for each entry."""
     *points, rows, columns = matrices.shape
     fields = matrices.reshape(-1, rows * columns).T
     return np.ascontiguousarray(fields).reshape(-1, *points)

@@ -122,7 +122,7 @@ class Fitted(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per parameter."""
+        """Columns of the table, with one row per parameter."""
         intervals = list(self.parameters.values())
         return {
             "parameter": Column(list(self.parameters), "", "name"),

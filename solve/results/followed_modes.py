@@ -140,7 +140,7 @@ class FollowedModes(Result):
 
     @property
     def values(self) -> Array:
-        """Values (P,) of what varies; speeds in rad/s."""
+        """Values (P,) of the varied parameter, or speeds in rad/s."""
         return self.parameters.get(self.over, self.speeds)
 
     @property

@@ -75,7 +75,7 @@ class NonlinearOrbit(Orbit):
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Refused: raises ValueOutOfBoundsError."""
+        """Not available for a nonlinear orbit: raises ValueOutOfBoundsError."""
         raise ValueOutOfBoundsError(
             "the quasi-static solution is one of the linear model; leave out --quasi-static or --nonlinear"
         )

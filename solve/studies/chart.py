@@ -243,7 +243,7 @@ def _cut(
     known, inner = search.evaluate(points), np.arange(1, len(points) - 1)
     if known.failed.all():
         raise NoResultError(
-            f"no point of the cut at {names[held]} = {value:g} has a result; give another value"
+            f"no point of the cut at {names[held]} = {value:g} has a result; choose another value"
         )
     every = known + find_narrow_tongues(search.evaluate, known, inner)
     (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))

@@ -92,7 +92,7 @@ class _Rims:
         return list(zip(turned[::2], turned[1::2], strict=True))
 
     def width(self, arc: tuple[int, int]) -> float:
-        """Distance of two crossings in cells."""
+        """Distance between the two crossings of an arc, in units of the cell size."""
         first, last = self.points[list(arc)]
         return float(np.linalg.norm((last - first) / self.size))
 

@@ -223,7 +223,7 @@ def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[
     if not samples:
         raise NoResultError(f"no value has a result: {failures[0]}")
     if not len(samples[0].modes.exponents):
-        raise NoResultError("no multiplier has a digit: there are no modes to follow")
+        raise NoResultError("no multiplier is accurate to even one digit: there are no modes to follow")
     return samples, failures
 
 

@@ -122,8 +122,7 @@ def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]
 
 
 def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
-    """Orders k and speeds Ω, in revolutions of the mechanism, at which the sum of the mean frequencies with
-    weights (n,) is k Ω."""
+    """Orders k, per revolution, and speeds Ω at which the sum of the mean frequencies, weighted by weights (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root
 
     def excess(speeds: Array, order: Array) -> Array:

@@ -62,7 +62,7 @@ class Kept:
 
     @classmethod
     def of(cls, system: PeriodicSystem, text: str) -> "Kept":
-        """Kept quantity of a text such as "lift.range", "lift@80:100 deg" or "lift.max within 0.1 mm". Raises
+        """Quantity to be kept unchanged, from a text such as "lift.range", "lift@80:100 deg" or "lift.max within 0.1 mm". Raises
         ValueOutOfBoundsError, UnknownNameError, UnitError."""
         what, within, width = (part.strip() for part in text.partition(" within "))
         name, at, interval = what.partition("@")
@@ -127,7 +127,9 @@ def _phases(interval: str, whole: str) -> Array:
             in_unit(f"{float(end)!r} {unit.strip() or 'rad'}", "rad", whole) for end in numbers.split(":")
         )
     except ValueError:
-        raise ValueOutOfBoundsError(f"'{whole}' has no interval; write it like lift@80:100 deg") from None
+        raise ValueOutOfBoundsError(
+            f"'{whole}' has no valid interval A:B; write it as in lift@80:100 deg"
+        ) from None
     if not low < high:
         raise ValueOutOfBoundsError(f"'{whole}' ends before it begins; write A:B with A < B")
     return (low + high) / 2 - (high - low) / 2 * np.cos(np.linspace(0.0, np.pi, _CURVE_PHASES))

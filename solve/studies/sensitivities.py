@@ -191,7 +191,7 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
     _, every = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in every:
         raise ValueOutOfBoundsError(
-            "by is speed, which is what moves; give parameters, such as 'k1', or leave by out"
+            "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such as 'k1', or leave by out"
         )
     return [name for name in every if name != SPEED]
 

@@ -143,7 +143,7 @@ def _page(report: Report) -> str:
 
 
 def document(title: str, policy: str, style: str, body: str) -> str:
-    """Single-file page of HTML. policy: content security policy. style, body: lines with line ends."""
+    """Self-contained HTML page. policy: content security policy. style, body: lines, each ending in a newline."""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>

@@ -229,7 +229,7 @@ def design(
     goal = None if target is None else speed_in_si(target)
     duration = _quantity("--time", time, "s", "60 s")
     if not 0 < duration <= 3600:
-        raise ValueOutOfBoundsError(f"--time is {time}; allowed: above 0 and up to 3600 s, such as '60 s'")
+        raise ValueOutOfBoundsError(f"--time is {time}; allowed: above 0 s, up to 3600 s, for example '60 s'")
     lengths, count = _lengths(model, L4)
     first_speeds = _speeds(model, speeds)
     model = model.shown_in(first_speeds[0] if goal is None or speeds else goal)

@@ -259,7 +259,7 @@ class Page(websocket.WebSocketHandler):
         self.end()
 
     def end(self) -> None:
-        """End the work of this window."""
+        """Unregister this browser window and stop its calculations."""
         self._server.pages.discard(self)
         if self._session is not None:
             self._session.replace(1 << 53)

@@ -44,7 +44,7 @@ class Replaced(BaseException):
 
 
 class Session:
-    """State of a window.
+    """State of one browser window of the live view.
 
     Parameters
     ----------

@@ -45,10 +45,12 @@ class Axis:
                 bool(values.get("logarithmic")),
             )
         except (KeyError, TypeError, ValueError):
-            raise ValueOutOfBoundsError("give a quantity, two numbers and a count of points") from None
+            raise ValueOutOfBoundsError(
+                "give the name of a quantity, its lower and upper limits, and a number of points"
+            ) from None
         if not (np.isfinite([axis.low, axis.high]).all() and axis.low < axis.high):
             raise ValueOutOfBoundsError(
-                f"{axis.name} from {axis.low:g} to {axis.high:g}; give a smaller number first"
+                f"{axis.name} from {axis.low:g} to {axis.high:g}; give two finite numbers, the smaller one first"
             )
         if not 2 <= axis.count <= most:
             raise ValueOutOfBoundsError(f"{axis.count} points; allowed: 2 … {most}")
