@@ -98,8 +98,8 @@ def _require_equations(mechanism: MechanismStatement) -> None:
         output.name for output in mechanism.declared_outputs
     }:
         raise DeclarationError(
-            'the output "drive_torque" follows from the energies; '
-            "give yours another name, or call decline_drive_torque(reason)"
+            'the name "drive_torque" is reserved for the output that follows from the energies; rename '
+            "your output, or call decline_drive_torque(reason)"
         )
 
 
@@ -176,7 +176,7 @@ def _expression(what: str, given: Any) -> sympy.Expr:
 def _require_finite(statement: _Statement) -> None:
     if statement.expression.has(sympy.nan, sympy.zoo, sympy.oo, -sympy.oo):
         raise DeclarationError(
-            f"{statement.what} is not finite: {short(statement.expression)}; look for a division by zero"
+            f"{statement.what} is not finite: {short(statement.expression)}; check for a division by zero"
         )
 
 

@@ -78,7 +78,8 @@ def _begin(file: str, has_more: bool) -> None:
     """Write a first mechanism and its case file."""
     if has_more:
         raise UsageError(
-            "--new takes one file name and no other arguments; to derive that file, run derive again without --new"
+            "--new takes one file name and no other arguments; to derive that file, run derive again "
+            "without --new"
         )
     from derive.new import new_mechanism
 

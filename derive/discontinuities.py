@@ -281,8 +281,9 @@ def _free(*expressions: Any) -> bool:
 
 def _unknown(switch: Any) -> UnsupportedExpressionError:
     return UnsupportedExpressionError(
-        f"the phases where {short(switch)} = 0 are not known; let steps and kinks depend on the phase by "
-        "sin or cos of an angle, or by wrapped(angle) alone, the angle a multiple of phase and a constant",
+        f"the phases where {short(switch)} = 0 cannot be determined; let steps and kinks depend on the "
+        "phase only through sin or cos of an angle, or only through wrapped(angle), where the angle is "
+        "a multiple of the phase plus a constant",
         switch,
     )
 

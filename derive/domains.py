@@ -222,7 +222,8 @@ def is_finite(expression: Any) -> bool:
 
 
 def margin_of(condition: Any) -> Any:
-    """Expression that is positive where a combination of inequalities holds strictly; None for any other condition."""
+    """Expression that is positive where a combination of inequalities holds strictly; None for any other
+    condition."""
     if isinstance(condition, sympy.And | sympy.Or):
         margins: Sequence[Any] = [margin_of(argument) for argument in condition.args]
         if any(margin is None for margin in margins):

@@ -200,7 +200,7 @@ def _require_own_names(body: str) -> None:
         if defined.count(name) > 1:
             raise DeclarationError(
                 f'"{name}" cannot be the name of a field or of an unknown: a function of the generated '
-                "module is called so; choose another"
+                "module has this name; choose another"
             )
 
 

@@ -137,15 +137,16 @@ def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, 
         if half_waves.xreplace({symbol: sympy.Integer(n) for symbol, n in number.items()}) == 0:
             named = ", ".join(f"{symbol} = {n}" for symbol, n in number.items())
             raise UnsupportedExpressionError(
-                "mode functions cannot be integrated for all mode numbers at once: frequencies meet at "
-                f"{named}; give mode k a single frequency of its own, above 0"
+                "mode functions cannot be integrated for all mode numbers at once: frequencies "
+                f"coincide at {named}; give each mode k one frequency above 0, different from all "
+                "others"
             )
 
 
 def _unsupported(part: sympy.Basic) -> UnsupportedExpressionError:
     return UnsupportedExpressionError(
-        f"mode functions with the part {part} cannot be integrated for all mode numbers at once; "
-        "give sums of powers of xi = x/l times sin or cos of pi*(a*k + c)*xi, a whole"
+        f"mode functions with the term {part} cannot be integrated for all mode numbers at once; give "
+        "sums of powers of xi = x/l times sin or cos of pi*(a*k + c)*xi, with an integer a"
     )
 
 

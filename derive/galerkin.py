@@ -229,7 +229,7 @@ def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
         factor, varying = term.as_independent(x, as_Add=False)
         base, power = varying.as_base_exp() if varying.has(x) else (x, sympy.S.Zero)
         if base != x or not power.is_Integer or power < 0:
-            raise UnsupportedExpressionError(f"energies must be polynomials of {x}; given: {varying}")
+            raise UnsupportedExpressionError(f"energies must be polynomials in {x}; given: {varying}")
         factors.setdefault(int(power), []).append(factor)
     sums = {power: gathered(sympy.Add(*terms)) for power, terms in sorted(factors.items())}
     return {power: factor for power, factor in sums.items() if factor != 0}

@@ -252,7 +252,9 @@ class MechanismStatement(Quantities):
             )
         numbers = sympy.symbols("k xi")
         if sympy.sympify(shape(*numbers)).free_symbols != set(numbers):
-            raise DeclarationError(f"{name}: the shape {shape(*numbers)} must depend on k and xi alone")
+            raise DeclarationError(
+                f"{name}: the shape {shape(*numbers)} must depend on both k and xi, and on nothing else"
+            )
         self._described(name, (unit, meaning))
         declared = Field(name, unit, meaning, sympy.sympify(length), shape, modes.name)
         for symbol in declared.symbols:

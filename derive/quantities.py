@@ -249,7 +249,8 @@ class Quantities:
         words = isinstance(values, tuple) and all(value.isidentifier() for value in values)
         if len(values) < 2 or not (words or isinstance(values, range)):
             raise DeclarationError(
-                f"option {name} needs two or more values that are plain words, or a range; given: {values}"
+                f"option {name} has the values {values}; give two or more words of letters, digits and "
+                "_, or a range"
             )
         if default is not None and default not in values:
             raise DeclarationError(f"option {name} has no value {default}; declared: {values}")

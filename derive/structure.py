@@ -254,7 +254,8 @@ class StructureStatement(MechanismStatement):
             )
         if len(self.damping_ratios) > 1:
             raise DeclarationError(
-                f"{self.name} has {len(self.damping_ratios)} damping ratios; give a structure one for all"
+                f"{self.name} has {len(self.damping_ratios)} damping ratios; give a structure one "
+                "ratio for all modes"
             )
         self._require_own_freedoms()
         springs = self.to_ground(self.declared_springs)

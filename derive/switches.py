@@ -328,7 +328,8 @@ def is_own(part: Any) -> bool:
 
 
 def _stood_in(expression: Any) -> Any:
-    """Expression with series and unknowns of loops replaced by sines, as stand-ins for numerical evaluation."""
+    """Expression with series and unknowns of loops replaced by sines, as stand-ins for numerical
+    evaluation."""
     return expression.replace(
         is_own, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))
     )

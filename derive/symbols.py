@@ -91,8 +91,8 @@ def counted(expression: Any) -> Any:
     if isinstance(expression, STEPPING) and _whole_phase(expression):
         if any(_whole_phase(each) and each.atoms(Moving) != {PHASE} for each in _compared(expression)):
             raise DeclarationError(
-                f"{short(expression)} holds the phase with a coordinate; state from where to where the angle "
-                "counts: wrapped(phase + q) is between 0 and 2*pi"
+                f"{short(expression)} contains both the phase and a coordinate; state the range of the "
+                "angle: wrapped(phase + q) is between 0 and 2*pi"
             )
         return _wrapped(expression)
     if not expression.has(*STEPPING):

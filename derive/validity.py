@@ -139,8 +139,8 @@ def _idle(name: str) -> str:
 
 def _one_sided(function: Any) -> str:
     return (
-        f"{short(function)} is in the energies; the linear answer uses its slope at the fundamental motion "
-        "and ignores steps and kinks that the vibration passes"
+        f"{short(function)} is in the energies; the linear answer uses its slope at the fundamental "
+        "motion and ignores steps and kinks that the vibration passes"
     )
 
 

@@ -130,7 +130,8 @@ class ResultKindError(FileError):
 
     def __init__(self, kind: str, what: str = "it"):
         super().__init__(
-            f"{what} holds a {kind}, which no imported module defines; import the model's results first"
+            f"{what} contains a result of class {kind}, which no imported module defines; import the "
+            "module that defines it first"
         )
         self.kind = kind
 

@@ -73,7 +73,10 @@ class FirstOrderSystem(PeriodicSystem):
         for kind, names in (("inputs", inputs), ("outputs", outputs)):
             texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
             if not texts or len({*states, *names}) != len(states) + len(names):
-                raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
+                raise ValueOutOfBoundsError(
+                    f"{kind} are {names!r}; give a sequence of names, different from each other "
+                    "and from the states"
+                )
         self.states, self.inputs, self.outputs = tuple(states), tuple(inputs), tuple(outputs)
 
     @classmethod
@@ -267,8 +270,8 @@ class MixedSystem(PeriodicSystem):
         require_shapes(matrices, shapes, f"{n} coordinates and states ({', '.join(self.coordinates)})")
         if self.states and matrices["M"][..., n - self.first_order :].any():
             raise MatricesError(
-                f"M has entries in the columns of the states {', '.join(self.states)}; leave them zero, or "
-                "name what has inertia among the coordinates"
+                f"M has entries in the columns of the states {', '.join(self.states)}; set them to "
+                "zero, or list quantities with inertia among the coordinates"
             )
         self._require_periodicity(phase, speed, "MCKd")
         require_inertia(leading(matrices["M"], matrices["C"], self.first_order), self.states)

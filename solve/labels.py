@@ -125,8 +125,8 @@ class Labels:
         value = float(self.parameters[name])
         if not low < high or not low <= value <= high:
             raise ValueOutOfBoundsError(
-                f"bounds of {name} are {low:g} to {high:g}, and it starts from {value:g}; give a range "
-                f"that holds it, or another start with --set {name}=NUMBER"
+                f"bounds of {name} are {low:g} to {high:g}, but its initial value is {value:g}; give "
+                f"bounds that contain this value, or another value with --set {name}=NUMBER"
             )
         return low, high
 

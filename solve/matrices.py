@@ -26,7 +26,7 @@ def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]
         return [np.asarray(array).astype(float, casting="same_kind", copy=False) for array, _ in pairs]
     except (TypeError, ValueError) as error:
         count = {2: "two", 4: "four", 5: "five"}.get(len(symbols), str(len(symbols)))
-        raise MatricesError(f"the {kind} are no {count} real arrays {', '.join(symbols)}: {error}") from None
+        raise MatricesError(f"the {kind} are not {count} real arrays {', '.join(symbols)}: {error}") from None
 
 
 def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) -> None:
@@ -149,9 +149,9 @@ def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
     if singular.any() and np.linalg.cond(scaled).max() > _SINGULAR:
         if states:
             raise MatricesError(
-                "the columns of M of the coordinates and those of C of the states "
-                f"({', '.join(states)}) are linearly dependent: some highest derivative is in no equation; "
-                "give every coordinate a mass and every state an equation with its derivative"
+                f"the columns of M (coordinates) and of C (states {', '.join(states)}) are linearly "
+                "dependent, so that the equations do not determine every highest derivative; give "
+                "every coordinate a mass and every state an equation with its derivative"
             )
         raise MatricesError(
             "M is singular: some coordinate has no inertia; give every coordinate a mass, "

@@ -195,7 +195,8 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
         ) from None
     if azimuths.shape != (count,) or not np.isfinite(azimuths).all():
         raise MatricesError(
-            f"phases have shape {azimuths.shape} for {count} samples; give a finite azimuth in rad of each"
+            f"phases have shape {azimuths.shape} for {count} samples; give one finite azimuth in rad "
+            "per sample"
         )
     if count < 3:
         raise MatricesError(f"{count} azimuths determine no harmonic; give 3 or more")
@@ -204,7 +205,7 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
     gaps = np.append(np.diff(ordered), ordered[0] + period - ordered[-1])
     if gaps.min() < _SAME_AZIMUTH * period:
         twice = float(ordered[int(gaps.argmin())])
-        raise MatricesError(f"two azimuths are {twice:.6g} rad, modulo the period; give each once")
+        raise MatricesError(f"two azimuths are {twice:.6g} rad, modulo the period; give each azimuth once")
     if gaps.max() >= period / 2 * (1 - _SAME_AZIMUTH):
         start = float(ordered[int(gaps.argmax())])
         raise MatricesError(
@@ -227,8 +228,8 @@ def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
             uniform = _waves(np.arange(size) * (period / size), harmonics, period)
             return uniform @ np.linalg.pinv(design), max(1.0, condition / math.sqrt(2))
     raise MatricesError(
-        f"the {len(azimuths)} azimuths are clustered, and determine no harmonic; give azimuths that are "
-        "distributed over the period"
+        f"the {len(azimuths)} azimuths are clustered, so that harmonics cannot be determined; give "
+        "azimuths that are distributed over the period"
     )
 
 

@@ -110,7 +110,7 @@ class PeriodicSystem(Labels):
         texts = all(isinstance(name, str) for name in coordinates)
         if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self.vibrates:
             raise ValueOutOfBoundsError(
-                f"coordinates are {list(coordinates)}; give each of the n coordinates a name of its own"
+                f"coordinates are {list(coordinates)}; give each of the n coordinates a different name"
             )
         if not all(math.isfinite(b) for b in breaks):
             raise ValueOutOfBoundsError(f"breaks are {list(breaks)}; allowed: finite phases")
@@ -229,7 +229,7 @@ class PeriodicSystem(Labels):
             return ~np.isfinite(values.max - values.min)
 
         def message(name: str) -> Callable[[Statistics], str]:
-            return lambda _: f"{name} is no finite number at some phases, and has no figures"
+            return lambda _: f"{name} is not finite at some phases, so it has no statistics"
 
         return [Limit(name, not_finite, message(name)) for name in quantities]
 
@@ -258,8 +258,8 @@ class PeriodicSystem(Labels):
         """Lines of the sketch by name: points x + iy (points, k) for q (n, k) at phases (k,). fineness:
         fraction of the usual points of curves. Raises NoSketchError without a sketch."""
         raise NoSketchError(
-            f"{self.name} states no lines to draw; add mechanism.sketch(name, points) to its file and derive "
-            "it again, see docs/motion.md"
+            f"{self.name} declares no lines to draw; add mechanism.sketch(name, points) to its file "
+            "and derive it again, see docs/motion.md"
         )
 
     def entries(self, phase: Array, speed: float) -> Array:
@@ -319,7 +319,8 @@ class PeriodicSystem(Labels):
         """M, C, K (m, n, n) and d (m, n), for derivatives by time, at speeds (m,) in rad/s that change by an
         acceleration in rad/s². Raises TransientError if these are unavailable."""
         raise TransientError(
-            f"{self.name} states nothing of speeds that vary; state it as a mechanism and derive it"
+            f"{self.name} is stated for constant speeds only; for varying speeds, state it as a "
+            "mechanism and derive it"
         )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
@@ -327,8 +328,8 @@ class PeriodicSystem(Labels):
         of the coordinates, to which rtol is relative. Raises TransientError for systems without generated
         code."""
         raise TransientError(
-            f"{self.name} has no generated equations of motion that could be followed in time; state it as a "
-            "mechanism and derive it"
+            f"{self.name} has no generated equations of motion that can be integrated in time; state "
+            "it as a mechanism and derive it"
         )
 
     @property
@@ -389,8 +390,8 @@ def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
     equations."""
     if system.derivatives is None:
         raise NoDerivativeError(
-            f"{system.name} has no generated equations that could be differentiated; state it as a mechanism "
-            "and derive it"
+            f"{system.name} has no generated equations that can be differentiated; state it as a "
+            "mechanism and derive it"
         )
     return system.derivatives
 

@@ -158,7 +158,7 @@ def require_size_of_number(what: str, value: float) -> None:
     computations."""
     if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
         raise ValueOutOfBoundsError(
-            f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in size, in SI units"
+            f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in magnitude, in SI units"
         )
 
 
@@ -178,7 +178,7 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
         omegas = [speed_in_si(speed) for speed in sequence]
     except TypeError:
         raise ValueOutOfBoundsError(
-            f"speeds are {speeds!r}; give numbers in rad/s or texts such as '600 rpm', one after the other"
+            f"speeds are {speeds!r}; give a sequence of numbers in rad/s or of texts such as '600 rpm'"
         ) from None
     if not omegas:
         raise ValueOutOfBoundsError("no speeds given; give some, such as '100:900:81 rpm'")
@@ -356,10 +356,12 @@ def conversion(given: str, unit: str) -> float:
         allowed = "rpm, rad/s or Hz" if unit == "rad/s" else f"units of the same kind as '{unit}'"
         raise UnitError(f"unit '{given}' does not convert to '{unit}'; allowed: {allowed}") from None
     if zero != 0.0:
-        raise UnitError(f"unit '{given}' has another zero than '{unit}'; give the value in '{unit}'")
+        raise UnitError(
+            f"unit '{given}' has a different zero point from '{unit}'; give the value in '{unit}'"
+        )
     bare = all(registry.get_dimensionality(name) == {"[time]": 1} for name in units._units)
     if unit == "rad/s" and bare and size != 1.0:
-        raise UnitError(f"unit '{given}' may count turns or radians; write rpm, Hz or rad/s")
+        raise UnitError(f"unit '{given}' may count revolutions or radians; write rpm, Hz or rad/s")
     return float(size)
 
 

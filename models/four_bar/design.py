@@ -331,7 +331,7 @@ class Outcome(Serializable):
         else:
             text = f"no plan was found: {need}, with an error of {error:.1g} of the map"
         if least_ratio_at_any_rate(self.until) <= 1:
-            text += "; below it L4 would have to change within less speed: begin --speeds lower"
+            text += "; L4 would have to change below the lowest speed of the map: begin --speeds lower"
         highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
         return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
 
@@ -354,7 +354,10 @@ class Outcome(Serializable):
         last = stresses.own_L4 if self.plan is None else float(self.plan.L4[-1])
         texts += stresses.model.varied({"L4": last}).warnings(self.target)
         if self.plan is not None and self.trials[0].worst >= 1:
-            texts.append("the simulated stress exceeds the allowable one; run up more slowly or allow more")
+            texts.append(
+                "the simulated stress exceeds the allowable one; run up more slowly, or raise the "
+                "allowable stress"
+            )
         return texts
 
     @property

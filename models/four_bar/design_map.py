@@ -1,4 +1,5 @@
-"""Map of the design method: ratio of stress to allowable stress for speeds and ground lengths L4 (thesis 7.5).
+"""Map of the design method: ratio of stress to allowable stress for speeds and ground lengths L4 (thesis
+7.5).
 
 Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
@@ -129,8 +130,9 @@ def design_map(
     )
     if stresses.own_ratio[0] > 1:
         raise DesignError(
-            f"at {model.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is already "
-            f"{stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or allow more"
+            f"at {model.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is "
+            f"already {stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or "
+            "raise the allowable stress"
         )
     return _refined(stresses)
 
@@ -141,7 +143,7 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
     if model.parameters["zeta"] <= 0:
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
     if not low < high:
-        raise DesignError(f"L4 from {low:g} to {high:g} m leaves no range for the pivot; widen it")
+        raise DesignError(f"L4 from {low:g} to {high:g} m leaves no range for the pivot; widen the range")
     own = model.parameters["L4"]
     if not low <= own <= high:
         raise DesignError(
@@ -162,7 +164,8 @@ def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]
 
 
 def _refined(stresses: DesignMap) -> DesignMap:
-    """The map with speed intervals bisected until the interpolation meets the tolerance or a limit of the refinement is reached."""
+    """The map with speed intervals bisected until the interpolation meets the tolerance or a limit of the
+    refinement is reached."""
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
         at = np.log(stresses.speeds)

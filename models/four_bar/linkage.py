@@ -74,8 +74,9 @@ class Linkage:
         others = sum(self.lengths) - longest
         if longest >= others - self.slack:
             raise LinkageError(
-                f"the longest link is {longest:g} m, the others together {others:g} m: they cannot be "
-                "assembled and move; shorten the longest or lengthen the others"
+                f"the longest link is {longest:g} m, the others together {others:g} m, so that they "
+                "cannot be assembled into a linkage that moves; shorten the longest or lengthen the "
+                "others"
             )
 
     @property

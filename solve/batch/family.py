@@ -229,7 +229,8 @@ class BuiltFamily(Family):
         built = self._build(**values)
         if not isinstance(built, PeriodicSystem):
             raise ValueOutOfBoundsError(
-                f"the function that builds systems gives {reprlib.repr(built)}; give a PeriodicSystem"
+                f"the function that builds systems returns {reprlib.repr(built)}; it must return a "
+                "PeriodicSystem"
             )
         return built, speed
 

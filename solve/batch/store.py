@@ -147,7 +147,7 @@ def _group(place: Path) -> Any:
     except (FileNotFoundError, ValueError):
         group = None
     if group is None or _FINISHED not in group.attrs:
-        raise FileError(f"'{place}' holds other files; give a new or an empty folder")
+        raise FileError(f"'{place}' contains other files; give a new or an empty folder")
     return group
 
 
@@ -191,8 +191,8 @@ def _require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any
     for name in here:
         if there.get(name) != here[name]:
             raise FileError(
-                f"'{place}' holds another calculation: {name} is {there.get(name)} there and {here[name]} "
-                "here; give another folder, or delete this one"
+                f"'{place}' contains results of another calculation, with {name} {there.get(name)} "
+                f"instead of {here[name]}; give another folder, or delete '{place}'"
             )
 
 

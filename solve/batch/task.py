@@ -122,8 +122,9 @@ class Task:
                 count.add(len(waiting[future]))
         except BrokenExecutor as error:
             raise WorkersError(
-                f"the workers ended before their points were solved ({error}); was one killed, or the memory "
-                "full? With a store the same call goes on from there"
+                f"the workers ended before their points were solved ({error}); one may have been "
+                "killed, or the memory may be full; with a store, the same call resumes after the "
+                "finished chunks"
             ) from None
         finally:
             # After a failure or an interruption, the other chunks are not needed.

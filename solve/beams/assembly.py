@@ -241,8 +241,8 @@ class Positions:
         return counts
 
     def expanded(self, vectors: Array) -> Array:
-        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in those that inextensible links leave
-        free."""
+        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in those that inextensible
+        links leave free."""
         return vectors if self._free is None else self._free @ vectors
 
     @cached_property
@@ -287,8 +287,8 @@ class Positions:
         if not np.isfinite(self.angle).all():
             worst = self.phase[~np.isfinite(self.angle).all(axis=1)][0]
             raise StructureError(
-                f"the links cannot be assembled at {np.degrees(worst):.6g} deg; change their lengths so that "
-                "they close at every position"
+                f"the links cannot be assembled at {np.degrees(worst):.6g} deg; choose lengths with "
+                "which every loop closes at every position"
             )
         allowed = _ROUNDING * self.beams.properties.length.max()
         for member, span in zip(self.beams.members, self._spans.T, strict=True):
@@ -302,7 +302,8 @@ class Positions:
             moved = np.abs(places - places[0]).max()
             if name in freedoms.anchored and moved > allowed and not self.beams.carried:
                 raise StructureError(
-                    f"joint {name} is held, but the angles of the links move it by {moved:.3g} m"
+                    f"joint {name} is supported, but the angles of the links move it by {moved:.3g} m; "
+                    "correct the angles, or remove the support"
                 )
 
     def _reduced(self, matrices: Array, index: Array | slice = slice(None)) -> Array:
@@ -324,8 +325,8 @@ class Positions:
         if np.ptp(ranks) > 0:
             worst = self.phase[ranks != ranks[0]][0]
             raise StructureError(
-                f"at {np.degrees(worst):.6g} deg the inextensible links leave another number of freedoms "
-                "than elsewhere; let one of them stretch"
+                f"at {np.degrees(worst):.6g} deg the inextensible links leave a different number of "
+                "degrees of freedom than at other positions; make one of these links extensible"
             )
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 

@@ -236,10 +236,10 @@ class Motion:
             compression = speed**2 * force[worst]
             if compression > euler:
                 warnings.append(
-                    f"stiffening: at {np.degrees(phase[worst]):.4g} deg link {member.link.name} bears a "
-                    f"compression of {compression:.4g} N, beyond its Euler load of {euler:.4g} N; it may "
-                    "buckle there, which no linear model follows: lower the speed, or give it a stiffer "
-                    "section"
+                    f"stiffening: at {np.degrees(phase[worst]):.4g} deg the compression of link "
+                    f"{member.link.name} is {compression:.4g} N, above its Euler load of {euler:.4g} "
+                    "N; the link may buckle, which a linear model does not describe: lower the speed, "
+                    "or give the link a stiffer section"
                 )
         return warnings
 

@@ -341,7 +341,9 @@ class StructureModel(Model):
         """Point at a fraction (0 … 1) of a link's length. Raises UnknownNameError and
         ValueOutOfBoundsError."""
         if not 0 <= fraction <= 1:
-            raise ValueOutOfBoundsError(f"place on link {link} is {fraction}; allowed: 0 to 1 of its length")
+            raise ValueOutOfBoundsError(
+                f"position on link {link} is {fraction}; allowed: 0 to 1, as a fraction of the length"
+            )
         return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
@@ -357,13 +359,13 @@ class StructureModel(Model):
             )
         if EXACT in self.beams.freedoms.kinds:
             raise NoMotionError(
-                f"element {EXACT} of {self.name} has frequencies, but no equations of motion; "
-                "choose another element"
+                f"{self.name} with element {EXACT} has natural frequencies only, without equations of "
+                "motion; choose another element"
             )
         if any(link.inextensible for link in self.beams.freedoms.links):
             raise NoMotionError(
-                f"{self.name} has inextensible links, which have natural frequencies only; "
-                "make them extensible"
+                f"{self.name} has inextensible links, for which only natural frequencies are "
+                "available; make the links extensible"
             )
 
 

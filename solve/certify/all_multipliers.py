@@ -147,7 +147,7 @@ class Spectrum:
             return []
         rtol, steps = self.certified.request.rtol, self.refined.steps
         if self.unresolved:
-            missed = f"{self.unresolved} of {len(self.errors)} multipliers have no digit"
+            missed = f"{self.unresolved} of {len(self.errors)} multipliers are not accurate to even one digit"
         elif (worst := float(self.errors.max())) > rtol:
             missed = f"the largest relative error of a multiplier is {worst:.1e}, above rtol {rtol:g}"
         else:
@@ -156,7 +156,8 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """Note, if any, on results that are missing because the eigenvalues of the product of the step maps are unknown."""
+        """Note, if any, on results that are missing because the eigenvalues of the product of the step maps
+        are unknown."""
         is_refused = self.each and self.refined is None
         # Eigenvalues of the factors are not computed only for a note.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
@@ -292,7 +293,8 @@ def require_step_maps(method: Method) -> None:
     """Raise StepsError for a method without step maps."""
     if not isinstance(method, OneStep):
         raise StepsError(
-            f"{method.name} has no step maps, from which all multipliers are computed; use radau or gauss"
+            f"all multipliers are computed from the maps of the steps, which {method.name} does not "
+            "provide; use radau or gauss"
         )
 
 

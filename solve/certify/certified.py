@@ -134,7 +134,7 @@ class InterpolationError(NamedTuple):
         errors = f"orbit {self.orbit:.1e}, multipliers {self.multipliers:.1e}"
         text = f"interpolated from {self.azimuths} azimuths: estimated relative errors {errors}"
         if self.sufficient is None:
-            return f"{text}; their harmonics do not fall: sample more azimuths, or state jumps as breaks"
+            return f"{text}; their harmonics do not decay: sample more azimuths, or state jumps as breaks"
         if self.sufficient <= self.azimuths:
             return f"{text}; the azimuths suffice"
         return f"{text}; about {self.sufficient} azimuths suffice"
@@ -246,8 +246,8 @@ class Certified:
             has_unresolved = rho.values.shape[-1] > rho.resolved[at]
             error = max(float(self.absolute[at]), float(rho.bound[at]) if has_unresolved else 0.0)
             warnings.append(
-                f"some multipliers lie on the unit circle, or meet there, within their error ({error:.1e}): "
-                "the accuracy does not decide whether the motion remains bounded"
+                f"within their error ({error:.1e}), some multipliers lie on the unit circle or "
+                "coincide on it: the accuracy does not decide whether the motion remains bounded"
             )
         return warnings
 

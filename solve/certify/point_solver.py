@@ -115,7 +115,7 @@ class PointSolver:
         for position in positions[steps < self.min_steps[positions]].tolist():
             reason = StepsError(
                 f"{self.method.name} with {steps} steps a period is beyond its stability limit; use at "
-                f"least {self.min_steps[position]} steps, or a method without limit (radau)"
+                f"least {self.min_steps[position]} steps, or a method without a stability limit (radau)"
             )
             yield Failed(position, reason)
 

@@ -308,8 +308,8 @@ class _Refinement:
 
     def _unstable(self, least: int) -> StepsError:
         return StepsError(
-            f"{self.method.name} is stable from {least} steps a period on and takes at most "
-            f"{self.max_steps}; use a method without limit (radau)"
+            f"{self.method.name} needs at least {least} steps a period for stability, and takes at "
+            f"most {self.max_steps}; use a method without a stability limit (radau)"
         )
 
 

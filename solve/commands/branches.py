@@ -22,10 +22,12 @@ def branch(
         str | None, Flag("Follow folds or doublings over two parameters, --over twice.", "fold|doubling")
     ] = None,
     scatter: Annotated[
-        int | None, Flag("Instead: orbits to which motions from N scattered starts lead.", "N")
+        int | None, Flag("Instead of a branch: orbits reached from N random initial states.", "N")
     ] = None,
-    seed: Annotated[int, Flag("Seed of the scattered starts.", "N")] = 0,
-    spread: Annotated[float, Flag("Half width of the starts, relative to the linear orbit.", "R")] = 4.0,
+    seed: Annotated[int, Flag("Seed of the random initial states.", "N")] = 0,
+    spread: Annotated[
+        float, Flag("Half width of the range of initial states, relative to the linear orbit.", "R")
+    ] = 4.0,
     points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
@@ -35,7 +37,10 @@ def branch(
     over, model = over or [], problem.loaded()
     if scatter is not None:
         if over or speeds or switch or follow or start:
-            raise ValueOutOfBoundsError("--scatter is at one speed; give --speed alone, or --case")
+            raise ValueOutOfBoundsError(
+                "--scatter excludes --over, --speeds, --switch, --follow and --start; give one "
+                "speed with --speed or --case"
+            )
         found = solve.scatter(
             model, speed.speed, scatter, seed, periods=max(2, periods), rtol=min(rtol, 1e-6)
         )
@@ -65,6 +70,8 @@ def _require_one_range(speed: Speed, speeds: str | None, over: list[str]) -> Non
             'no speeds given; add a range, such as --speeds "300:600 rpm", or a parameter: --over NAME=A:B'
         )
     if not over and speed.speed is not None:
-        raise ValueOutOfBoundsError("--speed is a constant speed; give --over NAME=A:B, or --speeds alone")
+        raise ValueOutOfBoundsError(
+            "--speed is a constant speed, and nothing varies; add --over NAME=A:B, or give --speeds instead"
+        )
     if over and speeds is not None:
         raise ValueOutOfBoundsError("--over and --speeds are both given; give --speed with --over")

@@ -168,7 +168,8 @@ class Problem(Numbers):
         if given:
             name = next(iter(given))
             raise ValueOutOfBoundsError(
-                f"'{self.model}' has matrices, without parameters, cases or options; leave out --{name}"
+                f"'{self.model}' is a file of matrices, which has no parameters, cases or options; "
+                f"leave out --{name}"
             )
         from solve.readers.paths import read
 
@@ -315,7 +316,8 @@ class Moved:
     """Parameters by which derivatives of computed speeds are requested."""
 
     by: Annotated[
-        list[str] | None, Flag("Derivatives of these speeds by a parameter instead; repeatable.", "NAME")
+        list[str] | None,
+        Flag("Instead, derivatives of these speeds with respect to a parameter; repeatable.", "NAME"),
     ] = None
 
     def require_known(self, model: "Model") -> None:

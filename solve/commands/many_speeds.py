@@ -41,7 +41,8 @@ def sweep(
         list[str] | None, Flag("N values of a parameter from A to B, unit optional; repeatable.", _RANGE)
     ] = None,
     turn: Annotated[
-        str | None, Flag("Draw its curve over one period instead, a line per point: up to 12.", "NAME")
+        str | None,
+        Flag("Instead, draw this coordinate or output over one period, a curve per point: up to 12.", "NAME"),
     ] = None,
     nonlinear: Annotated[
         bool, Flag("Orbits of the nonlinear equations, each found from its neighbour.")
@@ -107,7 +108,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
     counts: numbers of speeds and of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
-            "--waterfall draws a spectrum over one quantity; give one speed, or one value of the others"
+            "--waterfall draws spectra over one varied quantity; give one speed, or one value of each "
+            "other quantity"
         )
     if not (results.plot or results.save or results.json):
         raise MissingValueError(

@@ -88,7 +88,7 @@ def optimise(
         list[str] | None, Flag("Bounds of a free parameter, unit optional; repeatable.", '"NAME=A:B unit"')
     ] = None,
     keep: Annotated[
-        list[str] | None, Flag("Figure or curve that does not change; repeatable.", '"NAME@A:B deg"')
+        list[str] | None, Flag("Value or curve to keep unchanged; repeatable.", '"NAME@A:B deg"')
     ] = None,
     subject: Annotated[
         list[str] | None, Flag("Bound of a quantity; repeatable.", '"QUANTITY < NUMBER"')
@@ -109,7 +109,7 @@ def optimise(
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if others := [name for name in limits if name not in names]:
         raise ValueOutOfBoundsError(
-            f"bounds are given for {others[0]}, which is not free; add it to --free, or leave out its --bounds"
+            f"bounds are given for {others[0]}, which is not free; add it to --free, or leave out its bounds"
         )
     model = problem.loaded()
     given = speeds.speeds if speeds.speeds is not None else speed.omega(model)

@@ -83,7 +83,7 @@ class Figures:
         name, figure = quantity.subject, quantity.figure
         self.find_extrema([quantity])
         if not ((name, figure) in self._extrema if figure in _SIGNS else self._finite(name)):
-            raise NoDerivativeError(f"{name} is no finite number at some phases: it has no derivatives")
+            raise NoDerivativeError(f"{name} is not finite at some phases, so it has no derivatives")
         if figure in _SIGNS:
             return self._of_extremum(quantity)
         if figure.endswith("_phase"):

@@ -229,17 +229,21 @@ def _require_simple(solved: Stability, at: int, quantity: Named) -> None:
     """Raise NoDerivativeError for a multiplier that is unresolved, of a rigid-body mode, or multiple."""
     if solved.spectrum.rigid[at]:
         raise NoDerivativeError(
-            f"{quantity.text} is of a rigid-body mode: its multiplier is +1 whatever the parameters"
+            f"{quantity.text} belongs to a rigid-body mode, whose multiplier is +1 for all parameters; "
+            "request other multipliers"
         )
     multipliers = _multipliers(solved, at)
     rho = complex(multipliers[at])
     if at >= len(solved.spectrum.leading) and not solved.multiplier_errors[at] < 1:
-        raise NoDerivativeError(f"{quantity.text} has no digit on {solved.steps} steps, and so no derivative")
+        raise NoDerivativeError(
+            f"{quantity.text} is not accurate to even one digit with {solved.steps} steps, so it "
+            "has no derivative"
+        )
     distance = np.delete(np.abs(multipliers - rho), at)
     if distance.min(initial=np.inf) <= COALESCENCE * abs(rho):
         raise NoDerivativeError(
-            f"{quantity.text} has no derivative: the multiplier meets another up to a relative "
-            f"distance of {distance.min() / abs(rho):.1e}"
+            f"{quantity.text} has no derivative: another multiplier lies at a relative distance of "
+            f"only {distance.min() / abs(rho):.1e}"
         )
     rivals = np.abs(np.abs(multipliers) - abs(rho)) <= COALESCENCE * abs(rho)
     rivals &= ~solved.spectrum.rigid[: len(multipliers)]

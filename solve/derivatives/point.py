@@ -142,8 +142,9 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
     of_orbits = sum(quantity.of_orbit for quantity in quantities)
     if free is not None and of_orbits and free.modes.conserving.any():
         raise NoDerivativeError(
-            "orbit sensitivities are not available for a free machine with varying inertia or gyroscopic "
-            "forces along its rigid-body mode; request sensitivities of multipliers, or add drag"
+            "orbit sensitivities are not available for a machine that rotates freely if inertia or "
+            "gyroscopic forces vary along its rigid-body mode; request sensitivities of multipliers, "
+            "or add drag"
         )
     adjoint = (
         dependence.partial_outputs and free is None and _PARAMETERS_PER_ADJOINT * of_orbits <= len(names)
@@ -222,11 +223,14 @@ def _sensitivity(quantity: Named, fine: Array, errors: Array, grid: GridDerivati
     """Sensitivity of a quantity, with the reason if it has no derivative by some parameters."""
     moved = grid.jumps(quantity.subject)
     reasons = {
-        "several extrema are equally large, and change differently": np.isnan(fine) & ~moved,
-        f"{quantity.subject} jumps where they move, which sums over its samples do not resolve": moved,
+        "several extrema are equally large, and their derivatives differ": np.isnan(fine) & ~moved,
+        (
+            f"{quantity.subject} jumps at phases that depend on these parameters, which sums over samples "
+            "do not resolve"
+        ): moved,
     }
     reason = "; ".join(
-        f"{quantity.text} has no derivative by {', '.join(np.array(grid.names)[at])}: {why}"
+        f"{quantity.text} has no derivative with respect to {', '.join(np.array(grid.names)[at])}: {why}"
         for why, at in reasons.items()
         if at.any()
     )

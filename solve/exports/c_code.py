@@ -22,7 +22,7 @@ _FUNCTIONS = {
 
 _SCALARS = "phase", "speed"
 
-_ARGUMENTS = "Phase in rad, speed in rad/s, derivatives by time, SI units; matrices by rows, M[i * n + j]."
+_ARGUMENTS = "Phase in rad, speed in rad/s, time derivatives, SI units; matrices by rows, M[i * n + j]."
 
 
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
@@ -31,8 +31,8 @@ def require_formulas(system: PeriodicSystem, what: str) -> Model:
     linearised = isinstance(system, LinearisedModel)
     if not isinstance(system, Model) or linearised or system.assembled or not system.nonlinear:
         raise LinearModelError(
-            f"{what} takes the formulas of a mechanism; the matrices of {system.name} are numbers at each "
-            "phase: write them to a .mat file"
+            f"{what} requires the formulas of a mechanism, and {system.name} has only numerical "
+            "matrices; export these to a .mat file"
         )
     return system
 
@@ -46,7 +46,10 @@ def identifier(model: Model) -> str:
 def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
     """Text of FILE.c and FILE.h. Raises LinearModelError, NoMotionError, FileError."""
     if not file_stem.isprintable() or set(file_stem) & set('"\\'):
-        raise FileError(f"{file_stem!r} cannot be the name of a file of C; leave out quotes and backslashes")
+        raise FileError(
+            f"{file_stem!r} cannot be the name of a C file; leave out quotes, backslashes and "
+            "control characters"
+        )
     model = require_formulas(system, "C code")
     names = [name for name in _FUNCTIONS if name != "outputs" or model.outputs]
     functions = {name: _by_rows(model, name) for name in names}

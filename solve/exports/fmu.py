@@ -141,7 +141,7 @@ def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
     try:
         require_load(model, speed)
     except NoLoadError as reason:
-        return np.zeros(2 * model.n), np.ones(2 * model.n), [f"{reason}; the unit starts at rest"]
+        return np.zeros(2 * model.n), np.ones(2 * model.n), [f"{reason}; the FMU starts at rest"]
     orbit = nonlinear(model, speed)
     q, qd, _ = orbit.state(np.linspace(0.0, model.period, _SAMPLES))
     states = np.concatenate((q, qd))

@@ -106,12 +106,12 @@ class HarmonicTransfer:
     def _warnings(self, error: float) -> list[str]:
         if error <= self.rtol:
             return []
-        jumps = "; the matrices jump, and their harmonics fall slowly" if self.system.breaks else ""
+        jumps = "; the matrices jump, and their harmonics decay slowly" if self.system.breaks else ""
         most = _most_orders(self.system)
         more = "more orders, or " if self.orders < most else ""
         return [
-            f"harmonic transfer function with {self.orders} orders of the states, of at most {most}: error "
-            f"{error:.1e}, above the tolerance {self.rtol:.1e}{jumps}; give {more}a larger rtol"
+            f"harmonic transfer function: error {error:.1e} with {self.orders} orders of the states "
+            f"(at most {most}), above the tolerance {self.rtol:.1e}{jumps}; give {more}a larger rtol"
         ]
 
     @property

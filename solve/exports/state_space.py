@@ -235,7 +235,7 @@ class StateSpace:
         except (TypeError, ValueError):
             place = math.nan
         if not math.isfinite(place):
-            raise ValueOutOfBoundsError(f"phase is {phase}; allowed: a finite one, in rad")
+            raise ValueOutOfBoundsError(f"phase is {phase}; allowed: a finite angle in rad")
         there = coefficients(self.system, self.speed, _after(self.system, np.array([place])))
         names = self.signals
         return control.StateSpace(

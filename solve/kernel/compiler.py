@@ -44,11 +44,11 @@ _WHAT = {
     "columns": "a model's formulas, for many cases",
     "curves": "differences of curves",
     "eigenvalues": "eigenvalues of matrices",
-    "figures": "extremes and harmonics over a turn",
+    "figures": "extrema and harmonics over a period",
     "lanes": "periodic solutions",
     "multipliers": "Floquet multipliers",
     "pointwise": "a model's formulas, for many points",
-    "responses": "the stages of a turn's steps",
+    "responses": "the stages of a period's steps",
 }
 """Descriptions of the C files, for messages during their compilation."""
 
@@ -80,7 +80,7 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
             _compile(command, library, formulas)
         return library
     except OSError as error:
-        raise CompilerError(f"compiled code cannot be kept: {error}") from None
+        raise CompilerError(f"compiled code cannot be stored: {error}") from None
 
 
 def _sound(library: Path) -> bool:

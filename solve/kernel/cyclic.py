@@ -102,7 +102,10 @@ def triangular_bases(blocks: Array) -> Array:
     U = np.stack((w, np.stack((-w[:, 1].conj(), w[:, 0].conj()), axis=-1)), axis=-1)
     below = (np.roll(U[..., 1], -1, axis=0).conj() * (blocks @ w[..., None])[..., 0]).sum(axis=-1)
     if not (np.abs(below) <= _TRIANGULAR * np.linalg.norm(blocks, axis=(1, 2))).all():
-        raise np.linalg.LinAlgError("two nearly equal eigenvalues of a product have no vector to all digits")
+        raise np.linalg.LinAlgError(
+            "two eigenvalues of a product are nearly equal, so that their vectors are not accurate "
+            "to all digits"
+        )
     return U
 
 

@@ -36,7 +36,7 @@ class BahgatWillmert(Fourier):
                 q += np.real(np.linalg.solve(K + rate * C + rate**2 * M, driven[..., None])[..., 0])
             except np.linalg.LinAlgError:
                 raise ResonanceError(
-                    f"order {k} of the load meets a frozen natural frequency without damping; change the "
-                    "speed, add damping, or use radau"
+                    f"harmonic {k} of the load equals an undamped natural frequency at some fixed "
+                    "phase; change the speed, add damping, or use radau"
                 ) from None
         return q, np.nan

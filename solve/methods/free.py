@@ -120,8 +120,8 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
     μ = 0 and μ = 1 after the jump."""
     if not isinstance(method, OneStep):
         raise MatricesError(
-            f"{method.name} cannot solve a free machine with varying inertia or gyroscopic forces "
-            "along its rigid-body mode; use radau or gauss"
+            f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
+            "vary along its rigid-body mode; use radau or gauss"
         )
     modes, mass, n = held.modes, held.mass, anchored.n
     with np.errstate(all="ignore"):

@@ -68,7 +68,12 @@ class March(OneStep):
             found,
             curve=chain.curve(states_from(chain.steps, start[None])),
             defect=np.array([defect]),
-            notes=(f"march: {turns} turns until {self.tolerance:g} of the transient was left",),
+            notes=(
+                (
+                    f"march: {turns} periods until the transient decayed to {self.tolerance:g} of its "
+                    "initial size"
+                ),
+            ),
         )
 
     def marched(self, steps: Steps, limit: Array, radius: float) -> tuple[Array, int]:
@@ -79,8 +84,8 @@ class March(OneStep):
         """
         if radius >= 1.0 or math.log(self.tolerance) < self.most_turns * math.log(max(radius, 1e-300)):
             raise StepsError(
-                f"march: the transient does not die within {self.most_turns} turns (spectral radius "
-                f"{radius:.9g}); use a periodic method such as radau"
+                f"march: the transient does not decay within {self.most_turns} periods (spectral "
+                f"radius {radius:.9g}); use a periodic method such as radau"
             )
         period = affine_period(steps)
         x, enough = np.zeros_like(limit), self.tolerance * np.linalg.norm(limit)

@@ -232,8 +232,9 @@ class Method:
     def _overflow(self, steps: int) -> StepsError:
         other = "" if self.l_stable else ", or a method that damps stiff modes (radau)"
         return StepsError(
-            f"{self.name} with {steps} steps overflows within one period: some motion grows beyond all "
-            f"numbers, or the matrices are infinite at some phase; use more steps{other}, or other parameters"
+            f"{self.name} with {steps} steps overflows within one period: some motion exceeds the "
+            f"floating-point range, or the matrices are infinite at some phase; use more steps{other}, "
+            "or other parameters"
         )
 
 
@@ -319,8 +320,8 @@ def singular_inertia_error(where: str, first_order: int) -> MatricesError:
     """Error of a point whose highest derivatives do not follow from its equations at a phase."""
     if first_order:
         return MatricesError(
-            f"the columns of M of coordinates and of C of first-order states are singular {where}; every "
-            "highest derivative must follow from the equations"
+            "the columns of M of coordinates and of C of first-order states are linearly dependent "
+            f"{where}; the equations must determine every highest derivative"
         )
     return MatricesError(
         f"M is singular {where}: some coordinate has no inertia there; give every coordinate a mass at every "

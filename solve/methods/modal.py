@@ -54,7 +54,8 @@ class Modal(OneStep):
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
         if _Uncoupled(point, grid.stages(np.array([0.5]))[:, 0]).complex[0]:
             return MatricesError(
-                "modal needs real frozen modes, and M⁻¹K has complex eigenvalues here; use radau or gauss"
+                "modal requires real modes of M and K at every phase, and M⁻¹K of this system has "
+                "complex eigenvalues; use radau or gauss"
             )
         return super()._no_map(point, grid)
 

@@ -74,7 +74,7 @@ def validity_limit(name: str, bound: float, unit: str) -> Limit:
 
     def message(values: Statistics) -> str:
         reached = f"max|{name}| = {values.max_abs:.3g} {unit}, beyond {bound:g}"
-        return f"the linearisation is not to be trusted: {reached}"
+        return f"the linearisation may be invalid: {reached}"
 
     return Limit(name, lambda values: values.max_abs > bound, message)
 

@@ -92,7 +92,7 @@ def chosen_case(
         where = (
             f"no case file '{path}'" if path else f"{module.NAME} was derived in memory and has no case file"
         )
-        raise CaseFileError(f"{where} for case '{case}'; write one, or name no case")
+        raise CaseFileError(f"{where} for case '{case}'; write one, or omit the case")
     cases = cases or {"": Case("", None, {})}
     if case is not None and case not in cases:
         raise UnknownNameError(f"case of {module.NAME}", case, cases)
@@ -149,7 +149,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Content of a TOML file. Raises CaseFileError."""
     try:
         if path.exists() and not path.is_file():
-            raise CaseFileError(f"case file '{path}' is no file; give one that ends in .toml")
+            raise CaseFileError(f"case file '{path}' is not a file; give one that ends in .toml")
         require_size(f"bytes in case file '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:

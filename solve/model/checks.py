@@ -37,15 +37,16 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
     phases = with_neighbours(phase, phase + system.period, system.period)
     for symbol, change in changes(system.in_phase(phases, speed), speed):
         raise MatricesError(
-            f"{symbol} is not periodic: after the period {system.period:.6g} it has changed by "
-            f"{change:.3g}; look at the mechanism's period and fundamental motion, and at "
-            "parameters that count (teeth, orders)"
+            f"{symbol} is not periodic: it changes by {change:.3g} over the period "
+            f"{system.period:.6g}; check the mechanism's period and fundamental motion, and integer "
+            "parameters such as numbers of teeth"
         )
     negative = _not_positive(system.at(phase, speed)[0])
     if negative.any():
         raise MatricesError(
-            f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion there "
-            "has no or negative kinetic energy; look at the masses and the signs in the kinetic energy"
+            f"M is not positive definite at phase {phase[np.argmax(negative)]:.4g}: some motion has "
+            "zero or negative kinetic energy there; check the masses and the signs in the kinetic "
+            "energy"
         )
 
 
@@ -101,9 +102,10 @@ def require_no_jump(system: PeriodicSystem, speed: float) -> None:
     if jumps.size:
         jump, symbols = jumps[0], np.repeat(list("MCKd"), [array[0].size for array in matrices])
         raise MatricesError(
-            f"{symbols[entry[jump]]} jumps by {change[jump]:.3g} at phase {low[jump] % system.period:.6g}, "
-            "where the model has no break; give angles that are continuous beyond π (atan2 jumps there by "
-            "2π), and state a jump that is meant by Heaviside, Piecewise or wrapped"
+            f"{symbols[entry[jump]]} jumps by {change[jump]:.3g} at phase "
+            f"{low[jump] % system.period:.6g}, where the model has no break; use angles that are "
+            "continuous beyond π (atan2 jumps there by 2π), and state an intended jump with Heaviside, "
+            "Piecewise or wrapped"
         )
 
 

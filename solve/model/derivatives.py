@@ -89,13 +89,14 @@ class ModelDerivatives:
             require_name(f"quantity of {self._setup.module.NAME}", name, [SPEED, *parameters])
             if self._assembled and parameters.get(name) == 0:
                 raise NoDerivativeError(
-                    f"{name} is 0; matrices that are assembled, or damped by modes, are differentiated by "
-                    f"relative changes of a parameter: give a small number, such as --set {name}=1e-6"
+                    f"{name} is 0, but derivatives of assembled matrices and of modal damping use "
+                    f"relative changes of a parameter; give a small value, such as --set {name}=1e-6"
                 )
             if name not in smooth:
                 raise NoDerivativeError(
-                    f"{name} is an integer, moves a jump onto another, or moves a jump beside damping "
-                    "ratios: derivatives by it are not available; leave it out"
+                    f"derivatives with respect to {name} are not available: it is an integer, or moves "
+                    "a jump that coincides with another, or moves a jump of a model with damping "
+                    "ratios; leave it out"
                 )
 
     def _slopes_by(self, names: tuple[str, ...]) -> GeneratedSlopes:
@@ -144,7 +145,9 @@ def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
     distances = (ends - breaks[:, None] + period / 2) % period - period / 2
     nearest = np.abs(distances).argmin(axis=1)
     if not len(set(nearest.tolist())) == len(ends) == len(_distinct(breaks, period)):
-        raise ValueOutOfBoundsError("jumps merge or split; change the parameters slightly")
+        raise ValueOutOfBoundsError(
+            "jumps of the matrices merge or split at these parameters; change the parameters slightly"
+        )
     return breaks + distances[np.arange(len(breaks)), nearest]
 
 

@@ -70,10 +70,12 @@ class ModelIntegrator:
         try:
             later = self._integrator(x0=state / self._sizes, p=drive)["xf"].full()
         except RuntimeError as error:
-            why = "; look at the start and the speed"
+            why = "; check the start and the speed"
             if "TOO_MUCH_WORK" in str(error):
                 why = f" with {_MAX_STEPS} steps per period: its vibrations are too fast; give a higher speed"
-            raise TransientError(f"the transient cannot be followed beyond phase {start:.6g}{why}") from None
+            raise TransientError(
+                f"the transient cannot be integrated beyond phase {start:.6g}{why}"
+            ) from None
         x = np.column_stack((state / self._sizes, later))
         a = self._acceleration(self.nodes[None], *drive, x).full()
         q, v = np.split(x * self._sizes[:, None], 2)
@@ -90,8 +92,8 @@ def damped_residual(
     curve = interpolated(damping, period)
     if not isinstance(curve, Trigonometric):
         raise TransientError(
-            "damping ratios of matrices that jump cannot be followed in time by the nonlinear equations; "
-            "state the dissipation instead"
+            "the nonlinear equations cannot be integrated if matrices with damping ratios jump; state "
+            "a dissipation function instead of the ratios"
         )
     inputs = inputs_of(residual)
     C, n = curve.at(inputs["phase"], casadi.cos, casadi.sin), residual.size1_out("r")

@@ -134,7 +134,7 @@ _SPEED_ZERO = np.zeros(1)
 
 def beyond_critical(ratio: float) -> str:
     """Warning about a damping ratio above 1."""
-    return f"damping ratio {ratio:g}: beyond 1 no mode vibrates; a ratio is 0.02, not 2 (percent)"
+    return f"damping ratio {ratio:g}: above 1, modes do not oscillate; write 2 % as 0.02, not as 2"
 
 
 class DampedSampler(MatrixSampler):
@@ -162,8 +162,9 @@ class DampedSampler(MatrixSampler):
         without = np.isnan(C).any(axis=(1, 2))
         if without.any():
             raise MatricesError(
-                f"damping ratios: at phase {phase[np.argmax(without)]:.4g} and speed 0 K is not symmetric or "
-                "not positive, so that there are no modes; state the dissipation instead"
+                f"damping ratios: at phase {phase[np.argmax(without)]:.4g} and speed 0, K is not "
+                "symmetric or not positive, so that there are no modes; state a dissipation function "
+                "instead"
             )
         return C
 

@@ -180,7 +180,7 @@ class Setup:
                     f"{name} = {measured(self.case.parameters[name], units[name])}" for name in names
                 )
                 raise ValueOutOfBoundsError(
-                    f"{meaning}: {condition} does not hold for {values}; choose numbers for which it does"
+                    f"{meaning}: {condition} does not hold for {values}; choose values for which it holds"
                 )
 
     def stated_lines(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> dict[str, Plane]:
@@ -200,7 +200,7 @@ class Setup:
             points = coordinates[::2] + 1j * coordinates[1::2]
             if not np.isfinite(points).all():
                 raise ValueOutOfBoundsError(
-                    f"sketch {name} of {self.module.NAME} has no place at some phase; look at its parameters"
+                    f"sketch {name} of {self.module.NAME} is not defined at some phase; check the parameters"
                 )
             lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
         return lines

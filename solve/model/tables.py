@@ -75,8 +75,8 @@ class Fit:
         largest, rms = np.abs(self.errors).max(), math.sqrt(np.mean(self.errors**2))
         percent = 100 * largest / (np.ptp(self.values) or 1.0)
         return (
-            f"{self.name} is fitted to {self.table} by {self.harmonics} harmonics: off by up to "
-            f"{largest:.3g} {self.unit}, {percent:.3g} % of its range, and by {rms:.3g} {self.unit} rms"
+            f"{self.name} is fitted to {self.table} with {self.harmonics} harmonics: deviation up to "
+            f"{largest:.3g} {self.unit}, {percent:.3g} % of the range, rms {rms:.3g} {self.unit}"
         )
 
 
@@ -95,7 +95,10 @@ def fitted(
         )
     derivative = name.endswith("'")
     if derivative and not series.integrated:
-        raise CaseFileError(f"{name} is given by its own coefficients; give a table of {name[:-1]}")
+        raise CaseFileError(
+            f"{name} cannot be fitted, because its coefficients follow from {name[:-1]}; give a "
+            f"table of {name[:-1]}"
+        )
     order = most if harmonics is None else harmonics
     angles, values = _read(name, path, columns, unit)
     _require_revolution(name, path, angles, order)
@@ -138,7 +141,7 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
     gaps, span = np.diff(ordered), float(ordered[-1] - ordered[0])
     if gaps.min() < _SAME_ANGLE * _REVOLUTION:
         twice = math.degrees(ordered[np.argmin(gaps)])
-        raise CaseFileError(f"{name}: {path.name} has the angle {twice:.6g} deg twice; give each once")
+        raise CaseFileError(f"{name}: {path.name} has the angle {twice:.6g} deg twice; give each angle once")
     if span > _REVOLUTION * (1 + _SAME_ANGLE):
         raise CaseFileError(
             f"{name}: {path.name} covers {math.degrees(span):.6g} deg; give one revolution, 360 deg"
@@ -149,8 +152,8 @@ def _require_revolution(name: str, path: Path, angles: Array, harmonics: int) ->
         start = math.degrees(ordered[np.argmax(gaps)])
         raise CaseFileError(
             f"{name}: {path.name} does not cover the revolution: no row between {start:.6g} deg and "
-            f"{start + math.degrees(widest):.6g} deg, half a wave of harmonic {harmonics} or more; add "
-            "rows or fit fewer harmonics"
+            f"{start + math.degrees(widest):.6g} deg, half a period of harmonic {harmonics} or more; "
+            "add rows or fit fewer harmonics"
         )
 
 
@@ -174,7 +177,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
     """Cells of the nonempty lines, header first, separated by comma, semicolon or tab."""
     try:
         if path.exists() and not path.is_file():
-            raise CaseFileError(f"{name}: table '{path}' is no file; give a CSV file")
+            raise CaseFileError(f"{name}: table '{path}' is not a file; give a CSV file")
         require_size(f"bytes in table '{path}'", path.stat().st_size, _NUMBERS_A_BYTE)
         lines = [line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError, ValueError) as error:
@@ -189,8 +192,8 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
     long = next((row for row in rows if any(row[len(header) :])), None)
     if long is not None:
         raise CaseFileError(
-            f"{name}: {path.name} has more values than columns in the row '{', '.join(long)[:60]}'; give "
-            "one a column, with a decimal point"
+            f"{name}: {path.name} has more values than columns in the row '{', '.join(long)[:60]}'; "
+            "give one value per column, with a decimal point"
         )
     return [header, *rows]
 

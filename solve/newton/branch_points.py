@@ -20,8 +20,8 @@ _MAX_TASKS = 8
 
 @dataclass(frozen=True)
 class Place:
-    """Point of a continuation: the orbit as a curve with the values (k,) of the parameters, or a difference of two
-    such points."""
+    """Point of a continuation: the orbit as a curve with the values (k,) of the parameters, or a difference
+    of two such points."""
 
     curve: Curve
     values: Array

@@ -153,7 +153,9 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
             break
         else:
             damping /= 2
-    raise NoOrbitError(f"after {count} corrections the least was {smallest:.1e} of the orbit")
+    raise NoOrbitError(
+        f"after {count} corrections, the smallest correction was {smallest:.1e} relative to the orbit"
+    )
 
 
 class _CorrectionNorm:

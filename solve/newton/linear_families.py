@@ -47,7 +47,7 @@ class LinearFamily:
     def multipliers(self) -> Array:
         """Floquet multipliers (2n,), largest modulus first."""
         if not np.isfinite(self.Phi).all():
-            raise NoOrbitError("the multipliers are beyond all bounds")
+            raise NoOrbitError("the multipliers overflow")
         return Multipliers.of(self.Phi[None]).values[0]
 
 

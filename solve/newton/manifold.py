@@ -105,7 +105,8 @@ class Manifold:
             weights = np.linalg.solve(matrix, missing)
         except np.linalg.LinAlgError:
             raise NoOrbitError(
-                "the continuation step is singular: a tangent of the branch is normal to the directions of the step"
+                "the continuation step is singular: a tangent of the branch is normal to the directions "
+                "of the step"
             ) from None
         return _sum(family.place, weights, family.tangents), family
 

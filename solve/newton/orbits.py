@@ -159,14 +159,15 @@ class _Search:
                     continue
                 if orbit.verdict != "unstable" or (strategy == _TRANSIENT and unstable is None):
                     return orbit
-                failed.append(f"by the {strategy}: an orbit that is unstable")
+                failed.append(f"by the {strategy}: the orbit is unstable")
                 unstable = unstable or orbit
         if unstable is not None:
             return replace(unstable, settled=False)
         raise NoOrbitError(
             f"no periodic orbit of {self.task.system.name} was reached at "
-            f"{self.task.speed_text(self.task.speed)}; {'; '.join(failed)}; there may be no stable orbit of "
-            "this period: try more periods or another speed, or give a start"
+            f"{self.task.speed_text(self.task.speed)}; {'; '.join(failed)}; there may be no stable "
+            "orbit of this period: try more periods or another speed, or give an orbit or a transient "
+            "as the start"
         )
 
     def _orbit_by(self, strategy: str, failed: Sequence[str]) -> NonlinearOrbit:

@@ -74,7 +74,7 @@ def by_speed(task: Task, grid: Grid) -> Converged:
             lambda speed: replace(task, speed=speed), float(slow), task.speed, start, grid, task.speed_text
         )
     slowest = task.speed_text(task.speed / 2**_SPEED_HALVINGS)
-    raise NoOrbitError(f"down to {slowest} the iteration does not converge from the linear orbit")
+    raise NoOrbitError(f"at speeds down to {slowest}, the iteration does not converge from the linear orbit")
 
 
 def by_load(task: Task, grid: Grid) -> Converged:
@@ -114,7 +114,7 @@ def _continue(
                 if step < _MIN_STEP:
                     ends = (text(first + part * length) for part in (0, at, at + _GROWTH * step))
                     raise NoOrbitError(
-                        "followed from {} on, the orbit turns back or ends between {} and {}".format(*ends)
+                        "the branch that begins at {} turns back or ends between {} and {}".format(*ends)
                     ) from None
                 continue
             previous, at, current, step = (at, current.curve), target, reached, _GROWTH * step
@@ -154,7 +154,7 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
     if unstable is not None:
         return unstable, False
     raise NoOrbitError(
-        f"after {_MAX_PERIODS} turns from rest the motion still changes by {change:.0%} from period to period"
+        f"after {_MAX_PERIODS} periods from rest, the motion still changes by {change:.0%} per period"
     )
 
 

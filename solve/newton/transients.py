@@ -237,8 +237,8 @@ def _damping_note(march: Integrator) -> list[str]:
     if not isinstance(march, StepMarcher) or march.angle <= _METHOD.follows:
         return []
     return [
-        f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, and with them what a start away "
-        "from the orbit excites in these"
+        f"ω_max h = {march.angle:.2g}: the steps damp out the fastest modes, and with them any "
+        "vibration that a start away from the orbit excites in these modes"
     ]
 
 
@@ -267,7 +267,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
     """q and q̇ at the end of a saved orbit or transient. Raises FileError."""
     if file.suffix != ".npz":
         raise FileError(
-            f"start '{file}' is no state; allowed: {REST}, {ORBIT}, or a file .npz saved with --save"
+            f"start '{file}' is not a state; allowed: {REST}, {ORBIT}, or a file .npz saved with --save"
         )
     try:
         with np.load(file, allow_pickle=False) as file_data:
@@ -279,8 +279,8 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             model = json.loads(str(file_data["metadata"]))["model"]
     except Exception:  # NumPy and zipfile raise various exceptions for a damaged file.
         raise FileError(
-            f"start '{file}' is no saved orbit or transient; allowed: {REST}, {ORBIT}, or a file .npz that "
-            "`solve periodic` or `solve transient` wrote with --save"
+            f"start '{file}' is not a saved orbit or transient; allowed: {REST}, {ORBIT}, or a file "
+            ".npz that `solve periodic` or `solve transient` wrote with --save"
         ) from None
     if names != system.coordinates:
         raise FileError(
@@ -288,7 +288,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
             f"{', '.join(system.coordinates)}"
         )
     if model != system.name:
-        raise FileError(f"start '{file}' is of {model}; give a state of {system.name}")
+        raise FileError(f"start '{file}' belongs to {model}; give a state of {system.name}")
     return q, qd
 
 

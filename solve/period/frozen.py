@@ -133,7 +133,8 @@ class FrozenModes:
         return self._n == 1 and not self._first_order
 
     def has_steady_inertia(self, fraction: float) -> Array:
-        """Whether (P,) det M keeps its sign and |det M| stays above this fraction of its median at every phase."""
+        """Whether (P,) det M keeps its sign and |det M| stays above this fraction of its median at every
+        phase."""
         if self._is_oscillator and not self._tables.own:
             low, high = self._ranges
             steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])

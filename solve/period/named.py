@@ -80,8 +80,8 @@ class Named:
             require_name(f"part of {subject}", figure, _PARTS[kind])
         if not 1 <= number <= system.multiplier_count:
             raise ValueOutOfBoundsError(
-                f"{text}: {system.name} has the multipliers 1 to {system.multiplier_count}, "
-                "falling in modulus"
+                f"{text}: {system.name} has the multipliers 1 to {system.multiplier_count}, in order "
+                "of decreasing modulus"
             )
         return cls(text, _WORDS[kind], kind, figure, number)
 
@@ -89,7 +89,7 @@ class Named:
     def _of_turn(cls, system: PeriodicSystem, text: str, subject: str, figure: str) -> "Named":
         unit = system.units.get(subject, "")
         if not figure:
-            raise ValueOutOfBoundsError(f"'{text}' names no figure; give one, such as {text}.max_abs")
+            raise ValueOutOfBoundsError(f"'{text}' names no statistic; add one, such as {text}.max_abs")
         found = _NUMBERED.fullmatch(figure)
         if found is not None and found[1] in (HARMONIC, PHASE):
             return cls(text, unit if found[1] == HARMONIC else "rad", subject, found[1], int(found[2]))

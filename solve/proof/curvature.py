@@ -94,8 +94,8 @@ def _cells(equation: Equation, phase: Ball, shortest: float) -> list[Cell]:
         return [Cell(equation.inputs(phase), rows)]
     if float(phase.rad()) < shortest:
         raise StepsError(
-            f"no bound on the equations near phase {float(phase.mid()):.9g}: M may be singular there, or "
-            "the equations have a kink"
+            f"no bound on the equations was found near phase {float(phase.mid()):.9g}: M may be "
+            "singular there, or the equations have a kink"
         )
     halves = interval(phase.lower(), phase.mid()), interval(phase.mid(), phase.upper())
     return [cell for half in halves for cell in _cells(equation, half, shortest)]

@@ -71,8 +71,8 @@ def enclosed(
     bounds, orbit_error, warnings = {}, math.nan, []
     if found.verdict == UNDETERMINED:
         warnings.append(
-            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless a "
-            "multiplier lies on it, as those of rigid-body modes do"
+            "no verdict is proved: discs of multipliers meet the unit circle; more digits help unless "
+            "a multiplier lies on the circle, as those of rigid-body modes do"
         )
     with precision(2 * bits):
         if isinstance(result, Orbit):

@@ -102,8 +102,9 @@ def existence(
     product = linear.gamma * Lambda
     if not 2 * product * linear.eta < 1:
         raise StepsError(
-            f"no orbit is proved: the defect of the computed one, {float(linear.eta):.1e}, times the "
-            f"curvature of the equations, {float(product):.1e}, is not below 1/2 in scaled coordinates"
+            f"no orbit is proved: η ΓΛ is not below 1/2, with a bound η = {float(linear.eta):.1e} on "
+            f"the first Newton correction and ΓΛ = {float(product):.1e} from the curvature of the "
+            "equations"
         )
     # η + ΓΛρ²/2 ≤ ρ holds for ρ = η (1 + 2ΓΛη), as 2ΓΛη < 1 gives (1 + 2ΓΛη)² ≤ 4.
     radius = (linear.eta * (1 + 2 * product * linear.eta)).upper()

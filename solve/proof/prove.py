@@ -76,7 +76,7 @@ def prove(
     wanted = checked_digits(digits)
     if isinstance(system, Stability):
         if speed is not None:
-            raise ValueOutOfBoundsError("the result has a speed of its own; leave out the speed")
+            raise ValueOutOfBoundsError("the result already has a speed; leave out the speed")
         result = system
     elif speed is None:
         raise MissingValueError('no speed given; add one, such as "600 rpm"')
@@ -92,7 +92,10 @@ def prove(
 
 def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor: Executor | None) -> Proof:
     if not isinstance(orbit.system, LinearisedModel):
-        raise LinearModelError("a proof needs the equations of the orbit; give one that was just computed")
+        raise LinearModelError(
+            "a proof needs the equations of the orbit, which a result read from a file lacks; "
+            "compute the orbit again"
+        )
     require_provable(orbit.system.model, nonlinear=True)
     require_exact(rounded)
     from solve.proof.nonlinear import enclosed_orbit

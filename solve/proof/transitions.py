@@ -80,7 +80,9 @@ def _on_step(step: Step, length: Ball) -> StepBounds:
     try:
         inverses = [Y.inv() for Y in at]
     except ZeroDivisionError:
-        raise StepsError("no bound on the transition matrices: a step is too long for its digits") from None
+        raise StepsError(
+            "no bound on the transition matrices: a step is too long for the number of digits"
+        ) from None
     sums = [
         sum((norm(at[d] * inverses[c + 1]) for c in range(d)), arb(0)) * within * width
         for d in range(cells + 1)

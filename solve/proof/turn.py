@@ -167,8 +167,8 @@ def _between(
             h = (following - phase) / 2
             if h < _SHORTEST * period:
                 raise StepsError(
-                    f"no enclosure of the solution beyond phase {phase:.9g}: M is singular there, or the "
-                    "equations have a jump that is not declared; declare it as a break"
+                    f"no enclosure of the solution beyond phase {phase:.9g}: M is singular there, or "
+                    "the equations have a jump that is not declared; declare the jump as a break"
                 ) from None
             continue
         yield arb(phase), length, made
@@ -183,8 +183,8 @@ def _window(equation: Equation, start: Ball, length: Ball) -> _Found:
         error = arb.pos_inf()
     if not error < 1:
         raise StepsError(
-            f"no bound on the equations near the jump at phase {float(start):.9g}: M may be singular there, "
-            "or a branch is undefined beyond it"
+            f"no bound on the equations was found near the jump at phase {float(start):.9g}: M may be "
+            "singular there, or an expression is undefined beyond the jump"
         )
     identity = arb_mat([[int(i == j) for j in range(2 * n + 1)] for i in range(2 * n)])
     rows = [*widened(identity, error).table(), [arb(0)] * (2 * n) + [arb(1)]]

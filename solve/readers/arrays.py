@@ -34,7 +34,8 @@ def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) 
     if "A" in arrays:
         return _first_order(arrays, source, options)
     raise FileError(
-        f"'{file}' has the arrays {', '.join(sorted(arrays)[:8]) or 'none'}; give M and K, or A, of: {_KNOWN}"
+        f"'{file}' has the arrays {', '.join(sorted(arrays)[:8]) or 'none'}; give M and K, or A; known "
+        f"names: {_KNOWN}"
     )
 
 
@@ -161,14 +162,14 @@ def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
         return []
     texts = [np.asarray(text).ravel() for text in np.asarray(arrays[name]).ravel()]
     if any(len(text) != 1 or text.dtype.kind not in "US" for text in texts):
-        raise FileError(f"'{file}': {name} are no texts; give a name for each")
+        raise FileError(f"'{file}': {name} are not texts; give a name for each")
     return [text[0].decode() if isinstance(text[0], bytes) else str(text[0]).strip() for text in texts]
 
 
 def _checked_names(names: Sequence[str], count: int, kind: str, file: str) -> Sequence[str]:
     """Names, as many as coordinates. Raises FileError."""
     if len(names) != count:
-        raise FileError(f"'{file}' has {len(names)} {kind} by name; expected {count}, one for each row")
+        raise FileError(f"'{file}' names {len(names)} {kind}; expected {count}, one for each row")
     return names
 
 

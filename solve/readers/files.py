@@ -34,7 +34,8 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
             raise FileError(f"there is no file '{text}'; give the path of a file that exists")
     if not found:
         shown = ", ".join(f"'{path}'" for path in given[:3])
-        raise FileError(f"no file matches {shown or 'no path'}; give the path of files that exist")
+        message = f"no file matches {shown}" if given else "the sequence of paths is empty"
+        raise FileError(f"{message}; give paths or patterns of files that exist")
     if len(found) > _MOST_FILES:
         raise FileError(f"{len(found)} files match; allowed: up to {_MOST_FILES}")
     return found

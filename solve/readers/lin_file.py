@@ -149,7 +149,7 @@ class _Parser:
 
     def _check(self) -> None:
         """Raise FileError for a file without what a system needs."""
-        file, missing = self.file, "is no linearisation file of OpenFAST, or it is cut off: it has no"
+        file, missing = self.file, "is not a linearisation file of OpenFAST, or is truncated: it has no"
         for name, value in (("'Azimuth'", file.azimuth), ("'Rotor Speed'", file.speed)):
             if math.isnan(value):
                 raise FileError(f"'{file.path}' {missing} {name}")

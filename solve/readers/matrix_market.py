@@ -94,7 +94,9 @@ def _stacked(numbers: dict[int, Path]) -> Array:
     matrices = [_read(numbers[number]) for number in sorted(numbers)]
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:
-        raise FileError(f"'{first}' and its other azimuths have different numbers of rows or columns")
+        raise FileError(
+            f"'{first}' and the files of other azimuths have different numbers of rows or columns"
+        )
     return np.array(matrices)
 
 

@@ -99,9 +99,14 @@ def _require_same(files: Sequence[LinFile]) -> None:
                 [signal.description for signal in each.signals.get(kind, [])] for each in (file, first)
             )
             if here != there:
-                raise FileError(f"'{file.path}' has other {kind} than '{first.path}'; give files of one run")
+                raise FileError(
+                    f"'{file.path}' has {kind} that differ from those in '{first.path}'; give "
+                    "files of one run"
+                )
         if file.matrices.keys() != first.matrices.keys():
-            raise FileError(f"'{file.path}' has other matrices than '{first.path}'; give files of one run")
+            raise FileError(
+                f"'{file.path}' has matrices that differ from those in '{first.path}'; give files of one run"
+            )
     speeds = np.array([file.speed for file in files])
     if np.ptp(speeds) > _SAME_SPEED * np.abs(speeds).max():
         raise FileError(
@@ -109,7 +114,7 @@ def _require_same(files: Sequence[LinFile]) -> None:
             "one operating point"
         )
     if speeds.mean() <= 0:
-        raise FileError(f"the rotor speed is {speeds.mean():g} rad/s; linearise a turning rotor")
+        raise FileError(f"the rotor speed is {speeds.mean():g} rad/s; linearise a rotating rotor")
 
 
 def _names(signals: Sequence[Signal], kind: str) -> list[str]:

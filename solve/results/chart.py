@@ -240,7 +240,9 @@ class Chart(ChartPoints):
         if not self.failures:
             return warnings
         reason, total = next(iter(self.failures.values())), len(self.results)
-        failed = f"{len(self.failures)} of {total} points give no result, and boundaries end beside them"
+        failed = (
+            f"{len(self.failures)} of {total} points have no result, and boundaries end near these points"
+        )
         return [*warnings, f"{failed}: {reason}"]
 
     def cut(self, x: float | None = None, y: float | None = None) -> Cut:

@@ -305,7 +305,9 @@ class CriticalSpeeds(SolvedSpeeds):
         return {
             "division": self._speeds([row.division for row in rows], mean, "ω̄/k", either),
             "division_at_rest": self._speeds(
-                [row.at_rest for row in rows], "that of the frequency at rest", "at rest"
+                [row.at_rest for row in rows],
+                "integer division of the mean natural frequency at rest",
+                "at rest",
             ),
             "mode": Column([row.mode for row in rows], "", "of the division", "mode", modes),
             "order": Column([row.order for row in rows], "", "of the division", "k", orders),

@@ -33,7 +33,7 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
         if target.exists() and not target.is_file():
             raise FileError(f"{kind} file '{path}' is a device or a pipe; give the name of a file")
         if not target.parent.is_dir():
-            raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; make it first")
+            raise FileError(f"{kind} file '{path}': there is no folder '{file.parent}'; create it first")
         # Only an attempt is certain: both permissions and read-only file systems can forbid writing.
         with _temporary(target):
             # A path that is still a link after resolving is a circle of links.
@@ -41,7 +41,7 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
     except (OSError, ValueError, RuntimeError):
         writable = False
     if not writable:
-        raise FileError(f"{kind} file '{path}' cannot be written; give a place where you may write")
+        raise FileError(f"{kind} file '{path}' cannot be written; give a path in a writable folder")
     return file
 
 

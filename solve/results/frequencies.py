@@ -274,7 +274,9 @@ class Findings(Result):
             texts += _growing(self.variation, f"values of {self.variation.parameter}")
             failed = [error for error in self.variation.errors if error is not None]
             if failed:
-                texts.append(f"{len(failed)} of {len(self.variation.errors)} values give none: {failed[0]}")
+                texts.append(
+                    f"{len(failed)} of {len(self.variation.errors)} values have no result: {failed[0]}"
+                )
         return texts
 
     def record(self) -> dict[str, Any]:

@@ -220,7 +220,10 @@ class Orbit(Stability, SolvedMotion):
         if self.linearisation_error is None:
             return super().header_rows()
         errors = (f"{name} {100 * error:.2g} %" for name, error in self.linearisation_error.items())
-        return [*super().header_rows(), ("linearised", f"nonlinear orbit off by about {', '.join(errors)}")]
+        return [
+            *super().header_rows(),
+            ("linearised", f"nonlinear orbit differs by about {', '.join(errors)}"),
+        ]
 
     def _accuracy(self) -> tuple[list[str], list[str]]:
         errors, checks = super()._accuracy()

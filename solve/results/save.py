@@ -65,7 +65,7 @@ def opened(path: str | Path) -> Any:
     if kind in _WRITERS and kind not in _READERS:
         raise FileError(f"'{path}' is an export, which cannot be read back; open the result's .nc or .npz")
     if kind not in _READERS:
-        raise FileError(f"'{path}' is no file of results; allowed: {', '.join(_READERS)}")
+        raise FileError(f"'{path}' is not a file of results; allowed: {', '.join(_READERS)}")
     if not file.is_file():
         raise FileError(f"there is no file '{path}'; give the path of a result that was saved")
     try:
@@ -78,7 +78,7 @@ def opened(path: str | Path) -> Any:
         raise FileError(f"'{path}' cannot be read; its permissions do not allow it") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
         raise FileError(
-            f"'{path}' is no result of this program, or it is damaged; save the result again"
+            f"'{path}' is not a result of this program, or is damaged; save the result again"
         ) from None
 
 

@@ -102,8 +102,8 @@ class Sensitivities(Result):
             names = [name for name, doubt in zip(self.by, doubtful, strict=True) if doubt]
             if names:
                 sentences.append(
-                    f"errors of the derivatives of {quantity} by {', '.join(names)} exceed "
-                    f"{100 * _UNCERTAIN:g} %; give a smaller rtol or more steps"
+                    f"errors of the derivatives of {quantity} with respect to {', '.join(names)} "
+                    f"exceed {100 * _UNCERTAIN:g} %; give a smaller rtol or more steps"
                 )
         return [*sentences, *([] if self.speed is None else self.system.warnings(self.speed))]
 
@@ -137,7 +137,9 @@ class Sensitivities(Result):
             "derivative": Column(np.real(slopes), "", "in SI units, real part"),
             "derivative_im": Column(np.imag(slopes), "", "imaginary part, of complex quantities"),
             "error": Column(errors, "", "estimated error of the derivative"),
-            "elasticity": Column(np.real(elasticities), "1", "relative change by relative change, real part"),
+            "elasticity": Column(
+                np.real(elasticities), "1", "elasticity (relative change per relative change), real part"
+            ),
             "elasticity_im": Column(np.imag(elasticities), "1", "imaginary part, of complex quantities"),
         }
 

@@ -68,8 +68,8 @@ class Serializable:
     def __getattr__(self, name: str) -> Any:
         if dataclasses.is_dataclass(self) and name in _field_names(type(self), stored=False):
             raise ReopenedError(
-                f"'{name}' of a result that was read from a file needs the equations, which no file holds; "
-                "load the model and solve again"
+                f"'{name}' of a result that was read from a file needs the equations, which files do "
+                "not contain; load the model and solve again"
             )
         raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}'")
 
@@ -165,7 +165,7 @@ class StoredSystem(PeriodicSystem):
 
     def _refused(self, *_: Any, **__: Any) -> Matrices:
         raise ReopenedError(
-            f"{self.name} was read from a file, which holds no equations; load the model and solve again"
+            f"{self.name} was read from a file, which contains no equations; load the model and solve again"
         )
 
     output_values = varied = along = marcher = varying = _refused  # type: ignore[assignment]
@@ -296,7 +296,8 @@ def from_arrays(arrays: Mapping[str, Array]) -> Any:
     content = json.loads(state.pop("state").tobytes())
     if content["format"] > FORMAT:
         raise FileError(
-            f"it is of format {content['format']}, known up to {FORMAT}; use the version that wrote it"
+            f"it has format {content['format']}, and this version reads formats up to {FORMAT}; use "
+            "the version that wrote it"
         )
     name = content["result"][0]
     if name not in CLASSES:

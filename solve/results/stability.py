@@ -187,7 +187,8 @@ class Stability(Solution):
 
     @stored_property
     def exponents(self) -> Array:
-        """Exponents λ = ln(ρ)/T (N,) in 1/s, principal branch (chapter Eq. (11)), finite even where ρ underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
+        """Exponents λ = ln(ρ)/T (N,) in 1/s, principal branch (chapter Eq. (11)), finite even where ρ
+        underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
         return self.spectrum.logarithms / self.period
 
     @stored_property

@@ -252,7 +252,7 @@ class Sweep(Result):
         first, span = f"at {unit.text(speeds[0])}", unit.span(min(speeds), max(speeds))
         if len(speeds) == 1:
             return first
-        return f"{first}; of this kind at {len(speeds)} of {len(self.speeds)} speeds, from {span}"
+        return f"{first}; similar warnings at {len(speeds)} of {len(self.speeds)} speeds, from {span}"
 
     @property
     def summary_values(self) -> dict[str, Any]:

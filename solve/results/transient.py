@@ -256,17 +256,21 @@ class Transient(TransientMotion):
         if not self.between <= interpolation_tolerance(self.rtol):
             error = f"{self.between:.1e}" if self._curves_resolved else "unknown"
             sentences.append(
-                f"the relative error of extrema between {len(self.nodes) - 1} states per turn is {error}, as "
-                "the vibration is fast; give fewer turns, or start on the orbit"
+                f"the relative error of extrema, interpolated between {len(self.nodes) - 1} states per "
+                f"period, is {error} because the vibration is fast; give fewer turns, or start on the "
+                "orbit"
             )
         if self.ramp or self.reached is not None:
             return sentences
         if self.orbit is None:
-            unreached = "no orbit lies near the last turn: more turns may reach one, or none has this period"
+            unreached = (
+                "no orbit is near the motion of the last period: more turns may reach an orbit, or "
+                "there is none of this period"
+            )
         else:
             last = float(np.nanmax(self.distances[-1]))
             remedy = _REMEDIES.get(self.orbit.verdict, "give more turns")
-            unreached = f"the orbit is not reached: the last turn differs from it by {last:.1e}; {remedy}"
+            unreached = f"the orbit is not reached: the last period differs from it by {last:.1e}; {remedy}"
         return [unreached, *sentences]
 
     def record(self) -> dict[str, Any]:

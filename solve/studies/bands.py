@@ -152,8 +152,9 @@ def bands(
     fast = 0 if constant else _count_fast_modes(system, ends[0], task.method)
     if fast:
         left_out = (
-            f"{fast} of {system.n} modes turn by more than {_MAX_PHASE_ADVANCE:g} rad a turn and are not "
-            "damped out: their bands, of high order, are not looked for; a single solution follows all modes"
+            f"{fast} of {system.n} modes have a phase advance of more than {_MAX_PHASE_ADVANCE:g} rad "
+            "per period and are not damped out: their unstable bands, of high order, are not searched "
+            "for; a solution at one speed includes all modes"
         )
         task, notes = replace(task, method=Radau()), [*notes, left_out]
     if constant:
@@ -193,7 +194,7 @@ def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
     if known.failed.all():
         raise NoResultError(failed)
-    return f"{failed}; bands end open beside them"
+    return f"{failed}; the ends of bands next to these speeds are unknown"
 
 
 def _subdivide(speeds: Array, parts: Array) -> Array:

@@ -196,8 +196,8 @@ class _Quantity:
     def __post_init__(self) -> None:
         if self.named.figure == PHASE or (self.named.subject in (RHO, EXPONENT) and not self.named.figure):
             raise ValueOutOfBoundsError(
-                f"a chart of {self.named.text} is not drawn; give a real number of each point, such as "
-                "spectral_radius, rho1.re or a coordinate's max_abs or harmonic5"
+                f"a chart cannot show {self.named.text}; give a quantity with one real value per "
+                "point, such as spectral_radius, rho1.re or a coordinate's max_abs or harmonic5"
             )
 
     @property
@@ -292,7 +292,7 @@ def _family(
     """Family of systems at the points (P, 2): variations of one, or those built by a function."""
     if case is not None:
         raise ValueOutOfBoundsError(
-            f"case '{case}' is for the name of a model; a system has its numbers already"
+            f"case is '{case}', but the system already has values of its parameters; leave out the case"
         )
     if not isinstance(model, PeriodicSystem):
         return BuiltFamily(model, names, points, _held(speed, names))

@@ -250,6 +250,6 @@ def _omissions(frequencies: MeanFrequencies, results: PointResults, orders: int)
     skipped = frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():
         limit = unit.text(float(grid[skipped].max()), ".4g")
-        yield f"below {limit} only orders above {orders} lie: no maxima are looked for"
+        yield f"below {limit} only orders above {orders} occur; maxima are not searched for there"
     if results.failures:
         yield without_result(grid, results.failed, unit, next(iter(results.failures.values())))

@@ -70,7 +70,8 @@ class PeriodicCurves:
             raise StepsError(f"steps is {steps!r}; allowed: even numbers of at least 2, such as 96")
         if system.breaks:
             raise MatricesError(
-                f"{system.name} has matrices that jump; steps must end there: use periodic at each speed"
+                f"{system.name} has matrices that jump; steps must end at the jumps: use periodic at "
+                "each speed"
             )
         self.system, self.steps, self.samples = system, steps, samples
         task, _ = task_of(over_speed(system), method, rtol=1e-6, engine="auto")

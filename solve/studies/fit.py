@@ -108,7 +108,8 @@ def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
     for name, ends in bounds.items():
         if name not in problem.names:
             raise ValueOutOfBoundsError(
-                f"bounds are given for {name}, which is not free; free it, or drop them"
+                f"bounds are given for {name}, which is not free; add it to the free parameters, or "
+                "leave out its bounds"
             )
         least, most = problem.model.bounds_in_own_unit(name, ends)
         at = list(problem.names).index(name)

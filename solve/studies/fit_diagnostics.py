@@ -51,20 +51,22 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
             warnings.append(f"{name} has the same measured value everywhere; check the record")
         elif size > _POOR_FIT:
             warnings.append(
-                f"{name} differs by {100 * size:.3g} %: the model does not describe it; check unit, sign, "
-                "speed and phase origin of the data, or free further parameters"
+                f"{name}: the residuals are {100 * size:.3g} % of the measured values (rms), so the "
+                "model does not describe them; check unit, sign, speed and phase origin of the data, "
+                "or free further parameters"
             )
         elif len(residuals) < _FEW and size > _SENSOR_ERROR:
             warnings.append(
-                f"{name} differs by {100 * size:.3g} %, more than typical sensor errors; {len(residuals)} "
-                "values are too few to distinguish noise from model error"
+                f"{name}: the residuals are {100 * size:.3g} % of the measured values (rms), more than "
+                f"typical sensor errors; {len(residuals)} values are too few to distinguish noise from "
+                "model error"
             )
         elif noise < _FALSE_ALARMS / len(ratios) and size > _EXACT:
             correlation = max((correlation for _, correlation in pairs), key=abs)
             warnings.append(
-                f"{name}: the residuals are not noise, neighbours have a correlation of {correlation:+.2f}: "
-                "the model does not follow the data, or the noise is not independent; the 95 % intervals "
-                "assume both and are not valid"
+                f"{name}: neighbouring residuals have a correlation of {correlation:+.2f}: the model "
+                "does not describe the data, or the noise is not independent; the 95 % intervals "
+                "assume a correct model and independent noise, and are not valid"
             )
         if 2 * len(np.unique(np.stack((at, measured)), axis=1).T) <= len(at) and size > _EXACT:
             warnings.append(f"{name}: duplicate rows; the 95 % intervals count each and are too narrow")

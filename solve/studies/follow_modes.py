@@ -170,7 +170,7 @@ def _method(method: str | Rule, coordinates: int) -> Method:
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:
-        raise StepsError(f"{used.name} gives no vectors with error estimates; use radau or gauss")
+        raise StepsError(f"{used.name} gives no eigenvectors with error estimates; use radau or gauss")
     return used
 
 

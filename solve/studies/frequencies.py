@@ -135,7 +135,7 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 def require_position(system: PeriodicSystem, position: object) -> None:
     """Raise NoMotionError if a position is given for a structure without motion."""
     if position is not None and not system.moves:
-        raise NoMotionError(f"{system.name} stands still; leave out the position")
+        raise NoMotionError(f"{system.name} is a structure at rest; leave out the position")
 
 
 def turn(system: PeriodicSystem, count: int = TURN) -> Array:
@@ -184,7 +184,9 @@ def frequencies_over(
     """
     require_name(f"parameter of {system.name}", parameter, system.parameters)
     if len(values) == 0 or len(positions) == 0:
-        raise ValueOutOfBoundsError(f"{len(values)} values at {len(positions)} positions; give one of each")
+        raise ValueOutOfBoundsError(
+            f"{len(values)} values at {len(positions)} positions; give at least one of each"
+        )
     k = _checked_count(system, count)
     require_size(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT

@@ -95,15 +95,16 @@ class MeanFrequencies:
             return []
         first, largest = float(speeds[beyond[0]]), int(shifts.argmax())
         return [
-            f"gyroscopic forces, or damping that couples modes, change frequencies by over {limit:.0%}, as "
-            f"at {text(first, '.4g')}, and by up to {shifts[largest]:.0%} at "
-            f"{text(float(speeds[largest]), '.4g')}: means and divisions, of M and K alone, mean little there"
+            "gyroscopic forces, or damping that couples modes, change frequencies by more than "
+            f"{limit:.0%} (first at {text(first, '.4g')}), and by up to {shifts[largest]:.0%} at "
+            f"{text(float(speeds[largest]), '.4g')}: mean frequencies and their divisions, which "
+            "follow from M and K alone, are unreliable there"
         ]
 
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
-    """Combination resonances (ω̄i ± ω̄j)/k within the speeds, in descending order of speed, for orders k up to
-    `orders` that the period of the matrices allows; integer divisions are excluded."""
+    """Combination resonances (ω̄i ± ω̄j)/k within the speeds, in descending order of speed, for orders k up
+    to `orders` that the period of the matrices allows; integer divisions are excluded."""
     found = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])
@@ -122,7 +123,8 @@ def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]
 
 
 def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
-    """Orders k, per revolution, and speeds Ω at which the sum of the mean frequencies, weighted by weights (n,), equals kΩ."""
+    """Orders k, per revolution, and speeds Ω at which the sum of the mean frequencies, weighted by weights
+    (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root
 
     def excess(speeds: Array, order: Array) -> Array:

@@ -131,7 +131,9 @@ def _universal(path: Path) -> Record:
     titles, columns = [f"{axis} ({'1' if axis == 'order' else label})"], [x]
     for each in sets:
         if len(each["x"]) != len(x) or not np.allclose(each["x"], x, rtol=1e-9, atol=0.0):
-            raise CaseFileError(f"data: {path.name} has functions on several abscissas; give them one")
+            raise CaseFileError(
+                f"data: {path.name} has functions of several abscissas; export functions of a single one"
+            )
         name, values = str(each["id1"]).strip(), np.asarray(each["data"])
         titles.append(f"{name} ({_label(each, 'ordinate') or '1'})")
         columns.append(np.abs(values) if np.iscomplexobj(values) else values)
@@ -176,7 +178,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     read = record(file)
     names = [re.sub(r"\s*\([^()]*\)\s*$", "", title) for title in read.titles]
     if len(set(names)) < len(names):
-        raise CaseFileError(f"data: {read.path.name} has two columns of one name; give each its own")
+        raise CaseFileError(f"data: {read.path.name} has two columns of the same name; rename one")
     first = next((place for place, name in enumerate(names) if name != _SPEED), 0)
     axis = names[first]
     require_name(f"first column of {read.path.name}", axis, AXES)
@@ -221,7 +223,7 @@ def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
         unit = orbit.system.speed_unit
         speeds = ", ".join(unit.text(each.speed) for each in sets if each.position is None) or "none"
         raise ValueOutOfBoundsError(
-            f"nothing is measured at {unit.text(orbit.speed)}; the data are of: {speeds}"
+            f"nothing was measured at {unit.text(orbit.speed)}; the speeds of the data are: {speeds}"
         )
     return found
 
@@ -236,7 +238,7 @@ def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
 def _require_valid(file: str, axis: str, at: Array, speeds: Array, channels: Mapping[str, Array]) -> None:
     """Raise ValueOutOfBoundsError for invalid phases, orders, speeds or channels."""
     if not np.isfinite(at).all():
-        raise ValueOutOfBoundsError(f"data: {file} has a {axis} that is no finite number; leave the row out")
+        raise ValueOutOfBoundsError(f"data: {file} has a {axis} that is not finite; leave the row out")
     if axis == "order" and not ((at == np.round(at)) & (at >= 0)).all():
         other = at[(at != np.round(at)) | (at < 0)][0]
         raise ValueOutOfBoundsError(

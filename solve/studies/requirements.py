@@ -40,7 +40,7 @@ class Bound:
         parts = _RELATION.fullmatch(text)
         if parts is None:
             raise ValueOutOfBoundsError(
-                f"'{text}' is no bound; write a quantity, < or >, and a number, such as 'rho1.abs < 0.9'"
+                f"'{text}' is not a bound; write a quantity, < or >, and a number, such as 'rho1.abs < 0.9'"
             )
         named = real_quantity(system, parts[1])
         return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, _number(parts[3], named, text))
@@ -62,8 +62,8 @@ class Kept:
 
     @classmethod
     def of(cls, system: PeriodicSystem, text: str) -> "Kept":
-        """Quantity to be kept unchanged, from a text such as "lift.range", "lift@80:100 deg" or "lift.max within 0.1 mm". Raises
-        ValueOutOfBoundsError, UnknownNameError, UnitError."""
+        """Quantity to be kept unchanged, from a text such as "lift.range", "lift@80:100 deg" or "lift.max
+        within 0.1 mm". Raises ValueOutOfBoundsError, UnknownNameError, UnitError."""
         what, within, width = (part.strip() for part in text.partition(" within "))
         name, at, interval = what.partition("@")
         name, _, figure = name.partition(".")
@@ -76,7 +76,7 @@ class Kept:
             return cls(text, name, (), _phases(interval, text), tolerance)
         if not figure:
             raise ValueOutOfBoundsError(
-                f"'{text}' names no figure; write {name}.{RANGE}, or {name}@80:100 deg for its curve"
+                f"'{text}' names no statistic; write {name}.{RANGE}, or {name}@80:100 deg for its curve"
             )
         require_name(f"figure of {name}", figure, [RANGE, *FIGURES])
         return cls(text, name, ("max", "min") if figure == RANGE else (figure,), None, tolerance)

@@ -37,16 +37,16 @@ _WIDTH_FRACTION = 0.1
 _MAX_ERROR = 1e-3
 """Relative error of the derivative by the speed above which an edge has no derivatives. A choice."""
 
-_MEET = "at this edge two multipliers meet, and have no derivative"
-_DAMP = "as without damping: give a little of it, or difference the edges themselves"
+_MEET = "two multipliers coincide at this edge, so that it has no derivatives"
+_DAMP = "if the system is undamped, add a little damping, or use finite differences of the edges"
 
 _CORNER = (
-    "its speed has no derivatives: there one multiplier takes the lead from another, or the maximum is too "
-    "narrow to be differenced"
+    "this speed has no derivatives: another multiplier becomes dominant there, or the maximum is too "
+    "narrow for finite differences"
 )
 _UNBOUNDED = (
-    "the response grows beyond all bounds at this speed, which has no derivatives; for `bands` those of the "
-    "edges of unstable ranges are given"
+    "the response is unbounded at this speed, which has no derivatives; derivatives of the edges of "
+    "unstable ranges are available for `bands`"
 )
 
 _SMOOTH = 0.5
@@ -191,7 +191,8 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
     _, every = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in every:
         raise ValueOutOfBoundsError(
-            "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such as 'k1', or leave by out"
+            "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such "
+            "as 'k1', or leave by out"
         )
     return [name for name in every if name != SPEED]
 

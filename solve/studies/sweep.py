@@ -362,7 +362,7 @@ def validity(
         Other subclasses for bad input.
     """
     if not 0 < at <= 1:
-        raise ValueOutOfBoundsError(f"at is {at}; allowed: a part > 0 and up to 1, such as 0.05 for 5 %")
+        raise ValueOutOfBoundsError(f"at is {at}; allowed: a fraction > 0 and up to 1, such as 0.05 for 5 %")
     if not system.nonlinear:
         raise LinearModelError(
             f"{system.name} is linear by construction; validity requires a model with nonlinear equations"

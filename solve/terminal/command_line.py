@@ -21,7 +21,7 @@ REFUSED, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 _MAX_MESSAGE = 900
 """Characters of a message. Arguments quoted in it may be much longer."""
 
-_OUT_OF_MEMORY = "the memory of this machine does not suffice; request fewer points or steps"
+_OUT_OF_MEMORY = "this machine has too little memory; request fewer points or steps"
 
 _OWN_PACKAGES = {"", "derive", "models", "solve"}
 _NOT_INSTALLED = (

@@ -265,7 +265,8 @@ def _free(
     outputs = [name for name in names if name not in system.coordinates]
     if outputs:
         raise ValueOutOfBoundsError(
-            f"a free vibration shows coordinates, {', '.join(system.coordinates)}; given: {outputs[0]}"
+            f"an animated free vibration shows coordinates only ({', '.join(system.coordinates)}); "
+            f"given: {outputs[0]}"
         )
     found = transient(system, omega, FREE_TURNS, (np.ones(system.n), np.zeros(system.n)), rtol=rtol)
     size = np.abs(found.q).max()

@@ -27,7 +27,7 @@ from solve.views.tables import RenderableType, table_of, text
 
 _UNRESOLVED, _OTHER_VERDICT = "*", "≠"
 _LEGEND = {
-    _UNRESOLVED: "ω_max h is beyond what the method resolves or damps: multipliers may be false",
+    _UNRESOLVED: "ω_max h is beyond what the method resolves or damps: multipliers may be wrong",
     _OTHER_VERDICT: "verdict differs from the reference",
 }
 

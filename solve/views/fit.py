@@ -56,7 +56,7 @@ def fit_tables(fitted: Fitted) -> Sequence[RenderableType]:
         ],
         caption=f"correlated: {', '.join(correlated)}" if correlated else None,
     )
-    residual = text(f"\nresidual {100 * fitted.residual:.3g} % of what was measured")
+    residual = text(f"\nresidual {100 * fitted.residual:.3g} % of the measured values")
     return [parameters, differences_table(fitted.channels, fitted.system.speed_unit), residual]
 
 

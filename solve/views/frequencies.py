@@ -128,7 +128,7 @@ def variation_figure(found: Variation) -> Figure:
         axes = made.subplots()
         if several:
             axes.fill_between(values, figures["min"], figures["max"], color=BLUE, alpha=0.15, linewidth=0)
-        label = "mechanism, mean and range of the turn" if several else "mechanism"
+        label = "mechanism: mean and range over the revolution" if several else "mechanism"
         axes.plot(values, figures["mean"], color=BLUE, marker="o", label=label)
         top = 2.2 * np.nanmax(figures["max"], initial=0.0)
         for (link, alone), color in zip(

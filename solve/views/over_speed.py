@@ -84,7 +84,7 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
             ),
             ["largest", "", *numbers(np.nanmax(values, axis=1).tolist())],
         ],
-        caption="peaks and quiet speeds of the first, among the speeds given",
+        caption="peaks and quiet speeds are those of the first curve, among the given speeds",
     )
 
 

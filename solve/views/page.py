@@ -143,7 +143,8 @@ def _page(report: Report) -> str:
 
 
 def document(title: str, policy: str, style: str, body: str) -> str:
-    """Self-contained HTML page. policy: content security policy. style, body: lines, each ending in a newline."""
+    """Self-contained HTML page. policy: content security policy. style, body: lines, each ending in a
+    newline."""
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>

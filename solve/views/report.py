@@ -135,8 +135,9 @@ def _of_motion(
     )
     matters = Part(
         "What matters most",
-        f"Derivatives at {at} by the parameters and the speed, exact except for the stated errors; "
-        "an elasticity is the relative change by the relative change of the parameter.",
+        f"Derivatives at {at} with respect to the parameters and the speed, exact except for the "
+        "stated errors; an elasticity is the relative change of the quantity per relative change of "
+        "the parameter.",
     )
     nonlinear_one = partial(nonlinear, system, omega, **options)
 

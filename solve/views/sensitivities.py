@@ -23,7 +23,7 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
     ranked = {quantity: result.ranked(quantity)[:_MOST_BARS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
     name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
-    with page(0.6 + sum(heights), f"{name}: what matters most") as figure:
+    with page(0.6 + sum(heights), f"{name}: most influential parameters") as figure:
         panels = figure.subplots(len(ranked), 1, squeeze=False, height_ratios=heights)[:, 0]
         for axes, (quantity, names) in zip(panels, ranked.items(), strict=True):
             elasticities = result.elasticities(quantity)
@@ -39,7 +39,9 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
             axes.invert_yaxis()
             axes.axvline(0.0, color="black", linewidth=0.7)
             axes.set_title(quantity, loc="left")
-        panels[-1].set_xlabel("elasticity: relative change by relative change of the parameter")
+        panels[-1].set_xlabel(
+            "elasticity: relative change of the quantity per relative change of the parameter"
+        )
     return figure
 
 
@@ -62,7 +64,9 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
         f"{quantity} = {number(found.value, 8)} {found.unit}".removesuffix(" 1"),
         *("by", "at", "unit", "derivative", "error", "elasticity"),
         rows=rows,
-        caption=f"and {len(ranked) - MOST_ROWS} that matter less" if len(ranked) > MOST_ROWS else None,
+        caption=f"and {len(ranked) - MOST_ROWS} less influential parameters"
+        if len(ranked) > MOST_ROWS
+        else None,
     )
 
 

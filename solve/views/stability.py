@@ -68,7 +68,7 @@ def _multiplier_table(result: Stability) -> RenderableType:
     ]
     smaller = len(pairs) - _MOST_MULTIPLIERS
     omitted = [f"{smaller} smaller"] * (smaller > 0)
-    omitted += [f"{result.unresolved} without a digit"] * (result.unresolved > 0)
+    omitted += [f"{result.unresolved} not accurate to one digit"] * (result.unresolved > 0)
     return table(
         "Floquet multipliers ρ; growth in 1/s; Hz, folded: modulo 1/T",
         *("Re ρ", "Im ρ", "|ρ|", "growth", "folded", "frequency", "order"),
@@ -205,7 +205,7 @@ def _place_table(proof: Proof, place: ProvedOrbit) -> RenderableType:
         )
         for name, radius in place.radius.items()
     ]
-    title = "Distance of the orbit from its Fourier series, and of all others from it"
+    title = "Distance of the orbit, and of all other orbits, from the Fourier series"
     return table(title, "", "unit", "at most", "at least", left=2, rows=rows)
 
 

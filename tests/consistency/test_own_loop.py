@@ -58,7 +58,7 @@ def test_loop_unknowns_may_reuse_names_of_generated_code(tmp_path, monkeypatch):
 def test_a_loop_that_does_not_close_is_refused_in_one_line(press):
     message = (
         "the loop of s, beta does not close at every phase: gap of s, beta < 1e-9 does not hold "
-        "for r = 0.1 m, L = 0.11 m, e = 0.02 m; choose numbers for which it does"
+        "for r = 0.1 m, L = 0.11 m, e = 0.02 m; choose values for which it holds"
     )
     with pytest.raises(ValueOutOfBoundsError) as refused:
         solve.load(press, **NUMBERS | {"L": 0.11})

@@ -99,7 +99,7 @@ def test_orthogonal_modes_have_exact_zeros():
         (lambda k, xi: xi ** (k + 1), "with the part exp.*log"),
         (lambda k, xi: sin(k * pi * xi / 2), "with the part exp"),
         (lambda k, xi: sin(k * xi), "with the part exp"),
-        (lambda k, xi: cos((k - 1) * pi * xi) - cos((k + 1) * pi * xi), "frequencies meet at i = 3, j = 1"),
+        (lambda k, xi: cos((k - 1) * pi * xi) - cos((k + 1) * pi * xi), "frequencies coincide at i = 3, j = 1"),
     ],
 )
 def test_mode_functions_of_another_kind_are_refused(shape, message):
@@ -364,7 +364,7 @@ def test_no_inertia():
 def test_densities_are_polynomials_of_the_position():
     beam, line, mu = declared()
     beam.kinetic = line.integral(mu * sin(line.position / line.length) * rate(line.deflection) ** 2 / 2)
-    with pytest.raises(UnsupportedExpressionError, match="must be polynomials of w_position"):
+    with pytest.raises(UnsupportedExpressionError, match="must be polynomials in w_position"):
         projected(beam)
 
 

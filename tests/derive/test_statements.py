@@ -112,7 +112,7 @@ def test_outputs_share_the_names():
         ):
             one.option(argument, ("soft", "hard"))
     one.output("drive_torque", q, "m", "displacement")
-    with pytest.raises(DeclarationError, match='"drive_torque" follows from the energies'):
+    with pytest.raises(DeclarationError, match='"drive_torque" is reserved for the output that follows from the energies'):
         check(one)
 
 
@@ -263,7 +263,7 @@ def test_energies_in_another_unit_have_no_drive_torque():
 
 def test_options_need_values_and_an_expression_for_each():
     one, *_ = oscillator()
-    with pytest.raises(DeclarationError, match="option law needs two or more values"):
+    with pytest.raises(DeclarationError, match="option law has the values"):
         one.option("law", ("soft",))
     law = one.option("law", ("soft", "hard"))
     with pytest.raises(DeclarationError, match="one expression for each of soft, hard; given: soft"):

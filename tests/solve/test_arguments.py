@@ -55,7 +55,7 @@ REFUSED = {
         orders=2.5,  # type: ignore[arg-type]
     ),
     "orders is '3'; allowed": lambda: solve.critical_speeds(plane(), [1.0, 2.0], orders="3"),  # type: ignore[arg-type]
-    "the function that builds systems gives 3; give a PeriodicSystem": lambda: solve.chart(
+    "the function that builds systems returns 3; it must return a PeriodicSystem": lambda: solve.chart(
         lambda delta, epsilon: 3,
         **CHARTED,  # type: ignore[arg-type, return-value]
     ),

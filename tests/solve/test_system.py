@@ -208,7 +208,7 @@ def test_settings_out_of_bounds(settings, message):
 
 @pytest.mark.parametrize("coordinates", [[], ["a", "a"]])
 def test_coordinates_have_names_of_their_own(coordinates):
-    with pytest.raises(ValueOutOfBoundsError, match="give each of the n coordinates a name of its own"):
+    with pytest.raises(ValueOutOfBoundsError, match="give each of the n coordinates a different name"):
         PeriodicSystem(oscillator, coordinates)
 
 

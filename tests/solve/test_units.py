@@ -70,7 +70,7 @@ def test_units_of_another_kind_are_refused(unit):
 
 @pytest.mark.parametrize("unit", ["1/min", "1/hour"])
 def test_ambiguous_speed_units_are_refused(unit):
-    with pytest.raises(UnitError, match=r"may count turns or radians; write rpm, Hz or rad/s"):
+    with pytest.raises(UnitError, match=r"may count revolutions or radians; write rpm, Hz or rad/s"):
         speed_in_si(f"600 {unit}")
 
 

@@ -146,7 +146,7 @@ def test_on_a_boundary_the_double_multiplier_is_defective(characteristic, order,
     assert np.abs(stability.multipliers - (-1.0) ** order).max() <= 10 * stability.error_estimate.multipliers
     assert stability.verdict == "undetermined"
     assert known_too_badly(stability) or any(
-        "meet there, within their error" in warning for warning in stability.warnings
+        "lie on the unit circle or coincide on it" in warning for warning in stability.warnings
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 import solve
 from derive import Mechanism, cos, rate, sin, sqrt
 
-SAID = "out is no finite number at some phases, and has no figures"
+SAID = "out is not finite at some phases, so it has no statistics"
 
 
 def oscillator(stated):
@@ -54,6 +54,6 @@ def test_a_chart(model):
 @pytest.mark.parametrize("figure", ["max", "rms", "harmonic3"])
 def test_derivatives(model, figure):
     sensitivities = solve.sensitivities(model, 4.0, [f"out.{figure}", "q.max"])
-    reason = "out is no finite number at some phases: it has no derivatives"
+    reason = "out is not finite at some phases, so it has no derivatives"
     assert sensitivities.warnings == [reason]
     assert sensitivities[f"out.{figure}"]["k"] != sensitivities[f"out.{figure}"]["k"]

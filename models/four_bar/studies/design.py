@@ -260,7 +260,7 @@ def _quantity(flag: str, text: str, unit: str, example: str) -> float:
     try:
         return with_unit(text, unit)
     except UnitError as error:
-        raise UnitError(f'{flag}: {error}; such as {flag} "{example}"') from None
+        raise UnitError(f'{flag}: {error}; for example {flag} "{example}"') from None
 
 
 def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:

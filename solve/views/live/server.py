@@ -156,7 +156,7 @@ class File(web.RequestHandler):
         file = _FILES.get(name or "index.html")
         if not self._server.allows(token, self.request.host):
             self.set_status(403)
-            self.finish("The address lacks the token; open the one that solve explore has printed.\n")
+            self.finish("The address lacks the token; open the address that solve explore printed.\n")
         elif file is None:
             self.set_status(404)
             self.finish("No such page.\n")

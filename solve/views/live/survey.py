@@ -50,10 +50,10 @@ class Axis:
             ) from None
         if not (np.isfinite([axis.low, axis.high]).all() and axis.low < axis.high):
             raise ValueOutOfBoundsError(
-                f"{axis.name} from {axis.low:g} to {axis.high:g}; give two finite numbers, the smaller one first"
+                f"{axis.name} from {axis.low:g} to {axis.high:g}; give two finite numbers, the smaller first"
             )
         if not 2 <= axis.count <= most:
-            raise ValueOutOfBoundsError(f"{axis.count} points; allowed: 2 … {most}")
+            raise ValueOutOfBoundsError(f"{axis.name} has {axis.count} points; allowed: 2 … {most}")
         return axis
 
     @property
@@ -129,7 +129,7 @@ class Survey:
         elif of.subject == RADIUS:
             values = result.spectral_radius
         else:
-            raise ValueOutOfBoundsError(f"a sweep of {of.text} is not drawn; choose another quantity")
+            raise ValueOutOfBoundsError(f"a sweep cannot show {of.text}; choose another quantity")
         points = result.points
         failures = [point.error for point in points]
         if all(failures):

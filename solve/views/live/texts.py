@@ -171,7 +171,7 @@ def save_case(state: State, name: str, file: str) -> str:
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another") from None
     if old and name in read_cases(path, units, series):
-        raise CaseFileError(f"'{file}' has a case '{name}'; give another name")
+        raise CaseFileError(f"'{file}' already has a case '{name}'; give another name")
     text = f"{old.rstrip()}\n\n{block}" if old else block
 
     def write(stream: BinaryIO) -> None:

@@ -250,7 +250,7 @@ def test_report_fits_a_terminal_and_files_are_written(answer, tmp_path):
         (("--allowable", "100 MPa", "--target", "900 rpm", *SMALL), "94.25 rad/s, is not between 24 and 28"),
         (("--allowable", "0.01 MPa", "--speeds", "8:9:5 rad/s", *SMALL[2:]), "times the allowable one"),
         (("--allowable", "0.01 MPa", "--speeds", "80:90:5 rpm", *SMALL[2:]), "at 80 rpm, the lowest"),
-        (("--allowable", "100 MPa", "--option", "element=dynamic"), "no equations of motion"),
+        (("--allowable", "100 MPa", "--option", "element=dynamic"), "without equations of motion"),
     ],
 )
 def test_refusals_are_one_line(arguments, message, refusal):

@@ -46,7 +46,7 @@ def test_the_command_gives_the_means_of_the_thesis(answer, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--kinds", "cubic"], "kind 'cubic' of elements; allowed: KIND:N, such as cubic:3"),
+        (["--kinds", "cubic"], "element type is 'cubic'; allowed: KIND:N, such as cubic:3"),
         (["--kinds", "quartic:1"], "unknown value of option element 'quartic'; did you mean 'cubic'?"),
         (["--count", "0"], "0 frequencies at 36 positions; allowed: 1 … 9 at 1 … 3600"),
     ],

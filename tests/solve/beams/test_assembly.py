@@ -219,7 +219,7 @@ def test_links_that_miss_their_joint_are_refused():
 
 def test_a_held_joint_that_the_angles_move_is_refused():
     links = [("leg", "A", "B", "a", "b")]
-    with pytest.raises(StructureError, match="joint B is held, but the angles of the links move it"):
+    with pytest.raises(StructureError, match="joint B is supported, but the angles of the links move it"):
         Positions(beams(links, ["A", "B"], 1.0, [lambda p: p]), PHASES)
 
 
@@ -231,5 +231,5 @@ def test_dependent_inextensible_links_are_refused():
         ("three", "D", "C", "e", "f", True),
     ]
     frame = beams(links, ["A", "D"], [1.0, 2.0, 1.0], [lambda p: p, 0.0, lambda p: p])
-    with pytest.raises(StructureError, match="at 0 deg the inextensible links leave another number"):
+    with pytest.raises(StructureError, match="at 0 deg the inextensible links leave a different number"):
         Positions(frame, np.array([0.5, 0.0])).matrices()

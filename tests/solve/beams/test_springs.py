@@ -127,5 +127,5 @@ def test_a_sprung_joint_must_not_be_carried_along():
     made = rotor.__wrapped__()
     made.spring("tip", x=made.declared_parameters[6].symbol)
     numbers = {"E": 1e14, "A": 1e-4, "I": 1e-5, "rho": 5e3, "L": 0.5, "m": 0.4}
-    with pytest.raises(StructureError, match="joint tip is held, but the angles of the links move it"):
+    with pytest.raises(StructureError, match="joint tip is supported, but the angles of the links move it"):
         solve.load(made, **numbers, kx=900.0, ky=2500.0, kt=1e9, c=8.0)

@@ -59,7 +59,7 @@ def test_every_method_without_stiff_damping_is_listed():
 def test_unresolved_stiff_modes_are_flagged_and_false_multipliers_estimated(method, case, steps, truths):
     given, speed = CASES[case]
     if method == "rk4":
-        with pytest.raises(StepsError, match=r"or a method without limit \(radau\)"):
+        with pytest.raises(StepsError, match=r"or a method without a stability limit \(radau\)"):
             floquet(given, speed, method, steps=steps, rtol=0.9)
         return
     stability = floquet(given, speed, method, steps=steps, rtol=0.9)

@@ -46,7 +46,7 @@ def test_points_without_a_result_are_counted_and_saved(command, tmp_path):
     axes = ("--x", "speed=4000:5000:4 rpm", "--y", "l2=0.05:0.65:3")
     ran = command("chart", "coupler", *axes, "--plot", "chart.png", "--save", "chart.nc", "--json")
     assert ran.status == 0, ran.err
-    assert "4 of 12 points give no result, and boundaries end beside them" in ran.err
+    assert "4 of 12 points have no result, and boundaries end near these points" in ran.err
     record = json.loads(ran.out)
     assert record["spectral_radius"][2] == [None] * 4
     assert record["verdicts"][2] == ["failed"] * 4

@@ -76,9 +76,9 @@ def test_each_kind_of_warning_is_printed_once_in_full(command):
     lines = ran.err.splitlines()
     assert len(lines) == 2, ran.err
     for line, text in zip(lines, first["warnings"], strict=True):
-        assert line.startswith(f"warning: {text} (at 400 rpm; of this kind at ")
+        assert line.startswith(f"warning: {text} (at 400 rpm; similar warnings at ")
     trusted = [line for line in lines if "max|q1|" in line]
-    assert trusted[0].endswith("of this kind at 2 of 3 speeds, from 300 to 400 rpm)")
+    assert trusted[0].endswith("similar warnings at 2 of 3 speeds, from 300 to 400 rpm)")
     assert len(last["warnings"]) == 2
 
 
@@ -163,7 +163,7 @@ def test_python_takes_one_speed_one_text_or_many():
     [
         ([], ValueOutOfBoundsError, "no speeds given; give some, such as '100:900:81 rpm'"),
         (np.array([]), ValueOutOfBoundsError, "no speeds given"),
-        (None, ValueOutOfBoundsError, "speeds are None; give numbers in rad/s or texts such as '600 rpm'"),
+        (None, ValueOutOfBoundsError, "speeds are None; give a sequence of numbers in rad/s or of texts"),
         ([[1.0, 2.0]], ValueOutOfBoundsError, r"speed is \[1.0, 2.0\]; allowed: finite and > 0"),
         ("600", UnitError, "speeds are '600'; give 'A:B:N unit'"),
         ([62.8, -1.0], ValueOutOfBoundsError, "speed is -1.0; allowed: finite and > 0"),

@@ -136,7 +136,7 @@ def test_fmu_nominals_are_the_sizes_of_the_states(tmp_path):
 
 def test_without_a_load_it_starts_at_rest(tmp_path):
     exported = solve.export(solve.load("mathieu"), tmp_path / "mathieu.fmu")
-    assert exported.warnings[0].endswith("the unit starts at rest")
+    assert exported.warnings[0].endswith("the FMU starts at rest")
     computed = fmpy.simulate_fmu(
         str(tmp_path / "mathieu.fmu"), stop_time=np.pi, relative_tolerance=1e-9, start_values={"q": 1.0}
     )

@@ -92,7 +92,7 @@ def test_frozen_system_is_a_python_control_system():
     with pytest.raises(ValueOutOfBoundsError, match="phase is nan"):
         space.frozen(np.nan)
     for wrong in ("a", None, 1j, [0.0, 1.0]):
-        with pytest.raises(ValueOutOfBoundsError, match="allowed: a finite one, in rad"):
+        with pytest.raises(ValueOutOfBoundsError, match="allowed: a finite angle in rad"):
             space.frozen(wrong)
 
 

@@ -284,8 +284,8 @@ def test_least_steps_are_stable_and_fewer_are_refused(method):
 
 
 AT_RESONANCE = {
-    March: (StepsError, "the transient does not die within 1000000 turns .* use a periodic method"),
-    BahgatWillmert: (ResonanceError, "order 1 of the load meets a frozen natural frequency without damping"),
+    March: (StepsError, "the transient does not decay within 1000000 periods .* use a periodic method"),
+    BahgatWillmert: (ResonanceError, "harmonic 1 of the load equals an undamped natural frequency at some fixed phase"),
 }
 
 

@@ -21,7 +21,7 @@ def oscillator(frequency, radius):
 
 def turns(orbit):
     (note,) = (text for text in orbit.notes if text.startswith("march: "))
-    match = re.fullmatch(r"march: (\d+) turns until \S+ of the transient was left", note)
+    match = re.fullmatch(r"march: (\d+) periods until the transient decayed to \S+ of its initial size", note)
     assert match, note
     return int(match[1])
 
@@ -109,7 +109,7 @@ def test_other_settings_of_newmark_march_too():
 
 @pytest.mark.parametrize(("radius", "most"), [(1.0, 10**6), (1.2, 10**6), (0.9, 50)])
 def test_a_transient_that_does_not_die_is_refused(radius, most):
-    with pytest.raises(StepsError, match=rf"does not die within {most} turns .* such as radau"):
+    with pytest.raises(StepsError, match=rf"does not decay within {most} periods .* such as radau"):
         periodic(oscillator(1.3, radius), 1.0, March(most_turns=most), steps=400)
 
 

@@ -56,7 +56,7 @@ def test_fitted_series_equals_the_tabulated_series(read):
     fit = case.fits["P"]
     x = np.linspace(0, 7, 20)
     np.testing.assert_allclose(fit.at(x), 1e5 * pressure(x), rtol=1e-12)
-    assert fit.sentence.startswith("P is fitted to mine.csv by 3 harmonics: off by up to ")
+    assert fit.sentence.startswith("P is fitted to mine.csv with 3 harmonics: deviation up to ")
 
 
 def test_lift_and_slope_tables_yield_the_same_series(read):
@@ -88,7 +88,7 @@ def test_fit_error_equals_the_omitted_harmonics(read):
     degrees = np.arange(0.0, 360, 10)
     case = read(entry("P", "Pa", 1), rows(lambda x: np.sin(x) + 0.1 * np.cos(4 * x), degrees))
     assert abs(case.fits["P"].errors).max() == pytest.approx(0.1, rel=1e-9)
-    assert "by 1 harmonics: off by up to 0.1 Pa" in case.fits["P"].sentence
+    assert "with 1 harmonics: deviation up to 0.1 Pa" in case.fits["P"].sentence
     assert "and by 0.0707 Pa rms" in case.fits["P"].sentence
 
 
@@ -113,7 +113,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             entry("P", "Pa"),
             [(x, 1.0) for x in range(0, 230, 10)],
             CaseFileError,
-            "does not cover the revolution: no row between 220 deg and 360 deg, half a wave of harmonic "
+            "does not cover the revolution: no row between 220 deg and 360 deg, half a period of harmonic "
             "3 or more",
         ),
         (
@@ -152,7 +152,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         (entry("P", "Pa", 4), GOOD, CaseFileError, "harmonics = 4; allowed: 1 … 3, as declared"),
         (entry("P", "Pa", "1.5"), GOOD, CaseFileError, "harmonics = 1.5; allowed"),
         (entry("P", "Pa", "true"), GOOD, CaseFileError, "harmonics = True; allowed"),
-        (entry("P'", "Pa"), GOOD, CaseFileError, "P' is given by its own coefficients; give a table of P"),
+        (entry("P'", "Pa"), GOOD, CaseFileError, "P' cannot be fitted, because its coefficients follow from P; give a table of P"),
         (entry("PP", "Pa"), GOOD, UnknownNameError, "unknown series in mine.toml 'PP'; did you mean 'P'"),
         (entry("P", "Pa").replace("harm", "ham"), GOOD, UnknownNameError, "'hamonics'; did you mean 'harm"),
         (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .no such file"),

@@ -82,7 +82,7 @@ def chaos(monkeypatch):
     """A transient that ends near no orbit: whether the cam's does so at 450 rpm differs between machines."""
 
     def unsettled(task, grid):
-        raise solve.errors.NoOrbitError("after 80 turns from rest the motion still changes by 6%")
+        raise solve.errors.NoOrbitError("after 80 periods from rest, the motion still changes by 6%")
 
     monkeypatch.setattr("solve.newton.orbits.by_transient", unsettled)
 

@@ -243,7 +243,7 @@ def test_who_states_no_varying_speed_is_refused():
         return one, 0.1 * one, 4.0 * one, np.cos(phase)[:, None]
 
     system = solve.PeriodicSystem(oscillator, ["q"])
-    with pytest.raises(TransientError, match="states nothing of speeds that vary"):
+    with pytest.raises(TransientError, match="is stated for constant speeds only"):
         solve.transient(system, turns=2, speeds="0:3 rad/s")
     with pytest.raises(LinearModelError, match="linear by construction"):
         solve.transient(solve.load("four_bar"), turns=1, nonlinear=True, speeds="0:9 rad/s")

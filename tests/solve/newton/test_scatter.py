@@ -1,4 +1,4 @@
-"""Shares of scattered starts that lead to each orbit, against integration by SciPy."""
+"""Fractions of random initial states that lead to each orbit, against integration by SciPy."""
 
 import numpy as np
 import pytest

@@ -91,7 +91,7 @@ def test_a_device_is_not_replaced_by_a_file(tmp_path, device):
 @pytest.mark.parametrize("name", ["x" * 300 + ".csv", "loop.csv", "\0.csv"])
 def test_names_that_no_file_can_have_are_refused(tmp_path, name):
     (tmp_path / "loop.csv").symlink_to(tmp_path / "loop.csv")
-    with pytest.raises(FileError, match=r"cannot be written; give a place where you may write"):
+    with pytest.raises(FileError, match=r"cannot be written; give a path in a writable folder"):
         checked(tmp_path / name, CSV, "data")
 
 
@@ -182,6 +182,6 @@ def test_write_without_permission_is_refused(tmp_path, as_ordinary_user, mode):
     if mode == 0o300:
         assert (ran.returncode, ran.stderr.splitlines()[-1]) == (0, f"wrote {file}")
         return
-    message = f"solve: data file '{file}' cannot be written; give a place where you may write\n"
+    message = f"solve: data file '{file}' cannot be written; give a path in a writable folder\n"
     assert (ran.returncode, ran.stderr) == (2, message)
     assert list(place.iterdir()) == []

@@ -194,7 +194,7 @@ def test_foreign_files_are_refused_in_one_line(tmp_path):
     files = foreign(tmp_path)
     assert len(files) == 8
     for file in files:
-        with pytest.raises(FileError, match=r"^[^\n]*is no result of this program, or it is damaged[^\n]*$"):
+        with pytest.raises(FileError, match=r"^[^\n]*is not a result of this program, or is damaged[^\n]*$"):
             solve.open(file)
 
 

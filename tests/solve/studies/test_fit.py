@@ -173,7 +173,7 @@ def test_measured_data_are_compared_with_an_orbit(tmp_path, monkeypatch, capsys)
         "\n".join([f"{header},speed (rpm)", *(f"{row},60" for row in rows)]), "utf-8"
     )
     assert run(line) == 2
-    assert "nothing is measured at 50 rpm; the data are of: 60 rpm" in capsys.readouterr().err
+    assert "nothing was measured at 50 rpm; the speeds of the data are: 60 rpm" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -355,7 +355,7 @@ def test_residual_diagnosis_has_few_false_alarms(count):
 def test_correlated_residuals_give_a_warning(file):
     rows = [(phase, speed, q + 0.01 * np.cos(3 * phase)) for phase, speed, q in curve(0.01)]
     (text,) = solve.fit(model(), file(rows), list(TRUE)).warnings
-    assert text.startswith("q: the residuals are not noise, neighbours have a correlation of ")
+    assert text.startswith("q: neighbouring residuals have a correlation of ")
     assert solve.fit(model(), file(curve(0.01)), list(TRUE)).warnings == []
 
 
@@ -364,7 +364,7 @@ def test_correlated_residuals_give_a_warning(file):
     [
         (lambda q: 1000 * q, "q is measured 1e+03 times as large as computed at the start; check its unit"),
         (lambda q: 0 * q + 5, "q has the same measured value everywhere"),
-        (lambda q: -q, "the model does not describe it; check unit, sign, speed and phase origin"),
+        (lambda q: -q, "so the model does not describe them; check unit, sign, speed and phase origin"),
     ],
 )
 def test_data_with_wrong_unit_or_sign_give_a_warning(file, changed, words):
@@ -388,5 +388,5 @@ def test_a_phase_that_is_no_number_is_refused(tmp_path):
     units = {"phase": "deg", "q": "1", "speed": "rad/s"}
     phases = np.array([0.0, np.nan, 90.0])
     savemat(tmp_path / "q.mat", {"phase": phases, "q": np.ones(3), "speed": SPEED, "units": units})
-    with pytest.raises(ValueOutOfBoundsError, match="has a phase that is no finite number"):
+    with pytest.raises(ValueOutOfBoundsError, match="has a phase that is not finite"):
         solve.fit(model(), tmp_path / "q.mat", ["k"])

@@ -69,7 +69,7 @@ def test_debug_shows_the_traceback_of_an_internal_error():
 def test_out_of_memory_is_reported_in_one_line():
     status, _, error = ended(raising(MemoryError()))
     assert (status, error.count("\n")) == (2, 1)
-    assert "memory of this machine does not suffice" in error
+    assert "this machine has too little memory" in error
 
 
 def test_a_package_that_is_not_installed_is_named():

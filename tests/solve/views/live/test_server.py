@@ -91,7 +91,7 @@ def test_request_without_the_token_is_refused(live, path):
     root = live.address.split("/", 3)[:3]
     status, _, text = fetched("/".join([*root, path]))
     assert status == 403
-    assert text == "The address lacks the token; open the one that solve explore has printed.\n"
+    assert text == "The address lacks the token; open the address that solve explore printed.\n"
 
 
 @pytest.mark.parametrize("name", ["../server.py", "..%2fserver.py", "session.py", "x.js"])
