@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
-DERIVE_SHA256 = "914850e04ddc4147bc3c5e40b86191116bc037f1a46943a89ea86e069a481981"
+DERIVE_SHA256 = "873b029d65622a1e191575018604249ecd6ec9cba779e4fddb6412a0498b5297"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8b2024f03bcb585ac51aae19cf881197a37a1122ae1d4cf430d127a82dc4fa08"
+FILE_SHA256 = "3d3ec09dfa282b3d58e6a70323be1fc23ffa94988eb6b08358f4f21bdfe39675"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

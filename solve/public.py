@@ -41,9 +41,8 @@ from solve.results.special_curves import SpecialCurves
 from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
-from solve.results.sweeps import Sweeps
+from solve.results.sweeps import Sweeps, Validity
 from solve.results.transient import Transient
-from solve.results.validity import Validity
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart

@@ -10,9 +10,9 @@ angles in rad, time in s; crank angles may be arrays of any shape.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -183,15 +183,10 @@ class Linkage:
         turned = turned.real + 1j * BRANCHES[self.branch] * turned.imag
         span = self.L4 - self.L1 * np.exp(1j * t1)
         e2 = span * np.conj(self.L2 - self.L3 * turned)
-        t2, t3 = np.angle(e2), np.angle(e2 * turned)
-        omega2, omega3 = self._velocities(t1, t2, t3, omega1)
-        alpha2, alpha3 = self._accelerations((t1, t2, t3), (omega1, omega2, omega3), alpha1)
-        return Motion(
-            self,
-            np.stack((t1, t2, t3)),
-            np.stack((omega1, omega2, omega3)),
-            np.stack((alpha1, alpha2, alpha3)),
-        )
+        e2 /= np.abs(e2)
+        directions = np.exp(1j * t1), e2, e2 * turned
+        omega, alpha = rates(self.lengths, directions, (omega1, alpha1))
+        return Motion(self, np.stack((t1, *map(np.angle, directions[1:]))), omega, alpha)
 
     def _coupler_to_follower(self, t1: Array) -> Plane:
         """exp(iγ), where γ is the angle at B in the triangle ABC."""
@@ -210,27 +205,6 @@ class Linkage:
         product = stretch * fold * (L2 + L3 + d) * (d + abs(L2 - L3))
         turned = (L2**2 + L3**2 - d**2) + 1j * np.sqrt(np.where(in_line, 0.0, product))
         return turned / np.abs(turned)
-
-    def _velocities(self, t1: Array, t2: Array, t3: Array, omega1: Array) -> tuple[Array, Array]:
-        """ω2 and ω3 (thesis (3.11))."""
-        sin32 = np.sin(t3 - t2)
-        return (
-            -omega1 * self.L1 * np.sin(t3 - t1) / (self.L2 * sin32),
-            -omega1 * self.L1 * np.sin(t2 - t1) / (self.L3 * sin32),
-        )
-
-    def _accelerations(self, t: tuple[Array, ...], omega: tuple[Array, ...], alpha1: Array) -> list[Array]:
-        """α2 and α3: thesis (3.11) with the acceleration of the crank."""
-        t1, t2, t3 = t
-        normal1, normal2, normal3 = (length * w**2 for length, w in zip(self.lengths[:3], omega, strict=True))
-        tangential1 = self.L1 * alpha1
-        along_follower = normal1 * np.cos(t3 - t1) + normal2 * np.cos(t3 - t2) - normal3
-        along_coupler = normal1 * np.cos(t2 - t1) + normal2 - normal3 * np.cos(t3 - t2)
-        sin32 = np.sin(t3 - t2)
-        return [
-            (along_follower - tangential1 * np.sin(t3 - t1)) / (self.L2 * sin32),
-            (along_coupler - tangential1 * np.sin(t2 - t1)) / (self.L3 * sin32),
-        ]
 
 
 @dataclass(frozen=True)
@@ -275,6 +249,34 @@ class Motion:
     def _crank_pin(self) -> Plane:
         """Position of A relative to O."""
         return self.linkage.L1 * self.direction(1)
+
+
+def rates(
+    lengths: Sequence[float],
+    directions: Sequence[Array | Plane],
+    crank: tuple[Array, Array],
+    pivot: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
+) -> tuple[Array, Array]:
+    """Angular velocities ω and accelerations α (3, …) of crank, coupler and follower (thesis (3.11)).
+
+    lengths: L1, L2, L3, …; directions: exp(it) of the links; crank: ω1 and α1; pivot: velocity and
+    acceleration of C along the x axis.
+    """
+    L1, L2, L3, *_ = lengths
+    e1, e2, e3 = directions
+    omega1, alpha1 = crank
+    velocity, acceleration = (np.asarray(rate) for rate in pivot)
+    sides = 1j * L2 * e2, -1j * L3 * e3
+    omega2, omega3 = _components(*sides, velocity - 1j * L1 * omega1 * e1)
+    normal = L1 * omega1**2 * e1 + L2 * omega2**2 * e2 - L3 * omega3**2 * e3
+    alpha2, alpha3 = _components(*sides, acceleration - 1j * L1 * alpha1 * e1 + normal)
+    return np.stack((omega1, omega2, omega3)), np.stack((alpha1, alpha2, alpha3))
+
+
+def _components(first: Any, second: Any, vector: Any) -> tuple[Array, Array]:
+    """Real a, b with a·first + b·second = vector in the plane."""
+    area = np.imag(np.conj(first) * second)
+    return np.imag(np.conj(vector) * second) / area, np.imag(np.conj(first) * vector) / area
 
 
 def _angle_opposite(a: float, b: float, opposite: float) -> float:

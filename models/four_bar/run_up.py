@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from models.four_bar.linkage import BRANCHES, TURN
+from models.four_bar.linkage import BRANCHES, TURN, rates
 from models.four_bar.plan import Plan
 from models.four_bar.stress_map import StressMap, stress_rows
 from solve import Radau
@@ -221,19 +221,6 @@ def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, 
     e2 = span * np.conj(L2 - L3 * np.exp(1j * gamma))
     e2 /= np.abs(e2)
     e3 = e2 * np.exp(1j * gamma)
-    omega2, omega3 = _components(1j * L2 * e2, -1j * L3 * e3, drive.L4_velocity - 1j * L1 * drive.speed * e1)
-    normal = L1 * drive.speed**2 * e1 + L2 * omega2**2 * e2 - L3 * omega3**2 * e3
-    alpha2, alpha3 = _components(
-        1j * L2 * e2, -1j * L3 * e3, drive.L4_acceleration - 1j * L1 * drive.acceleration * e1 + normal
-    )
-    return (
-        np.stack((phi, np.angle(e2), np.angle(e3)), axis=1),
-        np.stack((drive.speed, omega2, omega3), axis=1),
-        np.stack((drive.acceleration, alpha2, alpha3), axis=1),
-    )
-
-
-def _components(first: Array, second: Array, vector: Array) -> tuple[Array, Array]:
-    """Real numbers a, b with a·first + b·second = vector in the complex plane."""
-    area = np.imag(np.conj(first) * second)
-    return np.imag(np.conj(vector) * second) / area, np.imag(np.conj(first) * vector) / area
+    pivot = drive.L4_velocity, drive.L4_acceleration
+    omega, alpha = rates((L1, L2, L3), (e1, e2, e3), (drive.speed, drive.acceleration), pivot)
+    return np.stack((phi, np.angle(e2), np.angle(e3)), axis=1), omega.T, alpha.T

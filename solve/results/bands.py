@@ -93,11 +93,7 @@ class Bands(Sequence[Band], Result):
         return super().plot(sweep)
 
     _rows: ClassVar[str] = "bands"
-
-    @property
-    def summary_values(self) -> dict[str, Any]:
-        names = "range", "spacing", "notes", "constant_matrices"
-        return {name: getattr(self, name) for name in names}
+    _recorded: ClassVar[str] = "range spacing notes constant_matrices"
 
     @property
     def columns(self) -> Columns:

@@ -11,9 +11,17 @@ from solve.contracts import Statistics
 from solve.labels import SPEED
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
-from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
-from solve.results.formatting import headed, prefixed
-from solve.results.result import Result
+from solve.results.contents import (
+    MOST_SHOWN,
+    Column,
+    Columns,
+    columns_by_name,
+    digits,
+    peak_column,
+    varied_column,
+)
+from solve.results.formatting import prefixed
+from solve.results.result import ResultOver
 from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
@@ -32,8 +40,8 @@ _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
 
 
 @dataclass(frozen=True)
-class Branch(Result):
-    """Branch of P nonlinear orbits, from `solve.branch`.
+class BranchPoints(ResultOver):
+    """Nonlinear orbits of P points of a branch.
 
     Attributes
     ----------
@@ -68,8 +76,6 @@ class Branch(Result):
         Values of the parameter that varies instead of the speed.
     """
 
-    _rows: ClassVar[str] = "points"
-
     system: PeriodicSystem
     speeds: Array
     figures: Array
@@ -98,14 +104,32 @@ class Branch(Result):
         return self.figures[:, : self.system.n, _MAX_ABS]
 
     @property
-    def over(self) -> str:
-        """Name of the continuation parameter: "speed", or a parameter."""
-        return next(iter(self.parameters), SPEED)
+    def verdicts(self) -> list[str]:
+        """Verdicts (P,), which are "undetermined" within the errors of the spectral radii, with the margins
+        of `solve.period.multipliers.verdicts`."""
+        errors = self.errors[:, 1]
+        beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
+        return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
-    @property
-    def values(self) -> Array:
-        """Values (P,) of the continuation parameter; speeds in rad/s."""
-        return self.parameters.get(self.over, self.speeds)
+
+@dataclass(frozen=True)
+class Branch(BranchPoints):
+    """Branch of P nonlinear orbits, from `solve.branch`.
+
+    Has the attributes of `BranchPoints`.
+
+    Attributes
+    ----------
+    turning : array
+        Values of the continuation parameter at turning points.
+    folds, doublings, tori : list of dict
+        Special points.
+    jumps : list of dict
+        Jumps of a slow change of the parameter.
+    """
+
+    _rows: ClassVar[str] = "points"
+    _recorded: ClassVar[str] = "turning folds doublings tori jumps rtol periods"
 
     @property
     def turning(self) -> Array:
@@ -181,14 +205,6 @@ class Branch(Result):
             )
         return found
 
-    @property
-    def verdicts(self) -> list[str]:
-        """Verdicts (P,); "undetermined" where the errors of the spectral radii do not permit one, with the
-        margins of `solve.period.multipliers.verdicts`."""
-        errors = self.errors[:, 1]
-        beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
-        return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
-
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
@@ -221,18 +237,6 @@ class Branch(Result):
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
     @property
-    def summary_values(self) -> dict[str, Any]:
-        return {
-            "turning": self.turning,
-            "folds": self.folds,
-            "doublings": self.doublings,
-            "tori": self.tori,
-            "jumps": self.jumps,
-            "rtol": self.rtol,
-            "periods": self.periods,
-        }
-
-    @property
     def _digits(self) -> str:
         """Format of numbers, with enough digits to distinguish neighbouring values."""
         return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
@@ -241,11 +245,8 @@ class Branch(Result):
     def columns(self) -> Columns:
         """Columns of the table, with one row per point."""
         system = self.system
-        columns = [("speed", speeds_of(system, self.speeds, heading="{}", form=self._digits))]
-        columns += [
-            (name, Column(values, *system.parameter_labels[name], name, digits(".7g")))
-            for name, values in self.parameters.items()
-        ]
+        columns = [("speed", varied_column(system, SPEED, self.speeds, self._digits))]
+        columns += [(name, varied_column(system, name, values)) for name, values in self.parameters.items()]
         for number, name in enumerate(self.quantities):
             columns += self._columns_of(name, number)
         meaning, several = "estimated error of the spectral radius", "periods" * bool(np.ptp(self.counts))
@@ -259,20 +260,18 @@ class Branch(Result):
             ("error", Column(self.errors[:, 0], "1", "estimated relative error of the orbit")),
             ("radius_error", Column(self.errors[:, 1], "1", meaning)),
         ]
-        require_different_names(columns)
-        return dict(columns)
+        return columns_by_name(columns)
 
     def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
         """Columns of the statistics of a quantity; the table shows the largest moduli of the first
         coordinates."""
         unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
-        values = {figure: self.figures[:, number, FIGURES.index(figure)] for figure in _SHOWN}
-        factor, shown = prefixed(unit, float(np.nanmax(np.append(values["max_abs"], 0.0))))
-        title = headed(f"max|{name}|", shown) if number < min(self.system.n, MOST_SHOWN - 1) else ""
         columns = []
-        for figure, numbers in values.items():
-            heading = title if figure == "max_abs" else ""
-            column = Column(numbers, unit, f"{figure} of {meaning}", heading, digits(".5g", factor))
+        for figure in _SHOWN:
+            values = self.figures[:, number, FIGURES.index(figure)]
+            column = Column(values, unit, f"{figure} of {meaning}")
+            if figure == "max_abs":
+                column = peak_column(self.system, name, values, number < min(self.system.n, MOST_SHOWN - 1))
             columns.append((f"{name}_{figure}", column))
         error = f"estimated relative error of the extrema of {meaning}"
         return [*columns, (f"{name}_error", Column(self.figure_errors[:, number], "1", error))]

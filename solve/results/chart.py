@@ -11,7 +11,7 @@ from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE, VERDICTS
 from solve.period.named import Named
-from solve.results.contents import Column, Columns, HeaderRows, require_different_names, to_json
+from solve.results.contents import Column, Columns, HeaderRows, columns_by_name, to_json
 from solve.results.formatting import greek
 from solve.results.points import PointResults
 from solve.results.result import Result
@@ -336,8 +336,8 @@ class Chart(ChartPoints):
             "error_estimate": Column(self.error_estimate, "1", "of the multipliers, relative", axes=plane),
             "error": Column(np.array(errors), "", "reason of the failure", axes=plane),
         }
-        require_different_names([*varied.items(), *columns.items()])
-        return {**varied, **columns, **requested}
+        named = columns_by_name([*varied.items(), *columns.items()])
+        return {**named, **requested}
 
     def _range(self, name: str, values: Array) -> str:
         return f"{greek(name)} {self.span(name, values)} ({len(values)})"

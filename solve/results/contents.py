@@ -16,6 +16,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
+from solve.labels import SPEED
 from solve.results.formatting import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
@@ -126,6 +127,33 @@ def speeds_of(
     )
 
 
+def varied_column(
+    system: PeriodicSystem, name: str, values: Any, form: str = ".7g", axes: tuple[str, ...] = ("row",)
+) -> Column:
+    """Column of values of the speed (rad/s) or of a parameter."""
+    if name == SPEED:
+        return speeds_of(system, values, heading="{}", form=form, axes=axes)
+    return Column(values, *system.parameter_labels[name], name, digits(form), axes)
+
+
+def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
+    """Columns of the largest moduli (P, n) of the coordinates; tables show those that fit `beside` other
+    columns."""
+    numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
+    return [
+        (f"{name}_max_abs", peak_column(system, name, values, number < MOST_SHOWN))
+        for number, (name, values) in numbered
+    ]
+
+
+def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool) -> Column:
+    """Column of the largest moduli of a coordinate or output, which tables show on request."""
+    unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
+    factor, shown = prefixed(unit, float(np.nanmax(peaks, initial=0.0)))
+    heading = headed(f"max|{name}|", shown) if is_shown else ""
+    return Column(peaks, unit, f"max_abs of {meaning}", heading, digits(".5g", factor))
+
+
 @dataclass(frozen=True)
 class FileContents:
     """Content of a result's files. columns: columns of the table, for .csv and .nc. others: further columns
@@ -186,8 +214,8 @@ def curves_of(
     return [(name, Column(*curve, axes=("phase",))) for name, curve in curves]
 
 
-def require_different_names(columns: Sequence[tuple[str, Column]]) -> None:
-    """Raise ValueOutOfBoundsError for two columns of the same name, one of which would be lost."""
+def columns_by_name(columns: Sequence[tuple[str, Column]]) -> Columns:
+    """Columns by name. Raises ValueOutOfBoundsError for two of the same name, one of which would be lost."""
     by_name: dict[str, Column] = {}
     for name, column in columns:
         first = by_name.setdefault(name, column)
@@ -196,6 +224,7 @@ def require_different_names(columns: Sequence[tuple[str, Column]]) -> None:
                 f"'{name}' is the name of two quantities ({first.meaning or 'a coordinate'}; "
                 f"{column.meaning or 'a coordinate'}); rename the coordinate, output or parameter"
             )
+    return by_name
 
 
 def rows_of(columns: Columns) -> list[dict[str, Any]]:

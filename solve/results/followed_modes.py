@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import require_name
-from solve.labels import SPEED
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
-from solve.results.result import Result
+from solve.results.result import ResultOver
 from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
@@ -75,8 +74,8 @@ class Ambiguity:
 
 
 @dataclass(frozen=True)
-class FollowedModes(Result):
-    """M Floquet modes at P speeds or values of a parameter, from `solve.follow_modes`.
+class ModesOver(ResultOver):
+    """M Floquet modes at P speeds or values of a parameter.
 
     Attributes
     ----------
@@ -134,16 +133,6 @@ class FollowedModes(Result):
     notes: Sequence[str] = ()
 
     @property
-    def over(self) -> str:
-        """Name of the varied quantity: "speed", or a parameter."""
-        return next(iter(self.parameters), SPEED)
-
-    @property
-    def values(self) -> Array:
-        """Values (P,) of the varied parameter, or speeds in rad/s."""
-        return self.parameters.get(self.over, self.speeds)
-
-    @property
     def frequencies(self) -> Array:
         """Unfolded frequencies (P, M) in rad/s."""
         return np.abs(np.imag(self.exponents))
@@ -157,6 +146,16 @@ class FollowedModes(Result):
         """Position of the mode with a label. Raises UnknownNameError."""
         require_name("mode", label, self.labels)
         return list(self.labels).index(label)
+
+
+@dataclass(frozen=True)
+class FollowedModes(ModesOver):
+    """Floquet modes followed over the speed or a parameter, from `solve.follow_modes`.
+
+    Has the attributes of `ModesOver`.
+    """
+
+    _recorded: ClassVar[str] = "labels ambiguous meetings resolution rtol steps notes"
 
     @stored_property
     def warnings(self) -> list[str]:
@@ -190,11 +189,6 @@ class FollowedModes(Result):
         """Text of a speed in rad/s or a value of the parameter."""
         return self.system.unit_of(self.over).text(value, ".6g")
 
-    @property
-    def summary_values(self) -> dict[str, Any]:
-        names = "labels", "ambiguous", "meetings", "resolution", "rtol", "steps", "notes"
-        return {name: getattr(self, name) for name in names}
-
     def record(self) -> dict[str, Any]:
         """JSON object of `solve modes --json`."""
         arrays = {
@@ -214,7 +208,6 @@ class FollowedModes(Result):
     def columns(self) -> Columns:
         """Columns of the table, with one row per speed and mode."""
         axes = "point", "mode"
-        unit, meaning = self.system.parameter_labels.get(self.over, ("rad/s", "speed of rotation"))
         columns = {
             "speed": Column(self.speeds, "rad/s", "speed of rotation", axes=("point",)),
             "label": Column(np.array(self.labels), "", "mode", axes=("mode",)),
@@ -224,7 +217,8 @@ class FollowedModes(Result):
             "error": Column(self.errors, "1/s", "estimated error of the exponent", axes=axes),
         }
         if self.parameters:
-            columns = {self.over: Column(self.values, unit, meaning, axes=("point",)), **columns}
+            labels = self.system.parameter_labels[self.over]
+            columns = {self.over: Column(self.values, *labels, axes=("point",)), **columns}
         return columns
 
     def file_contents(self) -> FileContents:

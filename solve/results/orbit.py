@@ -15,8 +15,8 @@ from solve.results.contents import (
     Column,
     FileContents,
     HeaderRows,
+    columns_by_name,
     curves_of,
-    require_different_names,
     to_json,
 )
 from solve.results.formatting import greek, measured
@@ -256,7 +256,7 @@ class Orbit(Stability, SolvedMotion):
                 rate = Column(values, unit and unit + per, f"{word} of {name}", axes=("phase",))
                 rates.append((name + suffix, rate))
         rates += stability.columns.items()
-        require_different_names([*curves, *rates])
+        columns_by_name([*curves, *rates])
         return FileContents(dict(curves), dict(rates), stability.metadata, {**arrays, **stability.arrays})
 
     def plot(

@@ -1,9 +1,12 @@
 """Base class of results: tables, files, DataFrame, Dataset, representation."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from solve.arrays import Array
+from solve.labels import SPEED
 from solve.results.contents import Columns, FileContents, HeaderRows, model_info, rows_of, to_json
 from solve.results.files import write_atomic
 from solve.results.save import checked_data, dataset, writer
@@ -28,8 +31,8 @@ def views() -> ModuleType:
 
 
 class Result(Serializable):
-    """Base class of all results. A subclass is a dataclass with a field for its system; it defines `columns`
-    and, if needed, `summary_values` and `header_rows`.
+    """Base of all results. A subclass is a dataclass with the system that it belongs to; it defines `columns`
+    and, if needed, `_recorded` or `summary_values`, and `header_rows`.
 
     Attributes
     ----------
@@ -40,7 +43,9 @@ class Result(Serializable):
     _rows: ClassVar[str] = ""
     """Key of the rows in the JSON record; None if the record has no rows."""
     _title: ClassVar[str] = ""
-    """Title of the table."""
+    """Title of the table of the columns."""
+    _recorded: ClassVar[str] = ""
+    """Names of the attributes that belong to the result as a whole, in the order of the record."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -74,7 +79,7 @@ class Result(Serializable):
     @property
     def summary_values(self) -> dict[str, Any]:
         """Values that belong to the result as a whole, by name."""
-        return {}
+        return {name: getattr(self, name) for name in self._recorded.split()}
 
     def header_rows(self) -> HeaderRows:
         """Rows of the heading below model and speed: a label and its text."""
@@ -138,3 +143,28 @@ class Result(Serializable):
         import pandas
 
         return pandas.DataFrame(self.file_contents().table)
+
+
+class ResultOver(Result):
+    """Base of results over the speed or one parameter.
+
+    Attributes
+    ----------
+    speeds : (P,) array
+        Speeds in rad/s.
+    parameters : mapping of str to (P,) array
+        Values of the parameter that varies instead of the speed.
+    """
+
+    speeds: Array
+    parameters: Mapping[str, Array]
+
+    @property
+    def over(self) -> str:
+        """Name of what varies: "speed", or a parameter."""
+        return next(iter(self.parameters), SPEED)
+
+    @property
+    def values(self) -> Array:
+        """Values (P,) of what varies; speeds in rad/s."""
+        return self.parameters.get(self.over, self.speeds)

@@ -7,8 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, digits, require_different_names
-from solve.results.formatting import headed, prefixed
+from solve.results.contents import Column, Columns, HeaderRows, columns_by_name, digits, peak_columns
 from solve.results.result import Result
 from solve.results.serialization import stored_property
 from solve.results.special_orbits import NonlinearOrbit
@@ -80,17 +79,12 @@ class Scatter(Result):
             ("share", Column(shares, "1", "fraction of the starts", "share (%)", digits(".3g", 100.0))),
             ("periods", Column([o.periods for o in orbits], "", "periods of the orbit", "periods")),
         ]
-        for name in self.system.coordinates:
-            peaks = np.array([orbit.statistics(name).max_abs for orbit in orbits])
-            unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
-            factor, shown = prefixed(unit, float(peaks.max(initial=0.0)))
-            title = headed(f"max|{name}|", shown) if len(columns) < MOST_SHOWN else ""
-            form = digits(".5g", factor)
-            columns.append((f"{name}_max_abs", Column(peaks, unit, f"max_abs of {meaning}", title, form)))
+        names = self.system.coordinates
+        peaks = np.array([[orbit.statistics(name).max_abs for name in names] for orbit in orbits])
+        columns += peak_columns(self.system, peaks.reshape(len(orbits), len(names)), len(columns))
         radii = [orbit.spectral_radius for orbit in orbits]
         columns += [
             ("spectral_radius", Column(radii, "1", "spectral radius", "radius", digits(".5g"))),
             ("verdict", Column([orbit.verdict for orbit in orbits], "", "stability", "verdict")),
         ]
-        require_different_names(columns)
-        return dict(columns)
+        return columns_by_name(columns)

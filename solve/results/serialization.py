@@ -12,7 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,13 @@ FORMAT = 2
 
 CLASSES: dict[str, type] = {}
 """Classes whose objects files may contain, by name."""
+
+_LABELS = (
+    *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
+    *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings"),
+    *("period", "coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit", "states"),
+)
+"""Attributes of a system that files hold; those of earlier versions have no states."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")
@@ -119,39 +126,6 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
     serializable(_kind)
 
 
-class SystemLabels(NamedTuple):
-    """Names, parameter values, units and meanings of a system; see `PeriodicSystem`."""
-
-    name: str
-    title: str
-    case: str | None
-    case_speed: str | None
-    model_hash: str | None
-    options: Mapping[str, Any]
-    parameters: Mapping[str, float]
-    parameter_labels: Mapping[str, tuple[str, str]]
-    links: Sequence[DrawnLink]
-    moves: bool
-    vibrates: bool
-    outputs: Sequence[str]
-    equation_warnings: Sequence[str]
-    largest_of: Mapping[str, Sequence[str]]
-    units: Mapping[str, str]
-    meanings: Mapping[str, str]
-    period: float
-    coordinates: Sequence[str]
-    breaks: Sequence[float]
-    freedoms: int
-    judged_quantities: Sequence[str]
-    speed_unit: ShownUnit
-    states: Sequence[str] = ()
-
-    @classmethod
-    def of(cls, system: PeriodicSystem) -> "SystemLabels":
-        """Labels of a system."""
-        return cls(*(getattr(system, name) for name in cls._fields))
-
-
 class StoredSystem(PeriodicSystem):
     """Labels of a system that were read from a file. Methods that need the equations raise ReopenedError."""
 
@@ -159,10 +133,10 @@ class StoredSystem(PeriodicSystem):
     freedoms = 0  # type: ignore[assignment]
     judged_quantities = ()  # type: ignore[assignment]
 
-    def __init__(self, labels: SystemLabels):
-        self.vibrates = labels.vibrates
-        super().__init__(self._refused, labels.coordinates, labels.period, labels.breaks)
-        vars(self).update(labels._asdict())
+    def __init__(self, labels: Mapping[str, Any]):
+        self.vibrates = labels["vibrates"]
+        super().__init__(self._refused, labels["coordinates"], labels["period"], labels["breaks"])
+        vars(self).update(labels)
 
     def _refused(self, *_: Any, **__: Any) -> Matrices:
         raise ReopenedError(
@@ -223,8 +197,7 @@ class _Encoder:
             if encoded is system:
                 return number
         self._encoded.append(system)
-        labels = SystemLabels.of(system)._asdict()
-        self.systems.append({name: self.plain(label) for name, label in labels.items()})
+        self.systems.append({name: self.plain(getattr(system, name)) for name in _LABELS})
         return len(self.systems) - 1
 
 
@@ -234,8 +207,7 @@ class _Decoder:
     def __init__(self, arrays: Sequence[Array], systems: Sequence[Mapping[str, Any]]):
         self._arrays = arrays
         self._systems = [
-            StoredSystem(SystemLabels(**{name: self.value(label) for name, label in labels.items()}))
-            for labels in systems
+            StoredSystem({name: self.value(label) for name, label in labels.items()}) for labels in systems
         ]
 
     def value(self, plain: Any) -> Any:

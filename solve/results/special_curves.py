@@ -7,9 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
-from solve.labels import SPEED
-from solve.results.contents import MOST_SHOWN, Column, Columns, digits, require_different_names, speeds_of
-from solve.results.formatting import headed, prefixed
+from solve.results.contents import Column, Columns, columns_by_name, digits, peak_columns, varied_column
 from solve.results.result import Result
 from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
@@ -90,17 +88,8 @@ class SpecialCurves(Result):
         """Columns of the table, with one row per point."""
         columns = [("curve", Column(self.numbers, "", "number of the curve", "curve"))]
         for name, values in zip(self.names, self.values.T, strict=True):
-            if name == SPEED:
-                column = speeds_of(self.system, values, heading="{}", form=".7g")
-            else:
-                column = Column(values, *self.system.parameter_labels[name], name, digits(".7g"))
-            columns.append((name, column))
-        for name, values in zip(self.system.coordinates, self.peaks.T, strict=True):
-            unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
-            factor, shown = prefixed(unit, float(values.max(initial=0.0)))
-            title = headed(f"max|{name}|", shown) if len(columns) < MOST_SHOWN else ""
-            form = digits(".5g", factor)
-            columns.append((f"{name}_max_abs", Column(values, unit, f"max_abs of {meaning}", title, form)))
+            columns.append((name, varied_column(self.system, name, values)))
+        columns += peak_columns(self.system, self.peaks, len(columns))
         radius = Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))
         kinds = np.where(self.cusps, CUSP, self.kind)
         columns += [
@@ -108,8 +97,7 @@ class SpecialCurves(Result):
             ("kind", Column(kinds, "", "kind of the point", "kind")),
             ("error", Column(self.errors, "1", "estimated relative error of the orbit")),
         ]
-        require_different_names(columns)
-        return dict(columns)
+        return columns_by_name(columns)
 
     @property
     def summary(self) -> str:

@@ -167,7 +167,6 @@ class NoStability:
     residual = 0.0
     linearisation_error = reduction_error = interpolation_error = None
     rigid_body_modes = ()
-    unresolved = 0
     multipliers = exponents = np.zeros(0, dtype=complex)
     multiplier_errors = np.zeros(0)
     modes = ()

@@ -25,13 +25,6 @@ _NO_DRIFT = 1e-12
 round-off of the mean load: some thousand terms, each with a relative error of 1e-16, times a condition number
 of up to 10."""
 
-_RECORDED = (
-    *("speed", "period", "method", "steps", "multipliers", "multiplier_errors", "unresolved", "exponents"),
-    *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
-    *("condition", "rigid_body_modes", "notes"),
-)
-"""Attributes that the JSON record contains, in its order."""
-
 _CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",
     "disturbances neither decay nor grow",
@@ -177,6 +170,10 @@ class Stability(Solution):
         Sentences on what is doubtful.
     """
 
+    _recorded: ClassVar[str] = (
+        "speed period method steps multipliers multiplier_errors unresolved exponents modes spectral_radius "
+        "verdict stable error_estimate distance_from_one liouville condition rigid_body_modes notes"
+    )
     _subject: ClassVar[str] = "motion"
     """Subject of the verdict: without an orbit, any motion of the linear equations."""
 
@@ -312,8 +309,7 @@ class Stability(Solution):
         sampled = (
             {} if self.interpolation_error is None else {"interpolation_error": self.interpolation_error}
         )
-        recorded = {name: getattr(self, name) for name in _RECORDED}
-        return {"residual": None, **recorded, **reduction, **sampled}
+        return {"residual": None, **super().summary_values, **reduction, **sampled}
 
     def header_rows(self) -> HeaderRows:
         """Method, errors, checks and notes."""

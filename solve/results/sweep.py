@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from solve.errors import require_name
 from solve.labels import SPEED
 from solve.period.multipliers import VERDICTS
 from solve.period.quantities import Statistics
-from solve.results.contents import Column, Columns, require_different_names, speeds_of, to_json
+from solve.results.contents import Column, Columns, columns_by_name, speeds_of, to_json
 from solve.results.points import FAILED, FIGURES, PointResults
 from solve.results.result import Figure, Result, views
 from solve.results.serialization import stored_property
@@ -118,6 +118,8 @@ class Sweep(Result):
     parameters : mapping of str to (P,) array
         Values of the parameters that vary besides the speed, per point.
     """
+
+    _recorded: ClassVar[str] = "notes"
 
     system: PeriodicSystem
     speeds: Array
@@ -254,10 +256,6 @@ class Sweep(Result):
             return first
         return f"{first}; similar warnings at {len(speeds)} of {len(self.speeds)} speeds, from {span}"
 
-    @property
-    def summary_values(self) -> dict[str, Any]:
-        return {"notes": self.notes}
-
     def record(self) -> dict[str, Any]:
         """JSON object of `solve sweep --json`."""
         points = [point.record(self.system) for point in self.points]
@@ -327,5 +325,4 @@ class Sweep(Result):
         columns.append(("spectral_radius", Column(self.spectral_radius, "1", radius, axes=axes)))
         for name, (values, meaning) in texts.items():
             columns.append((name, Column(values, "", meaning, axes=axes)))
-        require_different_names(columns)
-        return dict(columns)
+        return columns_by_name(columns)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from solve.period.quantities import Quantities
 from solve.results.contents import (
     FileContents,
     HeaderRows,
+    columns_by_name,
     curves_of,
-    require_different_names,
     speeds_of,
     to_json,
 )
@@ -225,6 +225,8 @@ class Transient(TransientMotion):
         Sentences on what is doubtful about the integration.
     """
 
+    _recorded: ClassVar[str] = "nonlinear turns reached rtol between"
+
     orbit: Orbit | None
     rtol: float
     nonlinear: bool
@@ -301,8 +303,7 @@ class Transient(TransientMotion):
             drive = {"speed": None, "period": None, "speeds": self.ends[[0, -1]], "time": self.time[-1]}
         else:
             drive = {"speed": self.speed, "period": self.system.period / self.speed}
-        names = "nonlinear", "turns", "reached", "rtol", "between"
-        return {**drive, **{name: getattr(self, name) for name in names}}
+        return {**drive, **super().summary_values}
 
     def header_rows(self) -> HeaderRows:
         drive = f"{self.ramp_in_words}, {self.turns} turns in {self.time[-1]:.6g} s"
@@ -325,7 +326,6 @@ class Transient(TransientMotion):
         columns = curves_of(system, self.time, self.phase, q, self.outputs)
         if self.ramp:
             columns.insert(2, ("speed", speeds_of(system, self.speeds, axes=("phase",))))
-        require_different_names(columns)
         arrays = {"phase": self.phase, "time": self.time, "q": q, "qd": self.qd}
         arrays["coordinates"] = np.array(system.coordinates)
-        return FileContents(dict(columns), {}, self.metadata, arrays)
+        return FileContents(columns_by_name(columns), {}, self.metadata, arrays)

@@ -24,8 +24,7 @@ from solve.period.quantities import harmonics as harmonics_of
 from solve.results.points import Kept, PointResults
 from solve.results.special_orbits import RigidOrbit
 from solve.results.sweep import Sweep
-from solve.results.sweeps import Sweeps
-from solve.results.validity import Validity
+from solve.results.sweeps import Sweeps, Validity
 from solve.single import periodic
 from solve.studies.nonlinear_sweep import nonlinear_points
 from solve.system import PeriodicSystem, of_any_system, of_system

@@ -11,7 +11,7 @@ from solve.results.contents import Column, digits, speeds_of
 from solve.results.critical_speeds import MOST_DECADES, CriticalSpeeds
 from solve.results.formatting import named
 from solve.units import ShownUnit
-from solve.views.panels import label_quantity, panels_over, through
+from solve.views.panels import label_quantity, legend_above, panels_over, through
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure
 from solve.views.tables import RenderableType, Table, table_of, text
@@ -155,20 +155,6 @@ def _label_order(
         axes.text(*place, str(order), color=GREY, fontsize=7, ha="center", va="center", bbox=box, zorder=2)
 
 
-def _legend(axes: Axes) -> None:
-    """Add a legend above the frame, on the right, if a curve has a label."""
-    if not axes.get_legend_handles_labels()[0]:
-        return
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=5,
-        borderaxespad=0.1,
-        handlelength=1.4,
-        columnspacing=1.1,
-    )
-
-
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     maxima = found.maxima("response")
     known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
@@ -189,7 +175,7 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
         style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
         axes.axvline(found.system.speed_unit.of(speed), label="" if at else "beyond all bounds", **style)
     _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
-    _legend(axes)
+    legend_above(axes, 5)
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
@@ -221,7 +207,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     axes.set_ylabel("dominant\nmultiplier")
     axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
     _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
-    _legend(axes)
+    legend_above(axes, 5)
 
 
 def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
@@ -250,7 +236,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(6))
     axes.set_ylabel("mean natural\nfrequency (Hz)")
     axes.set_title("Campbell diagram", loc="left", color=GREY)
-    _legend(axes)
+    legend_above(axes, 5)
 
 
 _ALL = _draw_response, _draw_multiplier, _draw_campbell

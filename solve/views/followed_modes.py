@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN
 from solve.results.followed_modes import CROSSING, FollowedModes, damping_ratios
-from solve.views.panels import panels_over, shades
+from solve.views.panels import legend_above, panels_over, shades
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, GREY, LIGHT, MANY, VERMILION, Axes, Figure
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table
@@ -41,7 +41,7 @@ def followed_modes_figure(followed: FollowedModes) -> Figure:
     ):
         _draw_frequencies(above, followed)
         _draw_damping(below, followed)
-        above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=6, borderaxespad=0.1)
+        legend_above(above, 6)
     return page
 
 

@@ -7,7 +7,15 @@ import numpy as np
 
 from solve.results.formatting import measured
 from solve.results.optimum import Curves, Optimum
-from solve.views.panels import draw_through, label_phases, label_quantity, label_speeds, labelled, titled
+from solve.views.panels import (
+    draw_through,
+    label_phases,
+    label_quantity,
+    label_speeds,
+    labelled,
+    legend_above,
+    titled,
+)
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, table_of, text
@@ -44,7 +52,7 @@ def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
     axes.plot(phase, factor * curves.before, color=GREY, label="before")
     axes.plot(phase, factor * curves.after, color=BLUE, label="optimum")
     label_phases(axes, float(curves.phase[-1]))
-    axes.legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    legend_above(axes)
 
 
 def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:

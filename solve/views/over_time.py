@@ -17,6 +17,7 @@ from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.system import PeriodicSystem
 from solve.views.panels import (
+    MOST_CURVES,
     SAMPLES,
     axis_label,
     distinct_labels,
@@ -101,9 +102,6 @@ def _output_tables(transient: Transient) -> list[RenderableType]:
 
 BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
 """Style of a reference curve drawn behind other curves."""
-
-MOST_CURVES = 12
-"""Maximum number of curves that can be distinguished in one picture."""
 
 
 def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:

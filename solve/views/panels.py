@@ -32,6 +32,9 @@ _LIGHTEST = 0.8
 _FEW = 60
 """Maximum number of points of a curve that are marked."""
 
+MOST_CURVES = 12
+"""Maximum number of curves that can be distinguished in one figure."""
+
 _LABEL = 54
 """Number of characters per line of a label."""
 
@@ -121,6 +124,13 @@ def panels_over(
         label_speeds(panels[-1], system, np.sort(values), name)
         if align:
             figure.align_ylabels(panels)
+
+
+def legend_above(axes: Axes, columns: int = 2) -> None:
+    """Add a legend above the frame, on the right, if anything is labelled."""
+    if axes.get_legend_handles_labels()[0]:
+        spacing = {"borderaxespad": 0.1, "handlelength": 1.4, "columnspacing": 1.1}
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, **spacing)
 
 
 def label_phases(axes: Axes, period: float) -> None:

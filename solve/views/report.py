@@ -16,7 +16,7 @@ from solve.results.orbit import Orbit
 from solve.results.result import Result
 from solve.results.sensitivities import Sensitivities
 from solve.results.sweep import Sweep
-from solve.results.validity import Validity
+from solve.results.sweeps import Validity
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of

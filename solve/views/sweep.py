@@ -1,4 +1,4 @@
-"""Sweeps and unstable bands: response and spectral radius over speed or a parameter."""
+"""Results over speed or a parameter: sweeps of one and of several systems, unstable bands, validity."""
 
 import itertools
 import math
@@ -8,27 +8,31 @@ from typing import Any
 
 import numpy as np
 
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.bands import Bands
-from solve.results.contents import Column, digits, sized, speeds_of
-from solve.results.formatting import greek, headed, prefixed
+from solve.results.contents import MOST_SHOWN, Column, digits, sized, speeds_of
+from solve.results.formatting import fixed, greek, headed, named, prefixed
 from solve.results.sweep import Sweep
+from solve.results.sweeps import Sweeps, Validity
 from solve.system import PeriodicSystem
 from solve.views.panels import (
+    MOST_CURVES,
     axis_label,
     distinct_labels,
     draw_map,
     draw_through,
     label_quantity,
+    legend_above,
     panels_over,
     shades,
     title_of,
 )
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
-from solve.views.tables import RenderableType, table_of, text
+from solve.views.tables import RenderableType, table, table_of, text
 
 KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 """Colours of unstable bands and boundaries, by the multiplier that leaves the unit circle."""
@@ -47,9 +51,6 @@ _WIDTH = 48
 
 _MOST_ROWS = 60
 """Maximum number of rows; if there are more speeds, every k-th is shown."""
-
-MOST_LINES = 12
-"""Maximum number of lines that can be distinguished in one figure."""
 
 Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: lower and upper edge (rad/s), kind."""
@@ -150,9 +151,9 @@ def _lines(
         labels = labelled_by(system, {name: varied[name] for name in others})
     for index in map(int, np.argsort(varied[along], kind="stable")):
         lines.setdefault(labels[index], []).append(index)
-    if len(lines) > MOST_LINES:
+    if len(lines) > MOST_CURVES:
         raise ValueOutOfBoundsError(
-            f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_LINES}"
+            f"{len(lines)} lines to draw, one for each {' and '.join(others)}; allowed: up to {MOST_CURVES}"
         )
     return dict(sorted(lines.items(), key=lambda line: min(line[1])))
 
@@ -163,8 +164,7 @@ def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
     inner = heights[1:-1]
     top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
     axes.plot(x[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
-    if len(top):
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.1)
+    legend_above(axes)
 
 
 def moving(varied: Mapping[str, Array]) -> list[str]:
@@ -276,3 +276,82 @@ def _shade(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
         # Each kind once in the legend.
         style = {"color": KIND_COLORS[kind], "alpha": 0.3, "linewidth": 0.8, "label": names.pop(kind, None)}
         axes.axvspan(unit.of(low), unit.of(high), **style)
+
+
+@figure.register(Sweeps)
+def sweeps_figure(
+    sweeps: Sweeps, quantities: Sequence[str] | None = None, figure: str | None = None
+) -> Figure:
+    """Panel per quantity with a curve per system; see `Sweeps.plot`."""
+    responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
+    order, count = np.argsort(sweeps.speeds), len(responses)
+    speeds = sweeps.system.speed_unit.of(sweeps.speeds[order])
+    with panels_over(sweeps.system, sweeps.speeds, "response over speed", 1.1 + 1.9 * count, count) as (
+        page,
+        panels,
+    ):
+        for axes, (name, values) in zip(panels, responses.items(), strict=True):
+            factor = label_quantity(axes, sweeps.system, name, values, figure or sweeps.figure)
+            for label, row, shade in zip(sweeps.sweeps, values, shades(len(sweeps.sweeps)), strict=True):
+                draw_through(axes, speeds, row[order] * factor, label=label, **shade)
+            if np.nanmin(values, initial=0.0) >= 0:
+                axes.set_ylim(bottom=0.0)
+        handles, names = panels[0].get_legend_handles_labels()
+        page.legend(handles, names, title=sweeps.title, loc="outside right center", handlelength=2.4)
+    return page
+
+
+@figure.register(Validity)
+def validity_figure(validity: Validity) -> Figure:
+    """Linearisation errors over speed."""
+    unit, names = validity.system.speed_unit, validity.system.coordinates[:MOST_SHOWN]
+    with panels_over(validity.system, validity.speeds, "error of the linear orbit", 3.4, 1) as (
+        page,
+        (axes,),
+    ):
+        for name, row, shade in zip(names, validity.errors.T, shades(len(names)), strict=False):
+            draw_through(axes, unit.of(validity.speeds), 100 * row, True, label=name, **shade)
+        limit = {"color": GREY, "linewidth": 0.8}
+        axes.axhline(100 * validity.allowed, linestyle="--", label=f"{100 * validity.allowed:g} %", **limit)
+        if validity.trusted_to is not None:
+            axes.axvline(unit.of(validity.trusted_to), linestyle=":", label="trusted to here", **limit)
+        axes.set_yscale("log")
+        axes.set_ylabel("max|difference| / max|q| (%)")
+        axes.legend()
+    return page
+
+
+@tables.register(Sweeps)
+def sweeps_tables(sweeps: Sweeps) -> Sequence[RenderableType]:
+    """Table per quantity with its peaks, quiet speeds and largest values."""
+    return [_extremes_table(sweeps, name) for name in sweeps.quantities]
+
+
+def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
+    values = sweeps.figures(name)
+    factor, unit = prefixed(sweeps.system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
+    speed_unit = sweeps.system.speed_unit
+
+    def numbers(responses: Sequence[float]) -> list[str]:
+        return [fixed(response * factor, response * factor, 4) for response in responses]
+
+    extremes = sweeps.extremes(name)
+    return table(
+        f"{named(sweeps.figure, name)} in {unit}, for {sweeps.title or 'each'}",
+        *(speed_unit.name, "", *sweeps.sweeps),
+        left=2,
+        rows=[
+            *(
+                [f"{speed_unit.of(speed):.2f}", kind, *numbers(responses)]
+                for speed, kind, responses in extremes
+            ),
+            ["largest", "", *numbers(np.nanmax(values, axis=1).tolist())],
+        ],
+        caption="peaks and quiet speeds of the first, among the speeds given",
+    )
+
+
+@tables.register(Validity)
+def validity_tables(validity: Validity) -> Sequence[RenderableType]:
+    """Row per speed."""
+    return [table_of("Linearisation error, %", validity.columns), text("\n" + validity.limit)]

@@ -9,17 +9,13 @@ MOST = 20
 """Largest number of public members that a class defines itself: a choice of the project."""
 
 EXCEPTIONS = {
-    "Branch": "arrays of a branch; its continuation by parameters adds to them",
-    "FollowedModes": "arrays of modes over speed, harmonics and coordinates",
     "Labels": "names and units of a system",
     "Member": "fields and matrices of a beam",
     "Method": "properties of a discretisation, most of which a method does not override",
-    "NoStability": "values in place of those of an orbit",
     "Model": "capabilities of a generated system",
     "PeriodicSystem": "capabilities that systems may have",
     "Setup": "numbers of a generated model",
     "StructureModel": "capabilities of a structure of beams",
-    "SystemLabels": "labels of a system that is read from a file",
 }
 """Classes above this number."""
 

@@ -24,12 +24,10 @@ from solve.system import PeriodicSystem
 from solve.terminal import progress
 from solve.units import speed_in_si
 from solve.views.over_time import BEHIND, curves_figure, require_turn
+from solve.views.panels import SAMPLES
 from solve.views.show import tables
 from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
-
-_SAMPLES = 721
-"""Number of phases over the revolution, including both ends: every half degree."""
 
 REFERENCE = "reference"
 _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
@@ -110,7 +108,7 @@ class Corrections(Result):
 
     @property
     def _phase(self) -> Array:
-        return np.linspace(0.0, self.system.period, _SAMPLES)
+        return np.linspace(0.0, self.system.period, SAMPLES)
 
     def plot(self) -> Figure:
         """Figure of the quantity over the revolution, one curve per model; the reference is a wide line
@@ -163,7 +161,7 @@ def _solved(system: PeriodicSystem, speed: float, of: str, drawn: str | None, rt
     orbit = solve.periodic(system, speed, rtol=rtol)
     figures = {name: orbit.statistics(name) for name in system.parts(of)}
     largest = max(figures, key=lambda name: figures[name].max_abs)
-    phase = np.linspace(0.0, system.period, _SAMPLES)
+    phase = np.linspace(0.0, system.period, SAMPLES)
     return OneModel(
         largest,
         figures[largest],

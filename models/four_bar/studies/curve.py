@@ -17,12 +17,10 @@ from solve.results.contents import Column, Columns, sized, to_json
 from solve.results.formatting import prefixed, round_magnification
 from solve.results.periodic_motion import PeriodicMotion
 from solve.results.serialization import serializable
+from solve.views.panels import SAMPLES
 from solve.views.show import tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of
-
-_SAMPLES = 721
-"""Number of phases over the revolution, including both ends: every half degree."""
 
 _DRAWN = 0.1
 """Largest deviation in the figure with automatic magnification, as a fraction of the size of the path."""
@@ -134,7 +132,7 @@ def curve_of_point(
 ) -> CurveOfPoint:
     """Path of a coupler point in the periodic, or in the quasi-static, solution at a speed."""
     orbit = solve.periodic(model, speed, rtol=rtol)
-    phase = np.linspace(0.0, model.period, _SAMPLES)
+    phase = np.linspace(0.0, model.period, SAMPLES)
     path = coupler_curve(model, orbit.quasi_static if quasi_static else orbit, along, across, phase)
     return CurveOfPoint(orbit, along, across, quasi_static, path)
 

@@ -15,8 +15,7 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError
 from solve.results.formatting import headed
 from solve.system import PeriodicSystem
 from solve.units import apart, is_number
-from solve.views.over_time import MOST_CURVES
-from solve.views.panels import shown
+from solve.views.panels import MOST_CURVES, shown
 
 _USAGE = "write --over NAME=A,B,C or NAME=A:B:N, such as --over L4=0.547,0.6,0.65"
 

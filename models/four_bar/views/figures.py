@@ -17,14 +17,11 @@ from models.four_bar.linkage import ADVISED, TURN, Linkage, Motion
 from solve.arrays import Array, Plane
 from solve.results.formatting import prefixed
 from solve.units import unit_given
-from solve.views.panels import title_of
+from solve.views.panels import SAMPLES, title_of
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 
 _POSITIONS = 12
 """Number of positions drawn in pale colour: one per 30 degrees of the crank."""
-
-_SAMPLES = 721
-"""Number of phases over the revolution, including both ends: every half degree."""
 
 _SHOWN = math.radians(120)
 """Default crank angle of the position that is drawn in full."""
@@ -70,7 +67,7 @@ def linkage_figure(
         _draw_positions(left, linkage, points, shown)
         _write_summary(right, left, linkage, shown)
         axes = below.subplots(rows - 1, 2, sharex=True, squeeze=False)
-        t1 = np.linspace(0.0, TURN, _SAMPLES)
+        t1 = np.linspace(0.0, TURN, SAMPLES)
         _draw_transmission(axes[0, 0], linkage, t1)
         _draw_ratios(axes[0, 1], linkage.motion(t1))
         if speed is not None:
@@ -86,8 +83,8 @@ def linkage_figure(
 
 
 def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], shown: float) -> None:
-    """Draw the paths of joints and coupler points, pale positions, and one position in full colour."""
-    turn = linkage.motion(np.linspace(0.0, TURN, _SAMPLES))
+    """Paths of the joints and coupler points, pale positions, and one position in full."""
+    turn = linkage.motion(np.linspace(0.0, TURN, SAMPLES))
     for path in _joints(turn)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
     for k, point in enumerate(points):
