@@ -58,7 +58,7 @@ class PeriodicSystem(Labels):
     ----------
     matrices : callable
         matrices(phase, speed) returns M, C, K of shape (m, n, n) and d of shape (m, n) at phases φ = Ωt of
-        shape (m,) and a speed Ω in rad/s, in SI units, for derivatives by time.
+        shape (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time.
     coordinates : sequence of str
         Names of the n coordinates.
     period : float
@@ -170,7 +170,7 @@ class PeriodicSystem(Labels):
         return made
 
     def at(self, phase: Array, speed: float) -> Matrices:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives by time.
+        """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
 
         Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
         """
@@ -204,7 +204,7 @@ class PeriodicSystem(Labels):
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         """Outputs (k,) by name at phases (k,), a speed, one or (k,), in rad/s, and states q, q̇, q̈ (n, k),
-        derivatives by time. acceleration: Ω̇ in rad/s²."""
+        derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
         return {}
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
@@ -316,8 +316,8 @@ class PeriodicSystem(Labels):
         return np.zeros((len(phase), self.n))
 
     def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        """M, C, K (m, n, n) and d (m, n), for derivatives by time, at speeds (m,) in rad/s that change by an
-        acceleration in rad/s². Raises TransientError if these are unavailable."""
+        """M, C, K (m, n, n) and d (m, n), for derivatives with respect to time, at speeds (m,) in rad/s that
+        change by an acceleration in rad/s². Raises TransientError if these are unavailable."""
         raise TransientError(
             f"{self.name} is stated for constant speeds only; for varying speeds, state it as a "
             "mechanism and derive it"

@@ -71,7 +71,8 @@ AS_PRINTED = frozenset(Misprint) - {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM
 
 
 class LinkAngles(NamedTuple):
-    """Angles (rad) of coupler and follower with their first and second derivatives by time, each (m,)."""
+    """Angles (rad) of coupler and follower with their first and second derivatives with respect to time, each
+    (m,)."""
 
     phi3: Array
     phi4: Array
@@ -167,7 +168,7 @@ def paper_matrices(
 ) -> tuple[Array, Array, Array, Array]:
     """M, B, C (m, n, n) and h (m, n) of (33)–(37): M q″ + B q′ + C q = h, all divided by EI as in the paper.
 
-    `phase` (m,) in rad, `speed` in rad/s, `modes` = n; q in m, derivatives by time.
+    `phase` (m,) in rad, `speed` in rad/s, `modes` = n; q in m, derivatives with respect to time.
     """
     p, length, EI = parameters, parameters["l3"], parameters["E"] * parameters["I"]
     loads = load_functions(phase, speed, p, branch, misprints)

@@ -28,7 +28,8 @@ _STEPS, _SAMPLES = 64, 8
 
 
 class Drive(NamedTuple):
-    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with two derivatives by time, all (k,)."""
+    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with two derivatives with respect to time,
+    all (k,)."""
 
     time: Array
     speed: Array
@@ -192,7 +193,7 @@ class _Moving:
         return self._map.by_link(np.abs(stress).sum(axis=0).max(axis=1), np.max)
 
     def _kinematics(self, phi: Array) -> tuple[Array, Array, Array]:
-        """Angles (k, links) of the links with two derivatives by time."""
+        """Angles (k, links) of the links with two derivatives with respect to time."""
         return kinematics(self._model, phi, self._drive(phi))
 
     def _damping(self, phi: Array) -> Array:
@@ -206,7 +207,8 @@ class _Moving:
 
 
 def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, Array, Array]:
-    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with two derivatives by time.
+    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with two derivatives with respect
+    to time.
 
     The ground pivot C moves along the x axis: thesis (3.3) and (3.11) with the rates of L4.
     """

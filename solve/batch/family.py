@@ -85,7 +85,8 @@ class Family:
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs of these names (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+        """Outputs of these names (P, o, k) at phases (P, k) and states (P, n, k), derivatives with respect to
+        time."""
         by_point = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)

@@ -287,8 +287,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class State:
-    """State of the beams: q, q̇, q̈ (n, k), derivatives by time, at phases (k,), a speed, one or (k,), in
-    rad/s, and an acceleration in rad/s²."""
+    """State of the beams: q, q̇, q̈ (n, k), derivatives with respect to time, at phases (k,), a speed, one or
+    (k,), in rad/s, and an acceleration in rad/s²."""
 
     motion: Motion
     phase: Array

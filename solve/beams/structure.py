@@ -53,7 +53,7 @@ class Response(Protocol):
         ...
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇, q̈ (n, k), derivatives by time, at phases (k,)."""
+        """q, q̇, q̈ (n, k), derivatives with respect to time, at phases (k,)."""
         ...
 
 

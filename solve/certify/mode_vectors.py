@@ -46,7 +46,7 @@ class ModeVectors:
     errors : (k,)
         Estimated absolute errors of the exponents in 1/s.
     parts : (m, N, k)
-        p at the nodes: coordinates, then their derivatives by time.
+        p at the nodes: coordinates, then their derivatives with respect to time.
     inertia : (n,)
         Mean inertia of each coordinate, in any unit.
     """

@@ -1,6 +1,6 @@
 """Linearised equations as a state space over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀,
-with derivatives by time, x = (q, q̇), and forces u along the coordinates in addition to the load d. The load b
-is that of a first-order system with inputs u of its own, and otherwise zero."""
+with derivatives with respect to time, x = (q, q̇), and forces u along the coordinates in addition to the load
+d. The load b is that of a first-order system with inputs u of its own, and otherwise zero."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -152,11 +152,10 @@ def _output_slopes(
 
 @dataclass(frozen=True, repr=False)
 class StateSpace:
-    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period, derivatives by time.
+    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period, derivatives with
+    respect to time.
 
-    Parameters
-    ----------
-    system : PeriodicSystem
+    Parameters ---------- system : PeriodicSystem
         System.
     speed : float
         Ω in rad/s.

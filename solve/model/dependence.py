@@ -218,7 +218,8 @@ class DampedDependence(GeneratedDependence):
         compiled: Columns | None,
         damping: Callable[[Mapping[str, float], Array], Array],
     ):
-        """damping: C (k, n, n), for derivatives by time, at phases (k,) with some parameters changed."""
+        """damping: C (k, n, n), for derivatives with respect to time, at phases (k,) with some parameters
+        changed."""
         super().__init__(slopes, setup, n, names, compiled)
         self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 

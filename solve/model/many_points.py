@@ -29,8 +29,8 @@ class ModelPoints:
 
     @cached_property
     def formulas(self) -> Formulas | None:
-        """M, C, K by rows and d, for derivatives by time, as C code of phase, speed and parameters, the
-        varied ones among them; None where there is none."""
+        """M, C, K by rows and d, for derivatives with respect to time, as C code of phase, speed and
+        parameters, the varied ones among them; None where there is none."""
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
@@ -68,7 +68,7 @@ class ModelPoints:
         return breaks
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives by time."""
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives with respect to time."""
         P, n, k = q.shape
         states = (np.swapaxes(state, 1, 2).reshape(P * k, n) for state in (q, qd, qdd))
         outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))

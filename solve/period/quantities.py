@@ -21,7 +21,7 @@ Signal = Callable[[Array], Array]
 """Values (k,) at phases (k,)."""
 
 Outputs = Callable[[Array, Array, Array, Array], Array]
-"""Outputs (P, o, k) at phases (P, k) and states q, q̇, q̈ (P, n, k), derivatives by time."""
+"""Outputs (P, o, k) at phases (P, k) and states q, q̇, q̈ (P, n, k), derivatives with respect to time."""
 
 FIGURES = Statistics._fields
 

@@ -42,7 +42,7 @@ class Proof(Serializable):
     verdict : str
         "asymptotically stable", "stable", "unstable" or "undetermined".
     multipliers : (2n,) complex array
-        Centers of discs that contain the multipliers, by falling modulus.
+        Centers of discs that contain the multipliers, in order of decreasing modulus.
     radii : (2n,) array
         Radii of the discs.
     isolated : (2n,) array of bool

@@ -42,8 +42,8 @@ class Multiplier:
 
 
 def multipliers(Phi: Matrix) -> list[Multiplier]:
-    """Discs of all eigenvalues of a real interval matrix (N, N), by falling modulus; those that are not
-    isolated from each other share a disc."""
+    """Discs of all eigenvalues of a real interval matrix (N, N), in order of decreasing modulus; those that
+    are not isolated from each other share a disc."""
     Phi = acb_mat(Phi)
     found = [_discs(D) for D in _similar(Phi)]
     return min(found, key=lambda discs: float(largest(disc.high for disc in discs)))

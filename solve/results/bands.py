@@ -14,7 +14,7 @@ from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 
 _MOST_NAMED = 4
-"""Maximum number of bands that the summary lists."""
+"""Maximum number of bands in the summary."""
 
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
@@ -84,7 +84,7 @@ class Bands(Sequence[Band], Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the equations."""
+        """Warnings about the equations, one sentence each."""
         return self.system.warnings(self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
@@ -101,7 +101,7 @@ class Bands(Sequence[Band], Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per band."""
+        """Columns of the table, with one row per band."""
         unit = self.system.speed_unit
         low, high = [band.low for band in self], [band.high for band in self]
         lows = [f"{'< ' * band.open_low}{unit.of(band.low):.3f}" for band in self]

@@ -94,7 +94,7 @@ class Branch(Result):
 
     @property
     def peaks(self) -> Array:
-        """Largest moduli (P, n) of the coordinates."""
+        """Largest modulus of each coordinate (P, n)."""
         return self.figures[:, : self.system.n, _MAX_ABS]
 
     @property
@@ -152,9 +152,9 @@ class Branch(Result):
 
     @property
     def jumps(self) -> list[dict[str, Any]]:
-        """Jumps of a slow change of the parameter along the first branch: the direction, the value, and the
-        largest modulus of the first coordinate before and after; None if no stable orbit of the branch is
-        there."""
+        """Jumps of the response during a slow change of the parameter along the first branch: direction,
+        value of the parameter, and largest modulus of the first coordinate before and after the jump; None if
+        the branch has no stable orbit on that side."""
         own, found = np.flatnonzero(self.numbers == 0), []
         values, peaks, verdicts = self.values[own], self.peaks[own, 0], np.array(self.verdicts)[own]
         stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
@@ -183,15 +183,15 @@ class Branch(Result):
 
     @property
     def verdicts(self) -> list[str]:
-        """Verdicts (P,), which are "undetermined" within the errors of the spectral radii, with the margins
-        of `solve.period.multipliers.verdicts`."""
+        """Verdicts (P,); "undetermined" where the errors of the spectral radii do not permit one, with the
+        margins of `solve.period.multipliers.verdicts`."""
         errors = self.errors[:, 1]
         beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
         return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         sentences, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
         sentences += self.system.warnings(float(self.speeds.max()), linear=False)
         if worst > self.rtol:
@@ -234,12 +234,12 @@ class Branch(Result):
 
     @property
     def _digits(self) -> str:
-        """Number format that distinguishes neighbouring values."""
+        """Format of numbers, with enough digits to distinguish neighbouring values."""
         return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
 
     @property
     def columns(self) -> Columns:
-        """Row per point."""
+        """Columns of the table, with one row per point."""
         system = self.system
         columns = [("speed", speeds_of(system, self.speeds, heading="{}", form=self._digits))]
         columns += [
@@ -306,14 +306,14 @@ class Branch(Result):
 
 
 def _distance(kind: str, multipliers: Array) -> Array:
-    """Distance of multipliers from the place on the unit circle that defines a kind of point."""
+    """Distance of multipliers from the point of the unit circle that defines a kind of point."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (1 if kind == FOLD else -1)
 
 
 def _sorted(values: Array, peaks: Array, side: int) -> tuple[Array, Array]:
-    """Values and peaks at both ends of a section, by rising values."""
+    """Values and peaks at both ends of a section, in ascending order of the values."""
     order = [side, side + 1] if values[side] < values[side + 1] else [side + 1, side]
     return values[order], peaks[order]
 

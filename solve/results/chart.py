@@ -60,7 +60,7 @@ class Cut:
     crossings: Sequence[tuple[float, str]]
 
     def record(self) -> dict[str, Any]:
-        """Values for records."""
+        """Values of the cut for the JSON record."""
         return {
             "along": self.along,
             "values": self.values,
@@ -99,7 +99,8 @@ class ProvedBoxes:
         return float(areas[np.isin(self.verdicts, verdicts)].sum() / areas.sum())
 
     def at(self, x: Array, y: Array) -> Array:
-        """Positions in VERDICTS (ny, nx) at the points of a grid; on edges, of either box."""
+        """Positions in VERDICTS (ny, nx) at the points of a grid; for a point on a common edge, the verdict
+        of either box."""
         found = np.full((len(y), len(x)), UNDETERMINED)
         first = np.stack([np.searchsorted(axis, self.ends[:, k]) for axis, k in ((x, 0), (y, 2))], axis=1)
         last = np.stack(
@@ -164,7 +165,8 @@ class ChartPoints(Result):
 
     @property
     def multipliers(self) -> Array:
-        """Multipliers (ny, nx, 2n) by falling modulus; 0 if unresolved, NaN where a point failed."""
+        """Multipliers (ny, nx, 2n) in order of decreasing modulus; 0 if unresolved, NaN where a point
+        failed."""
         return self.results.all_multipliers.reshape(*self.shape, -1)
 
     @property
@@ -174,22 +176,24 @@ class ChartPoints(Result):
 
     @property
     def stable(self) -> Array:
-        """(ny, nx): 1 or 0, NaN where a point failed or its verdict is undetermined."""
+        """Stability (ny, nx): 1 if stable, 0 if unstable; NaN where a point failed or its verdict is
+        undetermined."""
         return np.array([1.0, 1.0, 0.0, np.nan, np.nan])[self.results.verdicts].reshape(self.shape)
 
     @property
     def verdicts(self) -> Array:
-        """Texts (ny, nx): "asymptotically stable", "stable", "unstable", "undetermined" or "failed"."""
+        """Verdicts (ny, nx), as texts: "asymptotically stable", "stable", "unstable", "undetermined" or
+        "failed"."""
         return np.array([*VERDICTS, "failed"])[self.results.verdicts].reshape(self.shape)
 
     @property
     def kinds(self) -> Array:
-        """Texts (ny, nx): the largest multiplier of unstable points, "+1", "-1" or "complex"."""
+        """Kind (ny, nx) of the largest multiplier of unstable points, as a text: "+1", "-1" or "complex"."""
         return self.results.kinds.reshape(self.shape)
 
     @property
     def failures(self) -> dict[tuple[int, int], str]:
-        """Reasons by row and column."""
+        """Reasons of failures, by row and column of the point."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
     def span(self, name: str, values: Array) -> str:
@@ -235,7 +239,7 @@ class Chart(ChartPoints):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on failed points and on the bounds of the model."""
+        """Warnings about failed points and about violated bounds of the model, one sentence each."""
         warnings = [*self.system.equation_warnings, *self.beyond]
         if not self.failures:
             return warnings
@@ -314,7 +318,7 @@ class Chart(ChartPoints):
 
     @property
     def columns(self) -> Columns:
-        """Row per point."""
+        """Columns of the table, with one row per point."""
         errors = [[self.failures.get((j, i), "") for i in range(len(self.x))] for j in range(len(self.y))]
         plane = self.y_name, self.x_name
         radius = "largest modulus of a Floquet multiplier"

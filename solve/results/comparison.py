@@ -13,14 +13,14 @@ from solve.results.stability import short_verdict
 from solve.system import PeriodicSystem
 
 ORBIT, MULTIPLIERS = "orbit", "multipliers"
-"""Kinds of errors that targets refer to: of the orbit or, without a load and thus an orbit, of the
-multipliers."""
+"""Kinds of errors to which targets refer: error of the orbit or, if there is no load and thus no orbit, of
+the multipliers."""
 
 
 @serializable
 @dataclass(frozen=True)
 class Row:
-    """Method with one number of steps per period.
+    """Result of one method with one number of steps per period.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Comparison(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentence on targets that the reference is not accurate enough for."""
+        """Warning about targets for which the reference is not accurate enough."""
         error = max(self.reference.error_estimate)
         targets = {row.target for row in self.rows if row.target is not None}
         close = ", ".join(f"{target:g}" for target in sorted(targets) if target < 10 * error)
@@ -122,11 +122,11 @@ class Comparison(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per method and number of steps."""
+        """Columns of the table, with one row per method and number of steps."""
         return self.columns_of(self.rows)
 
     def columns_of(self, rows: Sequence[Row]) -> dict[str, Column]:
-        """Columns of some of the rows."""
+        """Columns of the table for some of its rows."""
         labels: dict[str, tuple[Any, ...]] = {
             "method": ("", "", "method"),
             "order": ("", ""),
@@ -145,7 +145,7 @@ class Comparison(Result):
         return {name: Column([getattr(row, name) for row in rows], *of) for name, of in labels.items()}
 
     def header_rows(self) -> HeaderRows:
-        """Reference and its errors."""
+        """Rows of the heading: the reference and its errors."""
         reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
         return [
             ("reference", f"{reference.method}, {reference.steps} steps a period"),

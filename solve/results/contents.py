@@ -20,7 +20,7 @@ from solve.results.formatting import fixed, headed, prefixed
 from solve.system import PeriodicSystem
 
 is_state_name = re.compile(r"seal|state\d*").fullmatch
-"""Match of a name in a file that belongs to the state, from which the result is opened again."""
+"""Matches names of arrays from which a file's result is restored."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
 """Packages whose versions files contain."""
@@ -57,7 +57,7 @@ class Column(NamedTuple):
 
     @property
     def array(self) -> Array:
-        """Values with NaN or an empty text where they are missing."""
+        """Values, with NaN or an empty text for missing ones."""
         if isinstance(self.values, np.ndarray):
             return self.values
         present = [value for value in self.values if value is not None]
@@ -66,7 +66,7 @@ class Column(NamedTuple):
 
     @property
     def texts(self) -> Sequence[str]:
-        """Texts in tables."""
+        """Values as texts for tables."""
         if not callable(self.text):
             return self.text
         return [self.text(value) if known(value) else "–" for value in self.values]
@@ -128,8 +128,8 @@ def speeds_of(
 
 @dataclass(frozen=True)
 class FileContents:
-    """Content of a result's files. columns: of the table, for .csv and .nc. others: further columns of .nc.
-    metadata: JSON object. arrays: arrays in .npz and .mat, by default the columns."""
+    """Content of a result's files. columns: columns of the table, for .csv and .nc. others: further columns
+    for .nc. metadata: JSON object. arrays: arrays in .npz and .mat, by default the columns."""
 
     columns: Columns
     others: Columns
@@ -146,7 +146,8 @@ class FileContents:
 
     @property
     def table(self) -> dict[str, Array]:
-        """Columns of equal length: a row for each point of the axes of the column with most axes."""
+        """Columns of equal length, with one row for each point of the axes of the column that has most
+        axes."""
         widest = max(self.columns.values(), key=lambda column: len(column.axes))
         axes, shape = widest.axes, widest.array.shape
         sizes = dict(zip(axes, shape, strict=True))
@@ -158,7 +159,7 @@ class FileContents:
 
     @property
     def numbers(self) -> Mapping[str, Array]:
-        """Arrays of .npz and .mat."""
+        """Arrays for .npz and .mat files."""
         return self.arrays or {name: column.array for name, column in self.columns.items()}
 
     @property
@@ -198,7 +199,7 @@ def require_different_names(columns: Sequence[tuple[str, Column]]) -> None:
 
 
 def rows_of(columns: Columns) -> list[dict[str, Any]]:
-    """Rows of a record."""
+    """Rows of a record, from columns."""
     rows = zip(*(column.values for column in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 

@@ -32,14 +32,14 @@ class Combination:
         return self.modes[0] == self.modes[1] and self.order % 2 == 0
 
     def same(self, other: "Combination | None") -> bool:
-        """Whether both are the same resonance, apart from the speed."""
+        """Whether both are the same resonance, irrespective of the speed."""
         return other is not None and self == replace(other, speed=self.speed)
 
 
 @serializable
 @dataclass(frozen=True)
 class Maximum:
-    """Local maximum at a speed (rad/s), and its height; infinite if it is unbounded."""
+    """Local maximum: its speed (rad/s) and its height, infinite if the response is unbounded."""
 
     speed: float
     height: float
@@ -48,7 +48,7 @@ class Maximum:
 @serializable
 @dataclass(frozen=True)
 class Critical:
-    """Critical speed by three criteria; None if a criterion does not show it.
+    """Critical speed by three criteria; None for a criterion that has no maximum there.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Critical:
 
     @property
     def explained(self) -> tuple[str, str]:
-        """Modes and order of the resonance that explains the row, for tables."""
+        """Modes and order of the resonance that explains the row, as texts for tables."""
         if self.candidates:
             orders = {candidate.order for candidate in self.candidates}
             return "?", str(*orders) if len(orders) == 1 else "?"
@@ -101,8 +101,8 @@ class Critical:
 
 
 MOST_DECADES = 1e3
-"""Ratio of the largest to the smallest response from which on its axis is logarithmic: on a linear axis the
-smallest is invisible."""
+"""Ratio of the largest to the smallest response above which the axis is logarithmic: on a linear axis the
+smallest response would be invisible."""
 
 
 _OF_RECORDS = "ratios", "combination", "candidates"
@@ -136,7 +136,8 @@ class SolvedSpeeds(Result):
 
     @property
     def decimals(self) -> str:
-        """Number format of speeds: three decimals, but at most seven digits, the accuracy of the speeds."""
+        """Number format of speeds: three decimals, but at most the seven digits to which speeds are
+        accurate."""
         before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
@@ -179,7 +180,8 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on the equations, unstable ranges, unbounded responses and meaningless frequencies."""
+        """Warnings about the equations, unstable ranges, unbounded responses and meaningless frequencies, one
+        sentence each."""
         sentences, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
             ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
@@ -236,7 +238,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def divided(self) -> list[tuple[float, int, int]]:
-        """Speeds, modes and orders of the integer divisions."""
+        """Speeds, modes and orders of integer divisions of frequencies."""
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
     def plot(self, *, campbell: bool = False) -> Figure:
@@ -259,7 +261,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def unstable_columns(self) -> Columns:
-        """Row per unstable range."""
+        """Columns of the table, with one row per unstable range."""
         low, high, radius = np.reshape(self.unstable_ranges, (-1, 3)).T
         return {
             "from": speeds_of(self.system, low, "", "from", self.decimals),
@@ -269,7 +271,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def columns(self) -> Columns:
-        """Row per critical speed."""
+        """Columns of the table, with one row per critical speed."""
         speed = self._speeds([row.speed for row in self.rows], "of this row")
         return {"speed": speed, **self._of_maxima, **self._of_divisions}
 
@@ -296,7 +298,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def _of_divisions(self) -> Columns:
-        """Columns of divisions and other resonances."""
+        """Columns of integer divisions and other resonances."""
         rows, mean = self.rows, "integer division of the mean natural frequency at this speed"
         # Tables show a combination in place of a missing division.
         either = [row.division or (row.combination or _NOWHERE).speed for row in rows]
@@ -332,7 +334,8 @@ class CriticalSpeeds(SolvedSpeeds):
 
 
 def _height(values: list[float | None], unit: str, meaning: str) -> Column:
-    """Column of heights of maxima; in exponential format if their ratio is large."""
+    """Column of heights of maxima, in exponential format if the ratio of the largest to the smallest is
+    large."""
     heights = [abs(value) for value in values if value and math.isfinite(value)]
     column = sized(values, unit, meaning, "height", 5, max(heights, default=0.0))
     if heights and max(heights) > MOST_DECADES * min(heights):

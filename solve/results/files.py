@@ -13,11 +13,11 @@ from typing import BinaryIO
 from solve.errors import FileError
 
 PICTURES = (".png", ".pdf", ".svg")
-"""Endings of pictures."""
+"""File name extensions of pictures."""
 
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
-    """Path of a file that can be written.
+    """Checked path of an output file. Raises FileError if the file cannot be written.
 
     Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
     device of that name.
@@ -100,7 +100,7 @@ def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, by
 
 
 def _restore(target: Path, before: bytes | None) -> None:
-    """Restore a replaced file; without previous content remove it."""
+    """Restore the previous content of a replaced file; remove the file if it had none."""
     with suppress(OSError):
         if before is None:
             target.unlink(missing_ok=True)
@@ -146,7 +146,7 @@ def _remove_leftovers(folder: Path) -> None:
 
 
 def _is_alive(process: int) -> bool:
-    """Whether a process of this number runs; True in doubt."""
+    """Whether a process with this number runs; True if that is unknown."""
     if os.name != "posix":
         return True
     try:

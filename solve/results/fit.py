@@ -35,11 +35,11 @@ class Channel(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Values for records."""
+        """Values of the channel for the JSON record."""
         return {"speed": self.speed, "name": self.name, "difference": self.relative}
 
     def where(self, unit: ShownUnit) -> str:
-        """Text of the speed, or of the position."""
+        """Text that states the speed, or the position of the drive."""
         return unit.text(self.speed) if self.position is None else f"at {np.degrees(self.position):.6g}°"
 
     @property
@@ -105,7 +105,8 @@ class Fitted(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on disagreement of data and model, and on undetermined parameters."""
+        """Warnings about disagreement of data and model, and about undetermined parameters, one sentence
+        each."""
         return [*self._reduction, *self.doubts, *self.unidentifiable]
 
     @property

@@ -22,7 +22,7 @@ _REASONS = {
     LOCKED: "they are locked in a parametric resonance",
 }
 _DOUBTFUL = 1e-4
-"""Relative error of an exponent from which a warning is given: four digits are shown."""
+"""Relative error of an exponent above which a warning is issued: four digits are shown."""
 
 _MOST_NAMED = 4
 """Maximum number of pairs in a warning."""
@@ -31,7 +31,7 @@ _MOST_NAMED = 4
 @serializable
 @dataclass(frozen=True)
 class Meeting:
-    """Two modes whose frequencies come together.
+    """Two modes whose frequencies cross or nearly meet.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class FollowedModes(Result):
 
     @property
     def over(self) -> str:
-        """Name of what varies: "speed", or a parameter."""
+        """Name of the varied quantity: "speed", or a parameter."""
         return next(iter(self.parameters), SPEED)
 
     @property
@@ -160,7 +160,8 @@ class FollowedModes(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on undetermined identities, errors above the tolerance, and failures."""
+        """Warnings about undetermined identities, errors above the tolerance and failures, one sentence
+        each."""
         sentences = [*self._reduction, *self.notes]
         for kind, reason in _REASONS.items():
             sentences += self._ambiguity(kind, reason)
@@ -175,7 +176,7 @@ class FollowedModes(Result):
         return [*sentences, *self.system.warnings(float(self.speeds.max()))]
 
     def _ambiguity(self, kind: str, reason: str) -> list[str]:
-        """Sentence on the pairs of one kind."""
+        """Sentence on ambiguous pairs of one kind."""
         pairs = [pair for pair in self.ambiguous if pair.kind == kind]
         if not pairs:
             return []
@@ -211,7 +212,7 @@ class FollowedModes(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per speed and mode."""
+        """Columns of the table, with one row per speed and mode."""
         axes = "point", "mode"
         unit, meaning = self.system.parameter_labels.get(self.over, ("rad/s", "speed of rotation"))
         columns = {
@@ -227,7 +228,8 @@ class FollowedModes(Result):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Row per speed and mode; in .nc, .npz and .mat the participation of harmonics and coordinates."""
+        """Columns of the table, with one row per speed and mode; in .nc, .npz and .mat the participation of
+        harmonics and coordinates."""
         axes = "point", "mode", "coordinate", "harmonic"
         others = {
             "coordinate": Column(np.array(self.system.coordinates), axes=("coordinate",)),

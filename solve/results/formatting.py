@@ -5,7 +5,7 @@ import re
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 _LARGEST = {"m": 0, "s": 0, "rad": 0, "N": 9, "Pa": 9, "W": 9, "J": 9, "Hz": 9}
-"""Symbols that take a prefix, with the largest usual power of ten."""
+"""Symbols of units that take a prefix, with the largest usual power of ten."""
 
 
 _SPELT = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"

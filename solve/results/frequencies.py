@@ -25,11 +25,12 @@ MOST_MODES, _MOST_LINKS = 6, 3
 
 
 class Roots(Result):
-    """Eigenvalues λ of K v = λ M v, as frequencies and growth rates of the same shape."""
+    """Eigenvalues λ of K v = λ M v, as frequencies (λ > 0) and growth rates (λ < 0) in arrays of the same
+    shape."""
 
     @property
     def signed(self) -> Array:
-        """Frequencies, or negative growth rates where λ < 0; ascending with λ."""
+        """Frequencies, or growth rates with a minus sign where λ < 0; ascending with λ."""
         return self._roots.signed
 
     @property
@@ -38,7 +39,7 @@ class Roots(Result):
 
     @property
     def _largest(self) -> float:
-        """Largest modulus among the roots that tables show."""
+        """Largest modulus of the roots that tables show."""
         return float(np.nanmax(np.abs(self.signed), initial=0.0))
 
     def text_of(self, root: float) -> str:
@@ -49,8 +50,8 @@ class Roots(Result):
         return f"{text}i" if root < 0 else text
 
     def statistics(self, axis: int) -> dict[str, Array]:
-        """mean, min and max by name of signed roots along an axis; the mean is NaN if frequencies and growth
-        rates mix."""
+        """Statistics of signed roots along an axis, by name (mean, min, max); the mean is NaN if frequencies
+        and growth rates mix."""
         signed = self.signed
         mixed = (signed < 0).any(axis=axis) & ~(signed < 0).all(axis=axis)
         mean = np.where(mixed, np.nan, signed.mean(axis=axis))
@@ -58,7 +59,7 @@ class Roots(Result):
 
 
 def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequencies:
-    """Frequencies and growth rates; files of earlier versions contain no growth rates."""
+    """Frequencies and growth rates as one object; files of earlier versions contain no growth rates."""
     rates = np.full_like(frequencies, np.nan) if growth_rates is None else growth_rates
     return NaturalFrequencies(frequencies, rates)
 
@@ -122,8 +123,8 @@ class Frequencies(Roots):
         return self.system.freedoms
 
     def shapes(self, number: int = 0) -> list[ModeShape]:
-        """Mode shapes at the position of that index. Raises ValueOutOfBoundsError for systems other than beam
-        structures."""
+        """Mode shapes at the position with this index. Raises ValueOutOfBoundsError for systems other than
+        beam structures."""
         return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
@@ -147,7 +148,7 @@ class Frequencies(Roots):
 
     @property
     def columns(self) -> Columns:
-        """Row per position."""
+        """Columns of the table, with one row per position."""
         degrees = [f"{angle:.5g}°" for angle in np.degrees(self.positions)]
         columns = {"position": Column(self.positions, "rad", "of the drive", "position", degrees)}
         frequencies, growth_rates = self._roots
@@ -195,7 +196,8 @@ class Variation(Roots):
 
     @property
     def figures(self) -> dict[str, Array]:
-        """mean, min and max (v, k) of the frequencies over the positions, by name; NaN where modes grow."""
+        """Statistics (v, k) of the frequencies over the positions, by name (mean, min, max); NaN where modes
+        grow."""
         return _vibrating(self.statistics(1))
 
     @property
@@ -214,7 +216,8 @@ class Variation(Roots):
 
     @property
     def shown_modes(self) -> list[int]:
-        """Indices, from 0, of the lowest mode and of the lowest that is not a rigid-body mode throughout."""
+        """Indices (from 0) of the lowest mode and of the lowest elastic mode, the first that is not a
+        rigid-body mode at all positions."""
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 
@@ -227,7 +230,7 @@ class Variation(Roots):
 
     @property
     def columns(self) -> Columns:
-        """Row per value of the parameter."""
+        """Columns of the table, with one row per value of the parameter."""
         unit, _ = self.system.parameter_labels[self.parameter]
         title = headed(self.parameter, self.system.unit_of(self.parameter).name)
         varied = partial(fixed, magnitude=float(np.abs(self.values).max()), digits=5)
@@ -257,7 +260,8 @@ class Variation(Roots):
 @dataclass(frozen=True)
 class Findings(Result):
     """Natural frequencies at a position and, if requested, over the revolution and a parameter, with mode
-    shapes. first: parameters with the first possible value of their range, except in `variation`."""
+    shapes. first: parameters that were given as a range and have its first possible value here, but not in
+    `variation`."""
 
     here: Frequencies
     turn: Frequencies | None = None
@@ -267,7 +271,8 @@ class Findings(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on growing modes, and on values of the parameter without a result."""
+        """Warnings about growing modes, and about values of the parameter without a result, one sentence
+        each."""
         texts = [*self._reduction]
         texts += _growing(self.turn or self.here, "positions")
         if self.variation is not None:
@@ -330,7 +335,8 @@ class Findings(Result):
 
     @property
     def widest(self) -> "Frequencies | Variation":
-        """Frequencies in files and figures: over the parameter, the revolution, or at the position."""
+        """Frequencies that files and figures contain: those over the parameter, else over the revolution,
+        else at the position."""
         return self.variation or self.turn or self.here
 
     def file_contents(self) -> FileContents:

@@ -18,7 +18,7 @@ AT_BOUND = 1e-6
 
 @serializable
 class Requirement(NamedTuple):
-    """Value of a requirement at the optimum, over all speeds the worst, and its bound."""
+    """Requirement and its bound, with the worst value over all speeds at the optimum."""
 
     name: str
     value: float
@@ -45,7 +45,7 @@ class FreeParameter(NamedTuple):
 
     @property
     def at_bound(self) -> str:
-        """Bound on which the optimum lies, low or high; an empty text for none."""
+        """Text "low" or "high" for the bound on which the optimum lies; an empty text for none."""
         margin = AT_BOUND * (self.high - self.low)
         if self.value - self.low <= margin:
             return "low"
@@ -103,7 +103,7 @@ class Optimum(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful."""
+        """Warnings about the result, one sentence each."""
         return [*self._reduction, *self.doubts]
 
     @property
@@ -130,7 +130,7 @@ class Optimum(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per speed."""
+        """Columns of the table, with one row per speed."""
         meaning = self.minimised
         return {
             "speed": speeds_of(self.system, self.speeds, heading="speed ({})"),

@@ -43,7 +43,7 @@ class Orbit(Stability, SolvedMotion):
     phase, time : (m + 1,) array
         Phases in rad and times in s of the nodes, both ends of the period included.
     q, qd, qdd : (n, m + 1) array
-        Coordinates, velocities and accelerations at the nodes, derivatives by time, in SI units.
+        Coordinates, velocities and accelerations at the nodes, derivatives with respect to time, in SI units.
     outputs : mapping of str to (m + 1,) array
         Outputs at the nodes, by name.
     states : tuple of str
@@ -81,17 +81,18 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def qd(self) -> Array:
-        """Velocities (n, m+1) at the nodes, derivatives by time."""
+        """Velocities (n, m+1) at the nodes, derivatives with respect to time."""
         return self._nodal[1]
 
     @property
     def qdd(self) -> Array:
-        """Accelerations (n, m+1) at the nodes, derivatives by time; behind a jump of the matrices."""
+        """Accelerations (n, m+1) at the nodes, derivatives with respect to time; at a jump of the matrices,
+        the values after it."""
         return self._nodal[2]
 
     @property
     def states(self) -> tuple[str, ...]:
-        """Names of the first-order states, the last of the coordinates."""
+        """Names of the first-order states, which are the last coordinates."""
         return tuple(self.system.states)
 
     @property
@@ -101,7 +102,7 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def xd(self) -> Array:
-        """Rates (N, m+1) of the first-order states at the nodes, derivatives by time."""
+        """Rates (N, m+1) of the first-order states at the nodes, derivatives with respect to time."""
         return self.qd[len(self.coordinates) - len(self.states) :]
 
     @cached_property
@@ -138,7 +139,7 @@ class Orbit(Stability, SolvedMotion):
     @stored_property
     def residual(self) -> float:
         """Largest residual of the equation of motion at the midpoints of the steps, relative to the largest
-        term of the row over the period."""
+        term of the same equation over the period."""
         phase = (self.phase[:-1] + self.phase[1:]) / 2
         return equation_residual(self.system, self.speed, phase, self.state(phase))
 
@@ -159,7 +160,8 @@ class Orbit(Stability, SolvedMotion):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful: the accuracy, and quantities beyond the bounds of the model."""
+        """Warnings about the accuracy and about quantities beyond the bounds of the model, one sentence
+        each."""
         system = self.system
         names = {*system.judged_quantities, *(() if system.outputs_apart else system.outputs)}
         figures = {name: self.statistics(name) for name in sorted(names)}
@@ -167,7 +169,7 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def _non_periodic_outputs(self) -> list[str]:
-        """Sentences on outputs that change by a constant per period, such as unlimited angles."""
+        """Warnings about outputs that change by a constant per period, such as unlimited angles."""
         system, phase = self.system, self.system.period * np.array([0.137, 0.281, 0.618])
         if system.outputs_apart or not system.solvable:
             return []

@@ -35,7 +35,7 @@ class PeriodicMotion:
     speed: float
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇ and q̈ (n, k), derivatives by time, at phases (k,)."""
+        """q, q̇ and q̈ (n, k), derivatives with respect to time, at phases (k,)."""
         raise NotImplementedError
 
     def at(self, phase: Array) -> Array:
@@ -108,7 +108,7 @@ class PeriodicMotion:
         return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
 
     def _is_evaluated_alone(self, cache: str) -> bool:
-        """Whether an output is evaluated separately because those of all outputs are not cached yet."""
+        """Whether an output is evaluated on its own, because the values of all outputs are not cached yet."""
         return self.system.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:

@@ -20,13 +20,13 @@ _REAL = 1e-6
 round-off."""
 
 LEFT_OUT = "spectral radius and verdict exclude their multipliers +1"
-"""Text on rigid-body modes."""
+"""Texts for points whose verdict excludes rigid-body modes."""
 
 FAILED = -1
 """Index in place of a verdict, if the point failed."""
 
 _NUMBERS_AN_AMPLITUDE = 64
-"""Numbers per amplitude in memory while many points are analysed together."""
+"""Number of values in memory per amplitude while many points are analysed together."""
 
 _ARRAYS = (
     *("figures", "amplitudes", "multipliers", "errors", "verdicts", "steps", "methods"),
@@ -37,7 +37,7 @@ _ARRAYS = (
 @serializable
 @dataclass(frozen=True)
 class Kept:
-    """Selection of the values that are stored of each point besides its stability.
+    """Selection of the values that are stored for each point besides its stability.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class PointResults:
 
     @classmethod
     def blank(cls, count: int, multipliers: int, kept: Kept) -> "PointResults":
-        """Results of points, with a number of multipliers each, that are not solved yet. Raises
+        """Results of points that are not solved yet, with a given number of multipliers per point. Raises
         ValueOutOfBoundsError if they exceed the memory limit."""
         numbers = len(FIGURES) * len(kept.names) + 2 * multipliers
         spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
@@ -168,7 +168,8 @@ class PointResults:
 
     @property
     def kinds(self) -> Array:
-        """Kind (P,) of the multiplier outside the unit circle, one of KINDS, or an empty text."""
+        """Kind (P,) of the multiplier outside the unit circle: one of KINDS, or an empty text if there is
+        none."""
         return np.where(self._outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
     def insert(self, index: Array, part: "PointResults") -> None:
@@ -194,7 +195,7 @@ def selected(results: PointResults, points: Array, kept: Kept) -> PointResults:
 
 
 def kinds_of(multipliers: Array) -> Array:
-    """Indices (k,) in KINDS of the first of the multipliers (k, N); 0 if there are none."""
+    """Indices (k,) in KINDS of the first multiplier of each row of (k, N); 0 if there are no multipliers."""
     if not multipliers.shape[1]:
         return np.zeros(len(multipliers), dtype=int)
     leader = multipliers[:, 0]

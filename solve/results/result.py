@@ -20,15 +20,15 @@ else:
 
 
 def views() -> ModuleType:
-    """Package of tables, figures and HTML. It is imported at the first display, because it is above all that
-    computes."""
+    """Package of tables, figures and HTML. It is imported at the first display only, because views are above
+    results in the order of imports."""
     import solve.views
 
     return solve.views
 
 
 class Result(Serializable):
-    """Base of all results. A subclass is a dataclass with the system that it belongs to; it defines `columns`
+    """Base class of all results. A subclass is a dataclass with a field for its system; it defines `columns`
     and, if needed, `summary_values` and `header_rows`.
 
     Attributes
@@ -38,9 +38,9 @@ class Result(Serializable):
     """
 
     _rows: ClassVar[str] = ""
-    """Key of the rows in the record; without one the record has no rows."""
+    """Key of the rows in the JSON record; None if the record has no rows."""
     _title: ClassVar[str] = ""
-    """Title of the table of the columns."""
+    """Title of the table."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -52,7 +52,7 @@ class Result(Serializable):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         return self._reduction
 
     @property
@@ -103,7 +103,7 @@ class Result(Serializable):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """JSON object in the attributes of files: everything but the columns."""
+        """JSON object in the attributes of files: the record without the columns."""
         return to_json({**self.model_info, **self.summary_values, "warnings": self.warnings})
 
     def file_contents(self) -> FileContents:

@@ -10,7 +10,7 @@ from solve.period.rigid_body import RigidBodyModes
 from solve.results.serialization import serializable
 
 _MOST_MOVING = 6
-"""Number of coordinates of a rigid-body mode that a sentence names."""
+"""Maximum number of coordinates of a rigid-body mode that a sentence names."""
 
 
 @serializable
@@ -40,7 +40,7 @@ class RigidBodyMode(NamedTuple):
 def rigid_body_modes_of(
     modes: RigidBodyModes, secular: Array | None = None, speed: float = 0.0
 ) -> list[RigidBodyMode]:
-    """Rigid-body modes of the first point. secular (P, r): steady velocities with respect to the phase, at a
+    """Rigid-body modes at the first point. secular (P, r): steady velocities with respect to the phase, at a
     speed in rad/s."""
     found = []
     for at in np.flatnonzero(modes.present[0]).tolist():
@@ -52,8 +52,8 @@ def rigid_body_modes_of(
 
 
 def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
-    """Steady motion along rigid-body modes contained in differences (turns, n, k) from an orbit at phases
-    (k,), for a speed in rad/s: an offset and the drift, or, for an undamped mode, an offset and any constant
+    """Part of differences (turns, n, k) from an orbit at phases (k,) that is steady motion along rigid-body
+    modes, at a speed in rad/s: an offset and the drift; for an undamped mode, an offset and any constant
     velocity."""
     found = np.zeros_like(apart)
     if not modes:

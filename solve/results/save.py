@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
 _STATE_GROUP = "state"
-"""Group of a netCDF file from which the result is opened again."""
+"""Group of a netCDF file from which the result is restored."""
 
 
 class Saved(Protocol):
@@ -30,7 +30,7 @@ class Saved(Protocol):
 
 
 def checked_data(path: str | Path) -> Path:
-    """Path of a data file that can be written. Raises FileError."""
+    """Path of a data file, checked for writing. Raises FileError."""
     return checked(path, _WRITERS, "data")
 
 
@@ -41,7 +41,7 @@ def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
 
 @first_is(str, Path, such_as="'orbit.nc'")
 def opened(path: str | Path) -> Any:
-    """Result from a file that its method `save` wrote.
+    """Result restored from a file that its method `save` wrote.
 
     No code is run. The result is identical to the saved one, bit by bit, except that it has no equations.
 
@@ -97,8 +97,8 @@ def _read_nc(file: Path) -> dict[str, Array]:
 
 
 def dataset(contents: FileContents) -> "xarray.Dataset":
-    """Dataset with a variable per column and the attributes `units` and `long_name`. The time, and columns
-    named as their axis, are coordinates."""
+    """Dataset with a variable per column and the attributes `units` and `long_name`. Time, and columns with
+    the name of their axis, become coordinates."""
     import xarray
 
     entries = {name: _variable(column) for name, column in {**contents.columns, **contents.others}.items()}
@@ -114,7 +114,7 @@ def dataset(contents: FileContents) -> "xarray.Dataset":
 
 
 def _variable(column: Column) -> tuple[Any, ...]:
-    """Axes, values, attributes and encoding. Missing values are NaN already."""
+    """Axes, values, attributes and encoding of a column; missing values are NaN."""
     attributes = {"units": column.unit, "long_name": column.meaning}
     texts = {key: text for key, text in attributes.items() if text}
     return column.axes, column.array, texts, {"_FillValue": None}

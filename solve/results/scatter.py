@@ -1,4 +1,4 @@
-"""Orbits to which motions from scattered initial states lead."""
+"""Orbits reached by motions from random initial states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Scatter(Result):
-    """Orbits to which motions from N scattered initial states lead, from `solve.scatter`.
+    """Orbits reached by motions from N random initial states, from `solve.scatter`.
 
     Attributes
     ----------
     speed : float
         Speed in rad/s.
     starts : (N, 2n) array
-        Initial q and q̇ at phase 0, derivatives by time.
+        Initial q and q̇ at phase 0, derivatives with respect to time.
     leads : (N,) array of int
         Number of the orbit in `orbits` to which each start leads; -1 if the motion does not settle.
     orbits : sequence of NonlinearOrbit
@@ -48,12 +48,12 @@ class Scatter(Result):
 
     @property
     def shares(self) -> Array:
-        """Fraction of the starts that leads to each orbit."""
+        """Fraction of the initial states that leads to each orbit."""
         return np.array([float((self.leads == number).mean()) for number in range(len(self.orbits))])
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         lost = int((self.leads < 0).sum())
         sentences = [text for orbit in self.orbits for text in orbit.warnings]
         if lost:
@@ -74,7 +74,7 @@ class Scatter(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per orbit."""
+        """Columns of the table, with one row per orbit."""
         shares, orbits = self.shares, self.orbits
         columns = [
             ("share", Column(shares, "1", "fraction of the starts", "share (%)", digits(".3g", 100.0))),

@@ -1,4 +1,4 @@
-"""Derivatives of quantities by parameters and the speed, at one speed and over speed."""
+"""Derivatives of quantities with respect to parameters and speed, at one speed and over speed."""
 
 import itertools
 import math
@@ -16,10 +16,10 @@ from solve.system import PeriodicSystem
 
 MOST_ROWS, _MOST_NAMED = 12, 6
 _UNCERTAIN = 0.01
-"""Relative error of a derivative above which there is a warning."""
+"""Relative error of a derivative above which a warning is issued."""
 
 _MATTERS = 1e-3
-"""Fraction of the largest elasticity below which a parameter is negligible, and its derivative needs no
+"""Fraction of the largest elasticity below which a parameter is negligible, so that its derivative needs no
 warning."""
 
 _INDEPENDENT = 1e-8
@@ -51,8 +51,8 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Sensitivities(Result):
-    """Derivatives of quantities by parameters and the speed, from `solve.sensitivities`, or of critical
-    speeds and edges of bands, from `solve.speed_sensitivities`.
+    """Derivatives of quantities with respect to parameters and speed, from `solve.sensitivities`, or of
+    critical speeds and edges of bands, from `solve.speed_sensitivities`.
 
     Attributes
     ----------
@@ -77,11 +77,11 @@ class Sensitivities(Result):
     notes: Sequence[str] = ()
 
     def __getitem__(self, quantity: str) -> dict[str, float | complex]:
-        """Derivatives of a quantity by name of the parameter."""
+        """Derivatives of a quantity, by name of the parameter."""
         return dict(zip(self.by, self.found[quantity].derivatives.tolist(), strict=True))
 
     def elasticities(self, quantity: str) -> dict[str, float | complex]:
-        """Elasticities (θ/q) ∂q/∂θ by name of the parameter; NaN if q is 0."""
+        """Elasticities (θ/q) ∂q/∂θ of a quantity q with respect to parameters θ, by name; NaN if q is 0."""
         one = self.found[quantity]
         scale = 1 / one.value if one.value != 0 else math.nan
         return dict(zip(self.by, (one.derivatives * self._values * scale).tolist(), strict=True))
@@ -92,7 +92,8 @@ class Sensitivities(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on quantities without derivatives, and on inaccurate derivatives."""
+        """Warnings about quantities without derivatives, and about inaccurate derivatives, one sentence
+        each."""
         sentences = [one.reason for one in self.found.values() if one.reason]
         for quantity, one in self.found.items():
             sizes = np.abs(one.derivatives * self._values)
@@ -125,7 +126,7 @@ class Sensitivities(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per quantity and parameter."""
+        """Columns of the table, with one row per quantity and parameter."""
         sensitivities = self.found.values()
         slopes = np.array([one.derivatives for one in sensitivities], dtype=complex).ravel()
         relative = [list(self.elasticities(quantity).values()) for quantity in self.found]
@@ -178,14 +179,14 @@ def number(value: Any, digits: int) -> str:
 
 
 _MOST = 6
-"""Maximum number of parameters of a quantity in figures and tables."""
+"""Maximum number of parameters per quantity in figures and tables."""
 
 _AXES = ("speed", "quantity", "by")
 
 
 @dataclass(frozen=True)
 class SensitivitiesOver(Result):
-    """Derivatives of q quantities by r parameters at P speeds, from `solve.sensitivities_over`.
+    """Derivatives of q quantities with respect to r parameters at P speeds, from `solve.sensitivities_over`.
 
     Attributes
     ----------
@@ -215,7 +216,7 @@ class SensitivitiesOver(Result):
 
     @property
     def elasticities(self) -> Array:
-        """Elasticities (θ/q) ∂q/∂θ (P, q, r); NaN if q is 0."""
+        """Elasticities (θ/q) ∂q/∂θ (P, q, r) of quantities q with respect to parameters θ; NaN if q is 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(
                 self.values[..., None] != 0,
@@ -230,7 +231,7 @@ class SensitivitiesOver(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on speeds and quantities without derivatives."""
+        """Warnings about speeds and quantities without derivatives, one sentence each."""
         return self._reduction + [
             f"{reason} (at {self.system.speed_unit.text(self.speeds[index])})"
             for index, reasons in self.reasons.items()
@@ -255,7 +256,7 @@ class SensitivitiesOver(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per speed, quantity and parameter."""
+        """Columns of the table, with one row per speed, quantity and parameter."""
         return {
             "speed": speeds_of(self.system, self.speeds, axes=_AXES[:1]),
             "quantity": Column(np.array(self.quantities), "", "quantity", axes=_AXES[1:2]),

@@ -1,4 +1,5 @@
-"""Results as plain data and arrays, and back: the part of a file from which a result is opened again.
+"""Conversion of results to plain data and arrays, and back; files contain these data so that the result can
+be restored.
 
 Reading runs no code. It constructs only classes that are declared `serializable`; of a system it restores the
 labels, not the equations.
@@ -25,10 +26,10 @@ from solve.system import PeriodicSystem
 from solve.units import GivenSpeed, ShownUnit
 
 FORMAT = 2
-"""Version of the state within a file. Earlier versions can be read."""
+"""Version of the format of stored results. Earlier versions can be read."""
 
 CLASSES: dict[str, type] = {}
-"""Classes that files may hold, by name."""
+"""Classes whose objects files may contain, by name."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")
@@ -38,7 +39,7 @@ _NUMERIC_KINDS = "fciub"
 
 
 def serializable(kind: Kind) -> Kind:
-    """Declare a dataclass or named tuple that files may hold."""
+    """Declare that files may contain objects of a dataclass or named tuple."""
     CLASSES[_name_of(kind)] = kind
     return kind
 
@@ -50,16 +51,16 @@ def _name_of(kind: type) -> str:
 
 
 class stored_property(cached_property[Value]):  # noqa: N801 - named as the decorator that it extends
-    """Cached property whose value files hold, because it needs the equations or the solver."""
+    """Cached property whose value files contain, because it needs the equations or the solver."""
 
 
 NOT_STORED = {"stored": False}
-"""Metadata of a dataclass field that files do not hold."""
+"""Metadata of a dataclass field that files do not contain."""
 
 
 class Serializable:
-    """Base of dataclasses that files may hold: their fields, except those of metadata NOT_STORED, and the
-    values of each `stored_property`."""
+    """Base of dataclasses whose objects files may contain: their fields, except those with metadata
+    NOT_STORED, and the values of each `stored_property`."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -75,13 +76,13 @@ class Serializable:
 
 
 def _field_names(kind: type, stored: bool) -> list[str]:
-    """Names of the fields of a dataclass that files hold, or of the others."""
+    """Names of the fields of a dataclass that files contain, or of its other fields."""
     fields = dataclasses.fields(kind)
     return [field.name for field in fields if field.metadata.get("stored", True) is stored]
 
 
 def _stored_properties(kind: type) -> list[str]:
-    """Names of cached properties that the class, or one that it overrides, declares a `stored_property`."""
+    """Names of cached properties that the class or one of its base classes declares as `stored_property`."""
     declared = {
         name
         for base in kind.__mro__
@@ -92,7 +93,7 @@ def _stored_properties(kind: type) -> list[str]:
 
 
 def _contents_of(value: Any) -> Mapping[str, Any]:
-    """Values of an object of a serializable class by name."""
+    """Values of an object of a serializable class, by name."""
     if hasattr(value, "_asdict"):
         return value._asdict()
     names = [*_field_names(type(value), stored=True), *_stored_properties(type(value))]
@@ -119,7 +120,7 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
 
 
 class SystemLabels(NamedTuple):
-    """Names, numbers, units and meanings of a system; see `PeriodicSystem`."""
+    """Names, parameter values, units and meanings of a system; see `PeriodicSystem`."""
 
     name: str
     title: str
@@ -183,11 +184,11 @@ class _Encoder:
 
     @property
     def arrays(self) -> list[Array]:
-        """One array per data type: many arrays make a file slow."""
+        """Arrays to store, joined to one per data type, because many arrays make a file slow."""
         return [np.concatenate(parts, dtype=kind) for kind, parts in self._flat.items()]
 
     def plain(self, value: Any) -> Any:
-        """Value as JSON data: a list begins with the name of what follows."""
+        """Value as JSON data. A list begins with the name of the kind of value that follows."""
         if isinstance(value, GivenSpeed) and value.unit:
             return ["speed", float(value), self.plain(value.unit)]
         if value is None or isinstance(value, str | bool | int | float):
@@ -228,7 +229,7 @@ class _Encoder:
 
 
 class _Decoder:
-    """Values from plain data. Each method but `value` decodes the lists that begin with its name."""
+    """Decoder of plain data. Each method but `value` decodes the lists that begin with its name."""
 
     def __init__(self, arrays: Sequence[Array], systems: Sequence[Mapping[str, Any]]):
         self._arrays = arrays
@@ -255,7 +256,7 @@ class _Decoder:
         return self._systems[number]
 
     def _array(self, number: int, dtype: str, shape: list[int], start: int = 0) -> Array:
-        """Array; in format 1 each one is stored by itself."""
+        """Array from its data type, shape and start; in format 1 each array is stored separately."""
         kind, flat = np.dtype(dtype), self._arrays[number]
         stop = start + math.prod(shape) * kind.itemsize // flat.itemsize
         # The index () makes a number of an array without axes.
@@ -275,7 +276,8 @@ class _Decoder:
 
 
 def to_arrays(result: Any) -> dict[str, Array]:
-    """Result as numeric arrays by name: JSON as its bytes, the arrays that it refers to, and a checksum."""
+    """Result as numeric arrays by name: the JSON data as bytes, the arrays to which these refer, and a
+    checksum."""
     encoder = _Encoder()
     plain = encoder.plain(result)
     content = {"format": FORMAT, "systems": encoder.systems, "result": plain}
@@ -285,7 +287,7 @@ def to_arrays(result: Any) -> dict[str, Array]:
 
 
 def from_arrays(arrays: Mapping[str, Array]) -> Any:
-    """Result from arrays by `to_arrays`.
+    """Result restored from the arrays of `to_arrays`.
 
     Raises FileError for a later format, ResultKindError for an unknown class, and any exception of Python for
     damaged arrays.
@@ -306,7 +308,7 @@ def from_arrays(arrays: Mapping[str, Array]) -> Any:
 
 
 def _checksum(state: Mapping[str, Array]) -> Array:
-    """SHA-256 of all arrays. The file formats themselves protect only a part of their content."""
+    """SHA-256 of all arrays. The file formats themselves protect only part of their content."""
     digest = hashlib.sha256()
     for name, array in state.items():
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())

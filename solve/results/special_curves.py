@@ -68,7 +68,7 @@ class SpecialCurves(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         sentences, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors.max(initial=0.0))
         if worst > self.rtol:
             sentences.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
@@ -87,7 +87,7 @@ class SpecialCurves(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per point."""
+        """Columns of the table, with one row per point."""
         columns = [("curve", Column(self.numbers, "", "number of the curve", "curve"))]
         for name, values in zip(self.names, self.values.T, strict=True):
             if name == SPEED:

@@ -21,12 +21,12 @@ from solve.results.stability import ErrorEstimate
 from solve.system import PeriodicSystem
 
 _STEPS = 256
-"""Number of steps between the nodes of prescribed motion in files. It is a choice without influence on the
-statistics, which are those of the continuous curve."""
+"""Number of steps between the nodes of prescribed motion in files. A choice that does not affect the
+statistics, which are computed from the continuous curve."""
 
 _MOST_EVENTS, _MOST_NAMED = 32, 3
-"""Number of events per period of the model above which an orbit may chatter, and of phases named in a
-warning. Choices."""
+"""Number of events per period of the model above which an orbit may chatter, and maximum number of phases
+named in a warning. Choices."""
 
 _ROUNDOFF = 1e-14
 """Relative error of an output of prescribed motion: about a hundred operations, each accurate to 1e-16."""
@@ -65,7 +65,7 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """None: the equations are not linearised."""
+        """None, because the equations are not linearised."""
         return
 
     @stored_property
@@ -94,12 +94,12 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         return [*super().warnings, *self.doubts]
 
     @cached_property
     def doubts(self) -> list[str]:
-        """Sentences on whether the requested orbit was found."""
+        """Warnings if the requested orbit may not have been found, one sentence each."""
         sentences = []
         if self.periods > 1 and repeats_early(self.curve, self.periods):
             sentences.append(
@@ -125,7 +125,7 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def verdict(self) -> str:
-        """Verdict as of linear orbits; undetermined for an orbit that grazes a switch."""
+        """Verdict, as for linear orbits; "undetermined" for an orbit that grazes a switch."""
         return "undetermined" if self.grazing else super().verdict
 
     @property
@@ -155,7 +155,7 @@ class NonlinearOrbit(Orbit):
 
 
 class NoStability:
-    """Values of a mechanism without coordinates in place of those of `Orbit`: nothing vibrates."""
+    """Values that replace those of `Orbit` for a mechanism without coordinates, in which nothing vibrates."""
 
     method = described = "prescribed motion"
     steps = _STEPS
@@ -211,12 +211,12 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Refused: raises NoVibrationError."""
+        """Not available without coordinates: raises NoVibrationError."""
         raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         system = self.system
         names = sorted({*system.judged_quantities, *system.outputs})
         figures = {name: self.statistics(name) for name in names}

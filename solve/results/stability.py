@@ -22,14 +22,15 @@ from solve.system import PeriodicSystem
 
 _NO_DRIFT = 1e-12
 """Displacement per period by a steady velocity, relative to the vibration, that counts as zero. It bounds the
-round-off of the mean load: some thousand terms, each with 1e-16, times a condition number of up to 10."""
+round-off of the mean load: some thousand terms, each with a relative error of 1e-16, times a condition number
+of up to 10."""
 
 _RECORDED = (
     *("speed", "period", "method", "steps", "multipliers", "multiplier_errors", "unresolved", "exponents"),
     *("modes", "spectral_radius", "verdict", "stable", "error_estimate", "distance_from_one", "liouville"),
     *("condition", "rigid_body_modes", "notes"),
 )
-"""Attributes in the record, in its order."""
+"""Attributes that the JSON record contains, in its order."""
 
 _CONSEQUENCES = (
     "disturbances decay by a factor {radius:.3g} per period",
@@ -37,11 +38,11 @@ _CONSEQUENCES = (
     "disturbances grow by a factor {radius:.4g} per period, and this vibration is not sustained",
     "the accuracy is insufficient to decide whether disturbances decay or grow",
 )
-"""Consequences of the verdicts, in the order of VERDICTS."""
+"""Texts on the consequence of each verdict, in the order of VERDICTS."""
 
 
 def short_verdict(verdict: str) -> str:
-    """Verdict for narrow columns.
+    """Short text of a verdict for narrow columns.
 
     >>> short_verdict("asymptotically stable")
     'asymptotic'
@@ -126,7 +127,7 @@ class Solution(Result):
 
     @stored_property
     def condition(self) -> float:
-        """Condition number of the linear system that closes the orbit; NaN without an orbit."""
+        """Condition number of the linear system for the initial state of the orbit; NaN without an orbit."""
         return float(self.certified.solutions.condition[0])
 
     @stored_property
@@ -161,7 +162,7 @@ class Stability(Solution):
     Attributes
     ----------
     multipliers : (N,) complex array
-        Floquet multipliers ρ by falling modulus.
+        Floquet multipliers ρ in order of decreasing modulus.
     exponents : (N,) complex array
         Floquet exponents λ = ln(ρ)/T in 1/s.
     spectral_radius : float
@@ -181,8 +182,8 @@ class Stability(Solution):
 
     @stored_property
     def multipliers(self) -> Array:
-        """Multipliers ρ (N,), complex, by falling modulus, + imaginary part first; 0 if ρ underflows, NaN if
-        it is unknown."""
+        """Multipliers ρ (N,), complex, in order of decreasing modulus, of a conjugate pair the positive
+        imaginary part first; 0 if ρ underflows, NaN if it is unknown."""
         return self.spectrum.values
 
     @stored_property
@@ -193,12 +194,12 @@ class Stability(Solution):
 
     @stored_property
     def multiplier_errors(self) -> Array:
-        """Estimated relative error of each multiplier (2n,); NaN if the steps resolve no digit of it."""
+        """Estimated relative error of each multiplier (2n,); NaN if it is not accurate to even one digit."""
         return self.spectrum.errors
 
     @property
     def unresolved(self) -> int:
-        """Number of multipliers without a resolved digit, whose error is NaN."""
+        """Number of multipliers that are not accurate to even one digit and have the error NaN."""
         return int(np.isnan(self.multiplier_errors).sum())
 
     @stored_property
@@ -232,7 +233,7 @@ class Stability(Solution):
 
     @stored_property
     def distance_from_one(self) -> float:
-        """Smallest |ρ - 1|: 0 at resonance and on a stability boundary of kind +1."""
+        """Smallest |ρ - 1| of the multipliers ρ; 0 at resonance and on a stability boundary of kind +1."""
         return float(self._rho.distance_from_one[0])
 
     @property
@@ -241,7 +242,8 @@ class Stability(Solution):
 
     @stored_property
     def error_estimate(self) -> ErrorEstimate:
-        """Errors of orbit and multipliers; infinite if the spectral radius has no resolved digit."""
+        """Errors of orbit and multipliers; infinite if the spectral radius is not accurate to even one
+        digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
         if not self._rho.resolved[0]:
             largest = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0
@@ -289,7 +291,7 @@ class Stability(Solution):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         reduction = [] if self.reduction_error is None else self.reduction_error.warnings
         numerical = [*reduction, *self.certified.warnings(0), *self.spectrum.warnings]
         return [*numerical, *self.system.warnings(self.speed)]
@@ -325,7 +327,7 @@ class Stability(Solution):
         ]
 
     def _reduced(self) -> list[str]:
-        """Text on the error of the reduction, if any."""
+        """Text on the error of the reduction; empty for a full system."""
         error = self.reduction_error
         if error is None:
             return []
@@ -343,7 +345,7 @@ class Stability(Solution):
 
     @property
     def columns(self) -> Columns:
-        """Row per multiplier."""
+        """Columns of the table, with one row per multiplier."""
         rho, exponents = self.multipliers, self.exponents
         columns = {
             "multiplier_re": (np.real(rho), "1", "Floquet multiplier, real part"),
@@ -366,7 +368,8 @@ class Stability(Solution):
         return {name: Column(*column, axes=("multiplier",)) for name, column in columns.items()}
 
     def file_contents(self) -> FileContents:
-        """Row per multiplier; in .npz and .mat complex multipliers and exponents."""
+        """Columns of the table, with one row per multiplier; in .npz and .mat complex multipliers and
+        exponents."""
         arrays = {"multipliers": self.multipliers, "exponents": self.exponents}
         return FileContents(self.columns, {}, self.metadata, arrays)
 

@@ -22,10 +22,10 @@ from solve.results.stability import ErrorEstimate, short_verdict
 from solve.system import PeriodicSystem
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-"""A number in a warning, not the digits of a name such as q1."""
+"""Pattern of a number in a warning, but not of the digits of a name such as q1."""
 
 _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
-"""Errors of a point that failed."""
+"""Errors of a failed point."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class SweepPoint:
     error : str or None
         Reason of a failure; the other values are then NaN or empty.
     multipliers : sequence of complex
-        Multipliers (2n,) by falling modulus; 0 below the round-off of the monodromy matrix.
+        Multipliers (2n,) in order of decreasing modulus; 0 below the round-off of the monodromy matrix.
     parameters : mapping of str to float
         Values of the parameters that vary besides the speed.
     reduction_error : ErrorEstimate or None
@@ -76,11 +76,11 @@ class SweepPoint:
 
     @property
     def stability(self) -> str:
-        """Verdict for narrow columns."""
+        """Short text of the verdict for narrow columns."""
         return "failed" if self.error else short_verdict(self.verdict)
 
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
-        """Values for records. system: of the sweep."""
+        """Values of the point for the JSON record. system: the system of the sweep."""
         point = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
             return {**point, "error": self.error}
@@ -166,7 +166,7 @@ class Sweep(Result):
 
     @cached_property
     def multipliers(self) -> Array:
-        """Multipliers (P, 2n) by falling modulus; 0 if unresolved, NaN where the point failed."""
+        """Multipliers (P, 2n) in order of decreasing modulus; 0 if unresolved, NaN where the point failed."""
         return self.results.all_multipliers
 
     def figures(self, name: str, figure: str = "max_abs") -> Array:
@@ -223,8 +223,8 @@ class Sweep(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on the equations, and one sentence per kind of warning or failure with its speeds. Texts
-        of one kind differ in their numbers only; the first text is shown."""
+        """Warnings about the equations, and one sentence for each kind of warning or failure with its speeds.
+        Texts that differ in their numbers only count as one kind, of which the first is shown."""
         of_equations = list(self.system.equation_warnings)
         reasons = {index: [f"no result: {text}"] for index, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}
@@ -305,7 +305,7 @@ class Sweep(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per point."""
+        """Columns of the table, with one row per point."""
         system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)
         columns = [("speed", speeds_of(system, self.speeds, axes=axes))]
         for name, values in self.parameters.items():

@@ -14,14 +14,14 @@ from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
 
 _PROMINENT = 1e-3
-"""Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple by errors of the
-points."""
+"""Smallest prominence of a peak or quiet speed, relative to its height. It excludes ripple due to errors of
+the points."""
 
 PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Peak or quiet speed (rad/s) of the first system, and the responses of all systems there."""
+    """Peak or quiet speed (rad/s) of the first system, and the responses of all systems at this speed."""
 
     speed: float
     kind: str
@@ -82,7 +82,7 @@ class Sweeps(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful, with the label of the system."""
+        """Warnings about the results, each with the label of its system."""
         return [f"{label}: {text}" for label, sweep in self.sweeps.items() for text in sweep.warnings]
 
     def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
@@ -91,7 +91,7 @@ class Sweeps(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per speed, column per quantity and system."""
+        """Columns of the table: one row per speed, one column per quantity and system."""
         columns = {"speed": speeds_of(self.system, self.speeds, axes=("speed",))}
         for name in self.quantities:
             unit = self.system.units.get(name, "")

@@ -1,4 +1,4 @@
-"""Motion in time from an initial state, and the orbit that it reaches."""
+"""Motion in time from an initial state, and the orbit that the motion reaches."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,16 +26,17 @@ from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
 
 _AT_ONCE = 2**19
-"""Numbers of states and outputs that are evaluated at once; it limits the memory."""
+"""Number of values of states and outputs that are evaluated together, which limits the memory."""
 
 _RESOLVED = 0.1
-"""Relative interpolation error between the states below which interpolated curves have a correct digit."""
+"""Relative interpolation error between the states below which interpolated curves are accurate to at least
+one digit."""
 
 _REMEDIES = {
     "stable": "differences from it are undamped; start on the orbit",
     "unstable": "it is unstable",
 }
-"""Reasons and remedies by the verdict on an orbit that is not reached."""
+"""Reason or remedy if an orbit is not reached, by the verdict on this orbit."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class TransientMotion(Result):
 
     @property
     def phase(self) -> Array:
-        """Phases (j,) of all periods in rad; common ends appear once."""
+        """Phases (j,) of all periods in rad; the common end of two periods appears once."""
         first, last = self.ends[:-1, None], self.ends[1:, None]
         within, *_ = driven(self.nodes[:-1], first, last, self.system.period)
         turns = np.arange(self.turns)[:, None] * self.system.period
@@ -102,7 +103,7 @@ class TransientMotion(Result):
 
     @property
     def qd(self) -> Array:
-        """Velocities (n, j), by time."""
+        """Velocities (n, j), derivatives with respect to time."""
         return self._joined(1)
 
     @property
@@ -136,7 +137,7 @@ class TransientMotion(Result):
     @stored_property
     def _figures(self) -> Array:
         """Statistics (turns, n + o, 7) of coordinates and outputs over each period, the fields of
-        `Statistics`: of interpolated curves or, if these are not resolved, of the states."""
+        `Statistics`: from interpolated curves or, if these are not accurate, from the states."""
         if not self._curves_resolved:
             return self._figures_of_states
         system = self.system
@@ -150,7 +151,8 @@ class TransientMotion(Result):
         return figures
 
     def _figures_of_curves(self, turns: Array, stride: int) -> Array:
-        """Statistics (P, n + o, 7) of curves through every stride-th state of periods (P,)."""
+        """Statistics (P, n + o, 7) of curves through every stride-th state of the periods with indices
+        (P,)."""
         system = self.system
         groups = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
@@ -162,7 +164,7 @@ class TransientMotion(Result):
 
     @property
     def _curves_resolved(self) -> bool:
-        """Whether interpolated curves have a correct digit."""
+        """Whether interpolated curves are accurate to at least one digit."""
         return self.between <= _RESOLVED
 
     @property
@@ -179,7 +181,8 @@ class TransientMotion(Result):
     def _outputs_within(
         self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) in periods (P,), at s (P, k) and states (P, n, k), derivatives by time."""
+        """Outputs (P, o, k) in periods (P,), at phases s (P, k) with states (P, n, k);
+        derivatives with respect to time."""
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(part, 1, 0).reshape(self.system.n, -1) for part in (q, qd, qdd))
@@ -242,14 +245,15 @@ class Transient(TransientMotion):
 
     @property
     def reached(self) -> int | None:
-        """Number of periods after which all others are within rtol of the orbit; None if the last is not."""
+        """Number of periods after which all further ones are within rtol of the orbit; None if the last one
+        is not."""
         beyond = [turn for turn, row in enumerate(self.distances, 1) if not row.max() <= self.rtol]
         last = beyond[-1] if beyond else 0
         return last if last < self.turns else None
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful about the result."""
+        """Warnings about the result, one sentence each."""
         linear = not self.nonlinear
         sentences = [*self.notes, *self.system.judged(self.extremes, linear)]
         sentences += self.system.warnings(self.speed, linear)
@@ -306,7 +310,7 @@ class Transient(TransientMotion):
 
     @property
     def ramp_in_words(self) -> str:
-        """Text of the range of the speed."""
+        """Text that states the range of the speed."""
         return self.system.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self, names: Sequence[str] | None = None) -> Figure:
@@ -315,8 +319,8 @@ class Transient(TransientMotion):
         return super().plot(names)
 
     def file_contents(self) -> FileContents:
-        """Columns of time, phase, coordinates and outputs; in .npz and .mat also q and qd (n, j), from whose
-        end another transient can continue."""
+        """Columns of time, phase, coordinates and outputs; in .npz and .mat also q and qd (n, j), so that
+        another transient can continue from the end."""
         system, q = self.system, self.q
         columns = curves_of(system, self.time, self.phase, q, self.outputs)
         if self.ramp:

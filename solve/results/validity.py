@@ -36,8 +36,8 @@ class Validity(Result):
 
     @property
     def trusted_to(self) -> float | None:
-        """Highest speed (rad/s) up to which all errors are allowed; None if those of the lowest speed are
-        not."""
+        """Highest speed (rad/s) up to which all errors are allowed; None if the errors at the lowest speed
+        are not."""
         within = [*(row.max() <= self.allowed for row in self.errors), False]
         count = within.index(False)
         return float(self.speeds[count - 1]) if count else None
@@ -65,7 +65,7 @@ class Validity(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per speed."""
+        """Columns of the table, with one row per speed."""
         columns = {"speed": speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))}
         for number, (name, row) in enumerate(zip(self.system.coordinates, self.errors.T, strict=True)):
             meaning = f"error of the linear orbit in {name}, relative"

@@ -137,13 +137,13 @@ def scatter_figure(scatter: Scatter) -> Figure:
 
 @tables.register(Branch)
 def branch_tables(branch: Branch) -> Sequence[RenderableType]:
-    """Row per point."""
+    """Columns of the table, with one row per point."""
     points = table_of("Orbits along the branch", branch.columns, most=MOST_ROWS)
     return [points, text("\n" + branch.summary)]
 
 
 @tables.register(SpecialCurves)
 def special_curves_tables(curves: SpecialCurves) -> Sequence[RenderableType]:
-    """Row per point."""
+    """Columns of the table, with one row per point."""
     points = table_of(f"{curves.kind.capitalize()}s in two parameters", curves.columns, most=MOST_ROWS)
     return [points, text("\n" + curves.summary)]

@@ -286,7 +286,7 @@ def _boundary_table(chart: Chart) -> RenderableType:
 
 
 def _cut_table(cut: Cut, system: PeriodicSystem) -> RenderableType:
-    """Row per crossing."""
+    """Columns of the table, with one row per crossing."""
     where = f"Along {cut.along} at {cut.across} = {system.unit_of(cut.across).text(cut.value)}"
     if not cut.crossings:
         return text(f"\n{where}: no boundary")

@@ -129,7 +129,7 @@ def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
 
 
 def _frequency_table(followed: FollowedModes) -> Table:
-    """Row per value with the frequency and the damping of the first modes."""
+    """Columns of the table, with one row per value with the frequency and the damping of the first modes."""
     shown = range(min(len(followed.labels), MOST_SHOWN - 1))
     unit = followed.system.unit_of(followed.over)
     step = math.ceil(len(followed.values) / MOST_ROWS)
@@ -150,7 +150,8 @@ def _frequency_table(followed: FollowedModes) -> Table:
 
 
 def _mode_table(followed: FollowedModes) -> Table:
-    """Row per mode with its least damping and its largest harmonics at the first value with a result."""
+    """Columns of the table, with one row per mode with its least damping and its largest harmonics at the
+    first value with a result."""
     unit, rows, coordinates = followed.system.unit_of(followed.over), [], followed.system.coordinates
     for column, label in enumerate(followed.labels):
         ratios = followed.damping[:, column]
@@ -177,7 +178,7 @@ def _mode_table(followed: FollowedModes) -> Table:
 
 
 def _meeting_table(followed: FollowedModes) -> Table:
-    """Row per crossing, veering and ambiguous pair."""
+    """Columns of the table, with one row per crossing, veering and ambiguous pair."""
     unit = followed.system.unit_of(followed.over)
     rows = [
         (meeting.kind, " and ".join(meeting.modes), f"{unit.of(meeting.value):.8g}", f"{meeting.gap:.4g}")

@@ -194,7 +194,7 @@ def _label_frequencies(axes: Axes) -> None:
 
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
-    """Row per position, and statistics."""
+    """Columns of the table, with one row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_MODES), found.system.most_frequencies)
     made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
     made.add_section()

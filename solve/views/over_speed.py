@@ -90,5 +90,5 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
 
 @tables.register(Validity)
 def validity_tables(validity: Validity) -> Sequence[RenderableType]:
-    """Row per speed."""
+    """Columns of the table, with one row per speed."""
     return [table_of("Linearisation error, %", validity.columns), text("\n" + validity.limit)]

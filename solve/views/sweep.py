@@ -238,7 +238,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
 
 @tables.register(Bands)
 def bands_tables(bands: Bands) -> Sequence[RenderableType]:
-    """Row per band, and the width of bands that may be missed."""
+    """Columns of the table, with one row per band, and the width of bands that may be missed."""
     unit = bands.system.speed_unit
     width = unit.text(bands.spacing, ".3g")
     how = "eigenvalues" if bands.constant_matrices else "solved"

@@ -99,7 +99,10 @@ def test_orthogonal_modes_have_exact_zeros():
         (lambda k, xi: xi ** (k + 1), "with the part exp.*log"),
         (lambda k, xi: sin(k * pi * xi / 2), "with the part exp"),
         (lambda k, xi: sin(k * xi), "with the part exp"),
-        (lambda k, xi: cos((k - 1) * pi * xi) - cos((k + 1) * pi * xi), "frequencies coincide at i = 3, j = 1"),
+        (
+            lambda k, xi: cos((k - 1) * pi * xi) - cos((k + 1) * pi * xi),
+            "frequencies coincide at i = 3, j = 1",
+        ),
     ],
 )
 def test_mode_functions_of_another_kind_are_refused(shape, message):

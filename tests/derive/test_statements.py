@@ -112,7 +112,9 @@ def test_outputs_share_the_names():
         ):
             one.option(argument, ("soft", "hard"))
     one.output("drive_torque", q, "m", "displacement")
-    with pytest.raises(DeclarationError, match='"drive_torque" is reserved for the output that follows from the energies'):
+    with pytest.raises(
+        DeclarationError, match='"drive_torque" is reserved for the output that follows from the energies'
+    ):
         check(one)
 
 

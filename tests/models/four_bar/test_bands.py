@@ -54,5 +54,6 @@ def test_magnus_series_confirms_growth_only_inside_the_bands(four_bar):
 def test_damped_or_soft_systems_follow_every_mode(four_bar):
     for system in (solve.load("four_bar"), solve.load("mathieu")):
         assert not any(
-            "modes have a phase advance of more" in note for note in solve.bands(system, [87.0, 87.1], rtol=1e-4).notes
+            "modes have a phase advance of more" in note
+            for note in solve.bands(system, [87.0, 87.1], rtol=1e-4).notes
         )

@@ -69,7 +69,9 @@ def test_element_options_are_taken_link_by_link():
 
 
 def test_exact_elements_have_frequencies_alone():
-    with pytest.raises(SolveError, match="has natural frequencies only, without equations of motion; choose another"):
+    with pytest.raises(
+        SolveError, match="has natural frequencies only, without equations of motion; choose another"
+    ):
         solve.periodic(solve.load("four_bar", options={"element": "dynamic"}), 30.0)
 
 

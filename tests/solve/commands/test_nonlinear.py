@@ -119,7 +119,10 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("branch", "cam", "--over", "k1=1e4", "--speed", "300 rpm"), ("write NAME=A:B",)),
         (("branch", "cam", "--over", "k1=1e4:2e4", "--over", "k2=1:2"), ("--over is given twice",)),
         (("branch", "cam", "--follow", "fold", "--switch"), ("--follow takes two ranges",)),
-        (("branch", "cam", "--scatter", "3", "--over", "k1=1:2"), ("--scatter excludes --over, --speeds, --switch, --follow and --start; give one speed",)),
+        (
+            ("branch", "cam", "--scatter", "3", "--over", "k1=1:2"),
+            ("--scatter excludes --over, --speeds, --switch, --follow and --start; give one speed",),
+        ),
         (("sweep", "cam", "--speeds", "300:310:2 rpm", "--nonlinear", "--turn", "q1"), ("--turn",)),
         (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),
         (("validity", "cam"), ("no speeds", "--speeds")),

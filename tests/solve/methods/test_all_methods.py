@@ -285,7 +285,10 @@ def test_least_steps_are_stable_and_fewer_are_refused(method):
 
 AT_RESONANCE = {
     March: (StepsError, "the transient does not decay within 1000000 periods .* use a periodic method"),
-    BahgatWillmert: (ResonanceError, "harmonic 1 of the load equals an undamped natural frequency at some fixed phase"),
+    BahgatWillmert: (
+        ResonanceError,
+        "harmonic 1 of the load equals an undamped natural frequency at some fixed phase",
+    ),
 }
 
 

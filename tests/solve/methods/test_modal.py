@@ -129,5 +129,7 @@ def test_complex_frozen_modes_are_refused():
     circulatory = constant(
         np.eye(2), 0.1 * np.eye(2), [[2.0, 1.0], [-1.0, 2.0]], lambda phase: np.ones((len(phase), 2))
     )
-    with pytest.raises(MatricesError, match=r"modal requires real modes of M and K at every phase, .* use radau or gauss"):
+    with pytest.raises(
+        MatricesError, match=r"modal requires real modes of M and K at every phase, .* use radau or gauss"
+    ):
         periodic(circulatory, 1.0, "modal")

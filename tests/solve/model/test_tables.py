@@ -152,7 +152,12 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         (entry("P", "Pa", 4), GOOD, CaseFileError, "harmonics = 4; allowed: 1 … 3, as declared"),
         (entry("P", "Pa", "1.5"), GOOD, CaseFileError, "harmonics = 1.5; allowed"),
         (entry("P", "Pa", "true"), GOOD, CaseFileError, "harmonics = True; allowed"),
-        (entry("P'", "Pa"), GOOD, CaseFileError, "P' cannot be fitted, because its coefficients follow from P; give a table of P"),
+        (
+            entry("P'", "Pa"),
+            GOOD,
+            CaseFileError,
+            "P' cannot be fitted, because its coefficients follow from P; give a table of P",
+        ),
         (entry("PP", "Pa"), GOOD, UnknownNameError, "unknown series in mine.toml 'PP'; did you mean 'P'"),
         (entry("P", "Pa").replace("harm", "ham"), GOOD, UnknownNameError, "'hamonics'; did you mean 'harm"),
         (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .no such file"),
