@@ -147,7 +147,8 @@ class Linearised(NamedTuple):
 
 
 def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
-    """Jacobians of the residual by q̈, q̇ and q at the fundamental motion; d is minus the residual there.
+    """Jacobians of the residual with respect to q̈, q̇ and q at the fundamental motion; d is minus the
+    residual there.
 
     Raises ExpansionError if an entry is not finite, SingularMassError if M is singular for all parameters.
     """
@@ -191,7 +192,7 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives beside switches by q̈, q̇ and q, and these symbols."""
+    """Derivatives beside switches with respect to q̈, q̇ and q, and these symbols."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving

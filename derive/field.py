@@ -43,7 +43,7 @@ class ModalIntegral:
 
 
 def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> ModalIntegral:
-    """Product of the derivatives a and b (by ξ) of modes i and j, for numbers up to `most`.
+    """Product of the derivatives a and b (with respect to ξ) of modes i and j, for numbers up to `most`.
 
     Raises UnsupportedExpressionError where the mode functions are of another kind.
     """
@@ -193,7 +193,7 @@ class Field:
 
     @cached_property
     def derivatives(self) -> tuple[Moving, Moving, Moving]:
-        """w, w′ and w″, derivatives by x."""
+        """w, w′ and w″, derivatives with respect to x."""
         return Moving(self.name), Moving(f"{self.name}_slope"), Moving(f"{self.name}_curvature")
 
     @property

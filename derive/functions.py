@@ -1,10 +1,10 @@
 """Functions in expressions: unknowns of closed loops of rigid links, and Fourier series.
 
 A loop c(z; x) = 0 makes its unknowns z, angles or positions, functions of its arguments x, such as the angle
-of a crank. In expressions an unknown or a series is a function that carries its order of derivative by each
-argument, so that rates and Lagrange's equations follow from the chain rule. The derivatives of an unknown
-solve linear systems with the matrix ∂c/∂z, for any planar four-bar and any loop of a user alike. No
-coefficient of a series enters an expression, so that formulas stay as short as they are on paper.
+of a crank. In expressions an unknown or a series is a function that carries its order of derivative with
+respect to each argument, so that rates and Lagrange's equations follow from the chain rule. The derivatives
+of an unknown solve linear systems with the matrix ∂c/∂z, for any planar four-bar and any loop of a user
+alike. No coefficient of a series enters an expression, so that formulas stay as short as they are on paper.
 """
 
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ from derive.symbols import PHASE, Moving, primed
 from derive.units import Dimension, parse
 
 Order = tuple[int, ...]
-"""Order of the derivative by each argument."""
+"""Order of the derivative with respect to each argument."""
 
 
 class LoopFunction(sympy.Function):
@@ -60,7 +60,7 @@ class LoopFunction(sympy.Function):
 
     @property
     def derivatives(self) -> tuple[int, list[tuple[Any, int]]]:
-        """Order of the derivative by the phase, and of those by other arguments."""
+        """Order of the derivative with respect to the phase, and of those with respect to other arguments."""
         orders = list(zip(self.arguments, self.order, strict=True))
         others = [(argument, times) for argument, times in orders if times and argument != PHASE]
         return sum(times for argument, times in orders if argument == PHASE), others

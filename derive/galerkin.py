@@ -2,12 +2,12 @@
 
 At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies per length as if they were
 coordinates. Their linearised rows are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and b count
-derivatives by x. The equations of the amplitudes follow: ∫ Σ_a ψ_j^(a) r_a dx = 0. The coefficients are
-polynomials of x, so that constant integrals of mode functions remain.
+derivatives with respect to x. The equations of the amplitudes follow: ∫ Σ_a ψ_j^(a) r_a dx = 0. The
+coefficients are polynomials of x, so that constant integrals of mode functions remain.
 
-The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, of which
-∫ F_u δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is this inner integral and the
-force at the end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
+The shortening u = ½∫w′² is of second order. Lagrange's row of u is a force F_u along the link, of which ∫ F_u
+δu dx = ∫ w′ δw′ [∫ F_u dx from x to the end] dx. The tension N(x) is this inner integral and the force at the
+end, which is the row of the total shortening; N w′²/2 is the energy of geometric stiffness.
 """
 
 from collections.abc import Mapping, Sequence
@@ -205,7 +205,7 @@ def _torque(projection: Projection, density: Energies) -> Any:
 
 
 def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
-    """Symbol of a column times the amplitudes, differentiated `times` times by time."""
+    """Symbol of a column times the amplitudes, differentiated `times` times with respect to time."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
     return symbol.motion[times]

@@ -167,7 +167,8 @@ def outermost(expression: Any) -> list[Any]:
 
 
 def slope(expression: Any, by: Any) -> Any:
-    """Derivative by a symbol beside the switches. Raises ImpulseError for a discontinuity by this symbol."""
+    """Derivative with respect to a symbol beside the switches. Raises ImpulseError for a discontinuity by
+    this symbol."""
     require_no_jump(expression, (by,))
     return beside(known_real(sympy.sympify(expression)).diff(by))
 

@@ -88,7 +88,7 @@ Columns = Callable[..., Array | None]
 class Integrator(Protocol):
     """Time integration of a system over a period, with states at nodes (k,) from 0 to the period.
 
-    Derivatives are by time multiplied by the mean speed, which is the phase at constant speed.
+    Derivatives are with respect to time multiplied by the mean speed, which is the phase at constant speed.
     """
 
     @property
@@ -104,8 +104,9 @@ class Integrator(Protocol):
 class Dependence(Protocol):
     """Derivatives of the equations and outputs of a system with respect to quantities θ (r,).
 
-    States (k, 3, n) at phases (k,) are q″, q′ and q, derivatives by the phase, held constant unless stated
-    otherwise. linear: whether the equations are linear. partial_outputs: whether `output` is available.
+    States (k, 3, n) at phases (k,) are q″, q′ and q, derivatives with respect to the phase, held constant
+    unless stated otherwise. linear: whether the equations are linear. partial_outputs: whether `output` is
+    available.
     """
 
     linear: bool
@@ -126,12 +127,12 @@ class Dependence(Protocol):
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         """Derivatives of the sum, weighted by (k, 3, n, n), of the entries of M, C and K, which are the
-        derivatives of the residual by the states: by θ (r,), and by the states (k, 3, n), 0 for linear
-        equations."""
+        derivatives of the residual with respect to the states: derivatives with respect to θ (r,), and to the
+        states (k, 3, n), 0 for linear equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        """Partial derivatives of an output by θ (k, r) and by the states (k, 3, n)."""
+        """Partial derivatives of an output with respect to θ (k, r) and to the states (k, 3, n)."""
         ...
 
     def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
@@ -148,12 +149,12 @@ class ParameterDerivatives(Protocol):
         ...
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks by parameters, or the "speed"."""
+        """Derivatives (b, r) of the phases of the breaks with respect to parameters, or the "speed"."""
         ...
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives by parameters, or the "speed". compiled: optional compiled evaluation of formulas.
-        Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to parameters, or the "speed". compiled: optional compiled evaluation of
+        formulas. Raises UnknownNameError, NoDerivativeError."""
         ...
 
 
@@ -191,7 +192,7 @@ class Motion(Protocol):
     def nodes(self) -> Array: ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or its derivative by the phase at phases (k,) of any period: (n, k)."""
+        """q or its derivative with respect to the phase at phases (k,) of any period: (n, k)."""
         ...
 
 

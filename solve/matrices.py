@@ -84,8 +84,8 @@ def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Arr
 
 
 def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
-    """Entries (P, k, 3n² + n) for derivatives with respect to time, converted in place to derivatives by the
-    phase."""
+    """Entries (P, k, 3n² + n) for derivatives with respect to time, converted in place to derivatives with
+    respect to the phase."""
     entries[:, :, : n**2] *= (speeds**2)[:, None, None]
     entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
     return entries

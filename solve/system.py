@@ -196,7 +196,8 @@ class PeriodicSystem(Labels):
         return arrays
 
     def in_phase(self, phase: Array, speed: float) -> Matrices:
-        """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives by the phase. Raises as `at` does."""
+        """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives with respect to the phase. Raises as `at`
+        does."""
         M, C, K, d = self.at(phase, speed)
         return speed**2 * M, speed * C, K, d
 
@@ -263,7 +264,7 @@ class PeriodicSystem(Labels):
         )
 
     def entries(self, phase: Array, speed: float) -> Array:
-        """Ω²M, ΩC, K by rows and d, concatenated (m, 3n² + n), for derivatives by the phase."""
+        """Ω²M, ΩC, K by rows and d, concatenated (m, 3n² + n), for derivatives with respect to the phase."""
         entries = np.concatenate([array.reshape(len(phase), -1) for array in self.at(phase, speed)], axis=1)
         entries[:, : self.n**2] *= speed**2
         entries[:, self.n**2 : 2 * self.n**2] *= speed

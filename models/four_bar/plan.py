@@ -39,7 +39,7 @@ class Plan:
         return np.interp(speed, self.speed, self.L4)
 
     def rounded(self, speed: Array) -> tuple[Array, Array, Array]:
-        """L4 (m) and its first and second derivative by the speed, with rounded corners."""
+        """L4 (m) and its first and second derivative with respect to the speed, with rounded corners."""
         ahead = speed + self.lead
         return (
             (self._integral(ahead) - self._integral(speed)) / self.lead,

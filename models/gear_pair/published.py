@@ -19,7 +19,7 @@ def mesh_stiffness(phase: Array, p: Mapping[str, float]) -> Array:
 
 
 def tooth_error(phase: Array, p: Mapping[str, float]) -> tuple[Array, Array]:
-    """e of Eq. (74), m, and its derivative by the phase."""
+    """e of Eq. (74), m, and its derivative with respect to the phase."""
     error, slope = np.zeros_like(phase), np.zeros_like(phase)
     for i in range(1, 7):
         angle = i * phase + p[f"alpha{i}"]

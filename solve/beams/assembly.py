@@ -72,7 +72,7 @@ class Kinematics:
         return np.split(self._angles(phase), 3, axis=1)[0]
 
     def rates(self, phase: Array) -> tuple[Array, Array]:
-        """First and second derivatives (m, links) of the angles by the phase."""
+        """First and second derivatives (m, links) of the angles with respect to the phase."""
         _, rate, second = np.split(self._angles(phase), 3, axis=1)
         return rate, second
 

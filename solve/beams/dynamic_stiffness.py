@@ -99,7 +99,7 @@ def axial_mass(b: Array) -> Array:
 
 def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
     """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of an
-    order by ξ: thesis (5.5)."""
+    order with respect to ξ: thesis (5.5)."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     ends = np.array([0.0, 1.0])
     values, slopes = _waves(l, ends, 0), _waves(l, ends, 1)
@@ -108,15 +108,15 @@ def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
 
 
 def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
-    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of an order by ξ:
-    thesis (5.10); linear at b = 0."""
+    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of an order with
+    respect to ξ: thesis (5.10); linear at b = 0."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)[..., None, None]
     ends = np.stack((1 - xi, xi), axis=-1)
     return (b * np.array([-1, 1])) ** order * np.sin(b * ends + order * math.pi / 2) / np.sin(b)
 
 
 def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
-    """Derivatives by ξ of the fundamental solutions of the bending equation, (..., points, 4).
+    """Derivatives with respect to ξ of the fundamental solutions of the bending equation, (..., points, 4).
 
     Exponentials that decay from either end replace cosh and sinh, which are nearly equal for large l.
     """

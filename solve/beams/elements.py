@@ -70,12 +70,12 @@ class Element:
         return axes
 
     def scaled(self, table: Array, L: float) -> Array:
-        """Table (k, k) for derivatives by ξ, converted to derivatives by x."""
+        """Table (k, k) for derivatives with respect to ξ, converted to derivatives with respect to x."""
         return table * np.multiply.outer(self._powers(L), self._powers(L))
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:
         """Axial and transverse displacement (points, k) at ξ for unit degrees of freedom, or their
-        derivatives of an order by x."""
+        derivatives of an order with respect to x."""
         coefficients = polynomial.polyder(self.coefficients, order, axis=1)
         powers = xi[:, None] ** np.arange(coefficients.shape[1])
         shapes = powers @ coefficients.T * self._powers(L) / L**order
@@ -280,12 +280,12 @@ class Member:
 
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix for derivatives by x (kg, kg m, …): thesis (4.22)."""
+        """Mass matrix for derivatives with respect to x (kg, kg m, …): thesis (4.22)."""
         return self.mu * self.L * self.element.scaled(self.element.mass, self.L)
 
     @cached_property
     def stiffness(self) -> Array:
-        """Stiffness matrix for derivatives by x (N/m, N, …): thesis (4.11)."""
+        """Stiffness matrix for derivatives with respect to x (N/m, N, …): thesis (4.11)."""
         bending = self.element.scaled(self.element.bending, self.L)
         return self.EA / self.L * self.element.elongation + self.EI / self.L**3 * bending
 
@@ -327,7 +327,8 @@ class Member:
 
     def shapes(self, xi: Array, order: int = 0, omega: Array | float | None = None) -> tuple[Array, Array]:
         """Axial and transverse displacement (..., points, k) at ξ for unit degrees of freedom of an element,
-        or their derivatives of an order by x. omega (...): frequency of exact elements in rad/s."""
+        or their derivatives of an order with respect to x. omega (...): frequency of exact elements in
+        rad/s."""
         if not self.exact:
             return self.element.shapes(self.L, xi, order)
         frequency = np.asarray(omega, dtype=float)

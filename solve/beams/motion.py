@@ -27,8 +27,9 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
     """Rigid-motion accelerations q̈_r of the elements' degrees of freedom in link axes, (m, elements, k) for
     each link, and of the joints as x + iy, (m, joints).
 
-    rate, second (m, links): first and second derivatives of the angles by time. Derivatives by the phase
-    yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if their link does.
+    rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
+    respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if their link
+    does.
     """
     spans = positions.beams.properties.length * (1j * second - rate**2)
     joints, accelerations = positions.placed(spans * np.exp(1j * positions.angle)), []
@@ -109,7 +110,7 @@ clamped."""
 class Motion:
     """M, C, K, d of moving beams at many phases.
 
-    rates(phase): first and second derivatives (m, links) of the links' angles by the phase.
+    rates(phase): first and second derivatives (m, links) of the links' angles with respect to the phase.
     """
 
     beams: Beams

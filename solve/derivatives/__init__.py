@@ -1,1 +1,2 @@
-"""Exact derivatives of orbits and multipliers by parameters and the speed, on the grid of the solution."""
+"""Exact derivatives of orbits and multipliers with respect to parameters and the speed, on the grid of the
+solution."""

@@ -1,7 +1,8 @@
 """Derivatives of figures of coordinates and outputs: extrema, means, root mean squares, harmonics.
 
-The derivative of an extremum is that of the quantity at a fixed phase, since the derivative by the phase is
-zero there (envelope theorem). An extremum in a corner of an output, at a jump of the matrices, moves with it.
+The derivative of an extremum is that of the quantity at a fixed phase, since the derivative with respect to
+the phase is zero there (envelope theorem). An extremum in a corner of an output, at a jump of the matrices,
+moves with it.
 """
 
 from collections.abc import Callable, Sequence
@@ -63,8 +64,8 @@ class _Quadrature(NamedTuple):
 
 class Figures:
     """Figures of an orbit as weighted sums. starts: approximate phases of extrema and their signs, by name
-    and figure, from another grid or filled in. nodes (m, r): derivatives of the starts of steps by the
-    quantities θ."""
+    and figure, from another grid or filled in. nodes (m, r): derivatives of the starts of steps with respect
+    to the quantities θ."""
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
         self.orbit, self._starts, self._nodes = orbit, starts, nodes
@@ -200,7 +201,8 @@ class Figures:
         return steps[nearest], distance[np.arange(len(phases)), nearest]
 
     def _beside(self, names: Array, phases: Array, side: int) -> Array:
-        """Values and derivatives by the phase (2, k) of quantities (k,) before (-1) or behind (1) phases."""
+        """Values and derivatives with respect to the phase (2, k) of quantities (k,) before (-1) or behind
+        (1) phases."""
         distance = side * _SPACING * self.orbit.system.period / self.orbit.samples
         values = self._values_at(names, phases[:, None] + distance * np.arange(1, 4))
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])

@@ -120,7 +120,7 @@ class GridDerivatives:
 
     @cached_property
     def nodes(self) -> Array:
-        """Derivatives (m, r) of the starts of steps by the quantities."""
+        """Derivatives (m, r) of the starts of steps with respect to the quantities."""
         system = self.solved.system
         return self.problem.at_nodes(system.breaks, derivatives_of(system).of_breaks(self.names))
 

@@ -1,4 +1,5 @@
-"""Derivatives of Floquet multipliers by quantities θ, from left and right eigenvectors over the period.
+"""Derivatives of Floquet multipliers with respect to quantities θ, from left and right eigenvectors over the
+period.
 
 Φ is the product of the maps A_k of the steps, so that d log ρ = Σ_k yᴴ_{k+1} dA_k x_k / (yᴴ_{k+1} A_k x_k)
 with the right vectors x_k at the starts of the steps and the left ones y_{k+1} at their ends: the sum over
@@ -76,7 +77,7 @@ class GridMultipliers:
         return [real] if modulus else [real, (1j, -(a * w + b * v))]
 
     def by_node(self, vectors: Vectors, node: int) -> complex:
-        """Derivative of log ρ by the phase of the start of a step."""
+        """Derivative of log ρ with respect to the phase of the start of a step."""
         y, x = vectors.left[node - 1].conj(), vectors.right[node]
         return -complex(y @ self._problem.rate_jump(node) @ x) / complex(y @ x)
 

@@ -43,7 +43,7 @@ class GridOrbit(PeriodicMotion):
         return q, self.speed * v, self.speed**2 * a
 
     def states(self, phase: Array) -> Array:
-        """q″, q′, q (k, 3, n), derivatives by the phase."""
+        """q″, q′, q (k, 3, n), derivatives with respect to the phase."""
         return np.stack([self.problem.curve(phase, order).T for order in (2, 1, 0)], axis=1)
 
     @property
@@ -173,8 +173,8 @@ def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
 def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Derivatives (r, c) of all sums by θ at a fixed orbit, or 0, and weights (m, 2 + k, n, c) of the data of
-    the orbit's curve. term: the modulus of terms, or the terms themselves."""
+    """Derivatives (r, c) of all sums with respect to θ at a fixed orbit, or 0, and weights (m, 2 + k, n, c)
+    of the data of the orbit's curve. term: the modulus of terms, or the terms themselves."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}

@@ -1,8 +1,9 @@
 """A linear periodic problem on one grid, its stage systems factorised once, for any number of loads.
 
-∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages with
-the states of the method. The result is the derivative of the numerical solution on this grid (A. Griewank,
-A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not an approximation of the exact derivative.
+∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages
+with the states of the method. The result is the derivative of the numerical solution on this grid (A.
+Griewank, A. Walther, Evaluating Derivatives, 2nd ed., chapter 15), not an approximation of the exact
+derivative.
 """
 
 from collections.abc import Callable, Sequence
@@ -47,7 +48,7 @@ class PeriodicProblem:
 
     phases (m, k): start, stages and, if it is not a stage, end of every step. `loaded` selects the l phases
     at which loads act: only the stages if every step starts at the last stage of the previous one. M, C, K
-    (m, l, n, n) and d (m, l, n) at these phases are those of derivatives by the phase.
+    (m, l, n, n) and d (m, l, n) at these phases are those of derivatives with respect to the phase.
     """
 
     def __init__(
@@ -325,8 +326,9 @@ class PeriodicProblem:
         return self._cache[key]
 
     def adjoint(self, of_data: Array) -> Array:
-        """Adjoint problem: derivatives (m, l, n, c), by loads at the phases at which they act, of sums with
-        weights (m, 2 + k, n, c) over the data. The cost does not depend on the number of loads."""
+        """Adjoint problem: derivatives (m, l, n, c), with respect to loads at the phases at which they act,
+        of sums with weights (m, 2 + k, n, c) over the data. The cost does not depend on the number of
+        loads."""
         m, _, n, c = of_data.shape
         loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
         states = np.concatenate((of_data[:, 0], h * of_data[:, 1]), axis=1)

@@ -220,7 +220,7 @@ def _without(quantity: Named, reason: str, grid: GridDerivatives) -> Sensitivity
 
 
 def _sensitivity(quantity: Named, fine: Array, errors: Array, grid: GridDerivatives) -> Sensitivity:
-    """Sensitivity of a quantity, with the reason if it has no derivative by some parameters."""
+    """Sensitivity of a quantity, with the reason if it has no derivative with respect to some parameters."""
     moved = grid.jumps(quantity.subject)
     reasons = {
         "several extrema are equally large, and their derivatives differ": np.isnan(fine) & ~moved,

@@ -128,7 +128,7 @@ def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, sp
 
 
 def _linear_outputs(system: PeriodicSystem) -> Sequence[str]:
-    """Outputs with derivatives by the states."""
+    """Outputs with derivatives with respect to the states."""
     return system.outputs if isinstance(system, Model) and not system.assembled else ()
 
 

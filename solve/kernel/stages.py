@@ -67,8 +67,8 @@ class FactorisedStages:
         return self._called(self._library.solved, loads)
 
     def pulled(self, weights: Array) -> Array:
-        """Derivatives of weighted sums of the accelerations at the stages by the loads at the stages; both
-        are (m, s n, r)."""
+        """Derivatives of weighted sums of the accelerations at the stages with respect to the loads at the
+        stages; both are (m, s n, r)."""
         return self._called(self._library.pulled, weights)
 
     def _called(self, solve: Any, given: Array) -> Array:

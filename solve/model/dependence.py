@@ -107,12 +107,13 @@ class GeneratedSlopes:
 
     @cached_property
     def residual(self) -> _Slopes:
-        """Derivatives of the residual by θ."""
+        """Derivatives of the residual with respect to θ."""
         return self._slopes(self._equations, [])
 
     @cached_property
     def matrices(self) -> _Slopes:
-        """Derivatives of a weighted sum of the entries by θ and the states; the weights are an input."""
+        """Derivatives of a weighted sum of the entries with respect to θ and the states; the weights are an
+        input."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]
@@ -121,7 +122,7 @@ class GeneratedSlopes:
         return self._slopes(casadi.dot(weights, entries), states, weights)
 
     def _output(self, name: str) -> _Slopes:
-        """Derivatives of an output by θ and the states."""
+        """Derivatives of an output with respect to θ and the states."""
         phase, speed, a, v, q, p = self._symbols
         state = [phase, speed, q, speed * v, speed**2 * a, p]
         values = self._setup.function("outputs").call(state, True, False)
@@ -129,7 +130,7 @@ class GeneratedSlopes:
         return self._slopes(values[names.index(name)], [a, v, q])
 
     def _slopes(self, value: Any, states: Sequence[Any], *further: Any) -> _Slopes:
-        """Derivatives of a symbolic column by θ, then by the states."""
+        """Derivatives of a symbolic column with respect to θ, then to the states."""
         import casadi
 
         *inputs, p = self._symbols
@@ -200,7 +201,7 @@ class GeneratedDependence:
         return [phase, np.full(len(phase), speed), *_by_order(states)]
 
     def _partial(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
-        """Derivatives of one quantity at phases (k,) by θ (k, r) and by the states (k, 3, n)."""
+        """Derivatives of one quantity at phases (k,) with respect to θ (k, r) and to the states (k, 3, n)."""
         (dense,), count = slopes.dense(values), len(self._slopes.names)
         return dense[self._chosen].T, dense[count:].T.reshape(-1, 3, self._n)
 
@@ -246,7 +247,7 @@ class DampedDependence(GeneratedDependence):
 def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives of C by parameters, and C itself for the speed: (k, n, n, r)."""
+    """Derivatives of C with respect to parameters, and C itself for the speed: (k, n, n, r)."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)

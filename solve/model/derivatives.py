@@ -61,15 +61,15 @@ class ModelDerivatives:
         )
 
     def of_breaks(self, names: Sequence[str]) -> Array:
-        """Derivatives (b, r) of the phases of the breaks by parameters, or the "speed"."""
+        """Derivatives (b, r) of the phases of the breaks with respect to parameters, or the "speed"."""
         zero = np.zeros(len(self._setup.breaks))
         columns = [None if name == SPEED else self._of_break(name) for name in names]
         slopes = np.array([zero if column is None else column for column in columns])
         return np.tile(slopes.reshape(len(names), -1).T, (self._periods, 1))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives by parameters, or the "speed". compiled: optional compiled evaluation of formulas.
-        Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to parameters, or the "speed". compiled: optional compiled evaluation of
+        formulas. Raises UnknownNameError, NoDerivativeError."""
         self._require(names)
         damped = self._setup.ratios is not None
         if self._assembled and not damped:
@@ -117,7 +117,8 @@ class ModelDerivatives:
         return slopes is not None and not (self._assembled and slopes.any())
 
     def _of_break(self, name: str) -> Array | None:
-        """Derivatives (b,) of the phases of the breaks by a parameter; None if breaks merge or split."""
+        """Derivatives (b,) of the phases of the breaks with respect to a parameter; None if breaks merge or
+        split."""
         if name not in self._of_breaks:
             self._of_breaks[name] = self._difference(name)
         return self._of_breaks[name]

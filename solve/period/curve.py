@@ -234,7 +234,7 @@ def without_drift(curve: PeriodicCurve) -> PeriodicCurve:
 
 
 def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
-    """The derivative by θ of polynomials (…, D) at θ (…)."""
+    """The derivative with respect to θ of polynomials (…, D) at θ (…)."""
     factors = _falling(pieces.shape[-1], derivative)
     value = factors[-1] * pieces[..., -1]
     for power in range(pieces.shape[-1] - 2, derivative - 1, -1):

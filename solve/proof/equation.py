@@ -1,7 +1,8 @@
 """The scaled first-order form of a periodic system, with enclosures of its coefficients.
 
-The equations of motion Ω²M q″ + ΩC q′ + K q = d, with derivatives by the phase, are scaled by modes T and
-frequencies W of constant matrices. With y = (T⁻¹q, W⁻¹T⁻¹q′) and a load of size one as a further component,
+The equations of motion Ω²M q″ + ΩC q′ + K q = d, with derivatives with respect to the phase, are scaled by
+modes T and frequencies W of constant matrices. With y = (T⁻¹q, W⁻¹T⁻¹q′) and a load of size one as a further
+component,
 
     y₁′ = W y₂,    m y₂′ + r (y₁, y₂, 1) = 0,    m = P M T W,    r = P [K T/Ω², C T W/Ω, −d/(Ω² λ)].
 

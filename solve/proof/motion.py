@@ -90,8 +90,8 @@ class TrigonometricMotion:
 
     @cached_property
     def _weights(self) -> Matrix:
-        """Factors (3n, 2K+2) of the cosines and sines in q and its derivatives by the phase: a derivative of
-        a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
+        """Factors (3n, 2K+2) of the cosines and sines in q and its derivatives with respect to the phase: a
+        derivative of a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
         a, b, rows = self.cosines, self.sines, []
         for order in range(_ORDERS):
             powers = [(k * self._rate) ** order for k in range(a.shape[1])]
@@ -101,7 +101,7 @@ class TrigonometricMotion:
         return arb_mat(rows)
 
     def states(self, phase: Ball, orders: int = _ORDERS) -> list[list[Ball]]:
-        """q and its derivatives by the phase, at a real or complex phase or as power series."""
+        """q and its derivatives with respect to the phase, at a real or complex phase or as power series."""
         if isinstance(phase, arb_series):
             return self._series(phase[0], phase[1], orders)
         angle, count = phase * self._rate, self.cosines.shape[1]

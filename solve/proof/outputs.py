@@ -1,9 +1,9 @@
 """Enclosures of the extrema of outputs, functions of phase, q, q̇ and q̈, along the periodic solution.
 
-On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ for the state x at its start. Since
-m E₂′ = −h r_y E − D₂, and ε contains the factor max(1, ‖m⁻¹‖) Σ‖D_k‖, also ‖E₂′‖ ≤ (h‖A‖ + 1) ε‖x‖ for the
-derivative by τ. So q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ they are evaluated by
-the mean value form of second order, and the generated function on the resulting balls.
+On a step, y = Ỹx + E with the exact polynomial Ỹ and ‖E‖ ≤ ε‖x‖ for the state x at its start. Since m E₂′ =
+−h r_y E − D₂, and ε contains the factor max(1, ‖m⁻¹‖) Σ‖D_k‖, also ‖E₂′‖ ≤ (h‖A‖ + 1) ε‖x‖ for the derivative
+with respect to τ. So q, q̇ and q̈ are polynomials with bounded errors. On an interval of τ they are evaluated
+by the mean value form of second order, and the generated function on the resulting balls.
 """
 
 import heapq

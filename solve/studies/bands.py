@@ -45,18 +45,19 @@ from solve.terminal import progress
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
 GROWTH = 1e-6
-"""Least growth per period that makes a band: coalescing multipliers lose half their digits to round-off."""
+"""Smallest growth per period that counts as instability: smaller values may be round-off, since coalescing
+multipliers lose half their digits."""
 
 _MIN_INTERVALS, _MAX_INTERVALS = 40, 2000
 """Number of intervals of the range of speeds before the search for narrow bands. Choices."""
 
 _FINER = 5
-"""Subdivision of each interval if the matrices are constant: an eigenvalue costs less than a solution. A
+"""Subdivision of each interval if the matrices are constant: eigenvalues cost less than a solution. A
 choice."""
 
 _PREDICTED = 0.9
-"""Fraction of a gap to which a parabola must predict its minimum; gaps that do not depend on the speed have
-minima of round-off."""
+"""A distance from instability is followed only if a parabola predicts its minimum below this fraction of it:
+where the distance does not depend on the speed, its minima are round-off."""
 
 _MAX_ANGLE = 0.25
 """Angle in rad by which the fastest multiplier may rotate between two speeds. A choice."""
@@ -187,8 +188,8 @@ def bands(
 
 
 def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
-    """Message on the ascending speeds without a result, with the reason of the first. Raises NoResultError if
-    no speed has one."""
+    """Message about ascending speeds without a result, with the reason for the first one. Raises
+    NoResultError if no speed has one."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; give a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
@@ -208,7 +209,7 @@ def _refine_near_coalescence(
     evaluate: Evaluate, known: StabilitySamples, rotation: Rotation
 ) -> StabilitySamples:
     """Samples refined where two multipliers are closer to each other than they rotate between two speeds.
-    Several coalescences in a row then have a minimum of distance each."""
+    Each of several successive coalescences then has its own minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds, distance = known.points[:, 0], _least_angle(known.multipliers)
         turned = -np.diff(1 / speeds) * rotation(speeds[1:])
@@ -220,7 +221,8 @@ def _refine_near_coalescence(
 
 
 def _least_angle(multipliers: Array) -> Array:
-    """Least difference of the angles (k,) of lightly damped multipliers (k, N) above the real axis."""
+    """Smallest difference (k,) between the angles of lightly damped multipliers (k, N) above the real
+    axis."""
     rotating = (np.imag(multipliers) > 0) & (np.abs(multipliers) > LIGHTLY_DAMPED)
     apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
     angles = np.sort(np.where(rotating, np.angle(multipliers), apart), axis=1)
@@ -229,8 +231,8 @@ def _least_angle(multipliers: Array) -> Array:
 
 @dataclass(frozen=True)
 class _UnstableRuns:
-    """Runs of unstable speeds of one kind among ascending samples. highest (1,): highest speed. Results
-    between two speeds are cached, since runs are split repeatedly; inside: samples within runs."""
+    """Runs of unstable speeds of one kind among ascending samples. highest (1,): highest speed. inside:
+    samples within runs. Results between two speeds are cached, because runs are split repeatedly."""
 
     evaluate: Evaluate
     tolerance: float
@@ -250,7 +252,7 @@ class _UnstableRuns:
         return found
 
     def _search_inside(self, known: StabilitySamples) -> tuple[list[Band], StabilitySamples]:
-        """Bands, and the points inside those that are not of one kind throughout."""
+        """Bands of one kind, and points inside the bands of mixed kind."""
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
@@ -284,7 +286,7 @@ class _UnstableRuns:
         return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)
 
     def _cached_borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """`_borders`, solving only new ones."""
+        """Result of `_borders`, with cached borders reused."""
         speeds = known.points[:, 0].tolist()
         ends = [(speeds[at], speeds[at + 1]) for at in changes.tolist()]
         new = changes[np.array([pair not in self._between for pair in ends], dtype=bool)]
@@ -337,7 +339,7 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
 
 def _evaluator_of_slow_modes(batch: Batch) -> Evaluate:
     """Evaluation of the slow modes by the batch's method, Radau. A point is unstable if a multiplier on which
-    both grids agree is outside the unit circle by more than their difference."""
+    both grids agree lies outside the unit circle by more than the difference between the grids."""
 
     def on_grid(points: Array, steps: int) -> Array:
         with progress.subtask(POINTS, len(points) / len(_STEPS)):

@@ -25,7 +25,7 @@ _BATCH = 64
 little more than a point."""
 
 _MAX_TRIALS = 15
-"""Maximum number of evenly spaced trials per bracket, which is then reduced sixteenfold. A choice."""
+"""Maximum number of evenly spaced trials per bracket; these reduce its width sixteenfold. A choice."""
 
 _KIND_TOLERANCE = 1e-5
 """Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. A choice."""
@@ -36,14 +36,16 @@ distance after a trial that missed it; least distance of trials from the ends, u
 each other. Choices."""
 
 _PREDICTION_ERROR = 0.2
-"""Assumed error of a parabola's zero, as a fraction of its distance from the zero of the chord. A choice."""
+"""Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
+A choice."""
 
 _EXPONENTS = np.array([2.0, 1.0, 0.5])
-"""Exponents of the predicted distance of the edge, one for each pair of trials around it: the first pair is
-closer than predicted, the last farther."""
+"""Exponents that scale the distances of the pairs of trials around a predicted edge: the first pair is closer
+than the predicted error, the last farther."""
 
 _SUFFICIENT = 0.4
-"""Distance of trials from the predicted edge, as a fraction of the tolerance, below which none is needed."""
+"""Distance of trials from the predicted edge, as a fraction of the tolerance, below which no further trial is
+needed."""
 
 _COMPLEX = KINDS.index("complex")
 
@@ -57,8 +59,8 @@ Differs = Callable[[StabilitySamples, Array], Array]
 
 
 class Brackets(NamedTuple):
-    """Brackets of edges on lines (E,): the two ends, and points of the same lines outside the bracket, or an
-    end again where none is known."""
+    """Brackets of edges on lines (E,): the two ends, and a point of the same line outside each bracket, or
+    one of its ends if no such point is known."""
 
     low: StabilitySamples
     high: StabilitySamples
@@ -74,13 +76,14 @@ class Brackets(NamedTuple):
 
     @property
     def midpoints(self) -> Array:
-        """Places between the ends (E, v); NaN where one of the ends failed."""
+        """Midpoints between the ends (E, v); NaN where one of the ends failed."""
         failed = self.low.failed | self.high.failed
         return np.where(failed[:, None], np.nan, (self.low.points + self.high.points) / 2)
 
     @property
     def kinds(self) -> Array:
-        """Positions in KINDS (E,) of the multiplier that passes +1 or -1 between the ends; else _COMPLEX."""
+        """Positions in KINDS (E,) of the multiplier that passes +1 or -1 between the ends; _COMPLEX for
+        others."""
         passes = (self.low.distances[:, :2] > 0) & (self.high.distances[:, :2] < 0)
         return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
 
@@ -95,14 +98,15 @@ class Lines:
 
     @cached_property
     def neighbours(self) -> tuple[Array, Array]:
-        """Positions (c,) of samples and of their successors on the same line."""
+        """Indices (c,) of samples and of their successors on the same line."""
         order = np.lexsort((self.samples.points[:, self.along], self.line))
         first, last = order[:-1], order[1:]
         same = self.line[first] == self.line[last]
         return first[same], last[same]
 
     def changes(self) -> tuple[Array, Brackets]:
-        """Lines (c,) on which stability changes between neighbours, and these brackets, stable end first."""
+        """Indices (c,) of the lines on which stability changes between neighbours, and brackets of these
+        changes, with the stable end first."""
         samples, (first, last) = self.samples, self.neighbours
         failed = samples.failed[first] | samples.failed[last]
         changes = (samples.unstable[first] != samples.unstable[last]) & ~failed
@@ -118,7 +122,8 @@ class Lines:
 
 @dataclass(frozen=True)
 class BoundarySearch:
-    """Search for edges on lines. scale (v,): of the quantities; tolerance: of a place, relative to it."""
+    """Search for edges on lines. scale (v,): sizes of the quantities; tolerance: allowed error of the
+    position of an edge, relative to the scale."""
 
     evaluate: Evaluate
     scale: Array
@@ -170,8 +175,8 @@ class BoundarySearch:
     def edges(
         self, stable: StabilitySamples, unstable: StabilitySamples, beyond: StabilitySamples | None = None
     ) -> tuple[Array, Array]:
-        """Places (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN where a
-        point that failed lies between. beyond: see `Brackets`.
+        """Positions (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN where a
+        failed point lies between the two. beyond: see `Brackets`.
 
         Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
         pass through zero smoothly.
@@ -209,7 +214,7 @@ class BoundarySearch:
         return len(widths) * count * max(1.0, np.ceil(iterations))
 
     def crossings(self, *sets_of_lines: Lines) -> list[Crossings]:
-        """Changes of stability between neighbours on lines; none beside points that failed.
+        """Changes of stability between neighbours on lines; none next to failed points.
 
         Stable stretches between two unstable neighbours are found where one of these has a multiplier beyond
         +1 and the other beyond -1.
@@ -234,8 +239,8 @@ class BoundarySearch:
         return crossings
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
-        """Brackets, to the tolerance, between points low and high (E,) in which the crossing function of +1
-        (kind 0) or -1 (kind 1) changes its sign."""
+        """Brackets, narrowed to the tolerance, between points low and high (E,), in which the crossing
+        function of +1 (kind 0) or -1 (kind 1) changes its sign."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0
@@ -246,8 +251,8 @@ class BoundarySearch:
     def _stable_stretches(
         self, samples: StabilitySamples, first: Array, last: Array
     ) -> tuple[Array, Array, Array]:
-        """Both edges of stable stretches between neighbours of which one is beyond +1, the other beyond -1:
-        a neighbour (c,), place (c, v) and kind (c,) of each edge."""
+        """Edges of stable intervals between two neighbours, one with a multiplier beyond +1 and the other
+        with one beyond -1: neighbour (c,), position (c, v) and kind (c,) of each edge."""
         plus, minus = samples.distances[:, 0] < 0, samples.distances[:, 1] < 0
         beyond_plus, beyond_minus = plus & ~minus, minus & ~plus
         opposite = (beyond_plus[first] & beyond_minus[last]) | (beyond_minus[first] & beyond_plus[last])
@@ -300,8 +305,8 @@ def _next_distances(radii: Array, first: Array) -> Array:
 
 def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
     """Brackets (E,) from the same number of trials within each, line by line: the new high end is the trial
-    at position `first` (E,), or the old one; the trial before it is the new low end, and one beside these two
-    lies beyond."""
+    at position `first` (E,), or the old one; the trial before it is the new low end, and the point beyond is
+    one next to these two."""
     count = len(brackets.low)
     samples = brackets.low + trials + brackets.high
     inside, line = len(trials) // count, np.arange(count)
@@ -316,8 +321,9 @@ def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Bra
 
 def _parabolic_prediction(columns: Array) -> Prediction:
     """Prediction from the crossing values in one column for each line (E,): zero of the parabola through
-    three points, or of the chord without a third. Its error is a fraction of the distance between the two.
-    Without a change of sign, as with another edge in between, the middle is predicted."""
+    three points, or of the chord without a third. The error is a fraction of the distance between the two
+    zeros. If the sign does not change, for example because of another edge in between, the middle is
+    predicted."""
 
     def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
         low, high, beyond = brackets

@@ -40,8 +40,8 @@ _OF_STABILITY = "multipliers", "errors", "verdicts", "steps", "methods", "rigid"
 """Arrays of results that describe stability."""
 
 _PREDICTED = 0.3
-"""Fraction of the distance at a grid point below which a parabola must predict its minimum to be followed. A
-choice: fewer false minima than at 1, on a grid that is coarse."""
+"""A minimum of the distance from instability is followed only if a parabola predicts it below this fraction
+of the distance at the grid point. A choice: fewer false minima than at 1, on a grid that is coarse."""
 
 
 def chart(
@@ -164,7 +164,8 @@ def _provable(model: object) -> Model:
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
-    """Stability from orbits at points (P, 2); solved separately where there is no orbit, as at resonance."""
+    """Stability at points (P, 2), from the orbits; solved separately where no orbit exists, as at
+    resonance."""
     results = PointResults.blank(len(points), batch.family.example.multiplier_count, Kept(warnings=False))
     for name in _OF_STABILITY:
         getattr(results, name)[:] = getattr(orbits, name)
@@ -175,8 +176,8 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
 
 
 def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
-    """Warnings: number of points that have a stability but no orbit, with the reason; bounds of the model
-    that orbits exceed, with the largest excess."""
+    """Warnings: the number of points with a stability verdict but without an orbit, and the reason; the
+    bounds of the model that orbits violate, with the largest excess."""
     names, known = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
     without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
@@ -189,7 +190,8 @@ def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResult
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity over points. Raises ValueOutOfBoundsError for a phase or a complex number."""
+    """Quantity that a chart shows at its points. Raises ValueOutOfBoundsError for a phase or a complex
+    number."""
 
     named: Named
 
@@ -206,13 +208,13 @@ class _Quantity:
         return self.named.of_orbit
 
     def kept(self, judged: Sequence[str]) -> Kept:
-        """Figures of orbits to keep, including those with limits."""
+        """Statistics of orbits to store, including those of quantities with bounds."""
         subject, order = (self.named.subject,), self.named.number if self.named.figure == HARMONIC else None
         names = tuple(dict.fromkeys((*subject, *judged)))
         return Kept(names, () if order is None else subject, order or 0, warnings=False)
 
     def over(self, results: PointResults, speeds: Array, period: float) -> Array:
-        """Values (P,), NaN where there is none; speeds (P,) in rad/s, period in phase."""
+        """Values (P,) of the quantity; NaN where there is none. speeds (P,) in rad/s; period in phase."""
         named = self.named
         if named.figure == HARMONIC:
             return results.amplitudes[:, 0, named.number]

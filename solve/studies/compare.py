@@ -33,7 +33,7 @@ _REFERENCE_RTOL = 1e-12
 _FIRST_STEPS = 2
 
 _BISECTION_RATIO = 1.02
-"""Ratio of steps at which the bisection for the least number stops. A choice."""
+"""Ratio of two step counts at which the bisection for the smallest sufficient number ends. A choice."""
 
 _MAX_SECONDS = 2.0
 """Longest time of one solution in the search for the least number of steps. A choice."""
@@ -43,7 +43,8 @@ _MAX_REPEAT_SECONDS = 0.1
 """Maximum number of timed runs, and total time after which they end. Choices."""
 
 _BEYOND = 1e-3
-"""Least error of the trace relative to the finest target, so that a figure shows the trend. A choice."""
+"""Error, relative to the smallest target, down to which rows with doubled steps continue so that a figure
+shows the trend. A choice."""
 
 
 @of_system
@@ -109,7 +110,7 @@ def compare(
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
-    """Four numbers of the series 1, 2, 5, 10 … around ω_max T, the number of steps with ω_max h = 1."""
+    """Four numbers of steps from the series 1, 2, 5, 10, … around ω_max T, at which ω_max h = 1."""
     phase_advance = max(float(frozen(OnePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
@@ -138,7 +139,7 @@ class _AgainstReference:
 
     @property
     def least(self) -> int:
-        """Least number of steps of the method."""
+        """Smallest number of steps that the method permits."""
         return max(1, len(self.point.breaks), int(self.solver.min_steps[0]))
 
     def measured(self, steps: int, at: str, target: float | None = None, repeats: int = _REPEATS) -> Row:
@@ -164,8 +165,8 @@ class _AgainstReference:
         )
 
     def refined(self, goal: float) -> list[Row]:
-        """Rows with doubled steps until the target is reached, errors stop decreasing, or memory or time
-        end."""
+        """Rows with doubled steps until the target is reached, errors stop decreasing, or a limit of memory
+        or time is reached."""
         steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
         while steps <= self.solver.max_steps:
@@ -177,8 +178,8 @@ class _AgainstReference:
         return trace
 
     def at_accuracy(self, goal: float, trace: list[Row]) -> Row:
-        """Row with the least number of steps that reaches the target, by bisection between two rows of the
-        trace."""
+        """Row with the smallest number of steps that reaches the target, found by bisection between two rows
+        of the trace."""
         reached = next((k for k, row in enumerate(trace) if row.error(self.judged_by) <= goal), None)
         if reached is None:
             reason = f"out of reach: {self._obstacle(goal, trace)}"
@@ -207,7 +208,7 @@ class _AgainstReference:
 
     @property
     def _phase_advance(self) -> float:
-        """ω_max T."""
+        """Phase advance ω_max T in rad."""
         return float(self.solver.modes.phase_advance[0])
 
     def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:

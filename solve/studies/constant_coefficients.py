@@ -31,8 +31,8 @@ _CONSTANT = 1e-13
 changes a mode by less than 1e-13 ω T / 2 per period, far below the growth that makes a band."""
 
 _PERTURBATION = 16.0
-"""Error of an eigenvalue divided by n eps, its condition number and the matrix norm; as in
-`solve.period.natural`."""
+"""Error bound of an eigenvalue, divided by n eps, the condition number of the eigenvalue and the norm of the
+matrix; as in `solve.period.natural`."""
 
 _ROUNDING = 64 * EPS
 """Asymmetry or negative eigenvalue, relative to the largest entry of a matrix, that counts as round-off."""
@@ -58,9 +58,9 @@ class Exponents(NamedTuple):
 
 @dataclass(frozen=True)
 class ConstantCoefficients:
-    """Points with constant matrices. The batch solves points whose matrices vary after all, or whose
-    eigenvalues are too uncertain. multiplicity: number of multipliers +1 of rigid-body modes; unit: time in
-    seconds that maps exponents to angles below π."""
+    """Points with constant matrices. Points whose matrices vary after all, or whose eigenvalues are too
+    uncertain, are solved by the batch. multiplicity: number of multipliers +1 of rigid-body modes; unit: time
+    in seconds that maps exponents to angles below π."""
 
     batch: Batch
     multiplicity: int
@@ -171,8 +171,8 @@ def _are_constant(entries: Array, n: int) -> Array:
 
 
 def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
-    """Rigid-body modes of points with M, C, K (P, n, n). Points to whose matrices the modes of the first
-    point apply share them, since speeds and stiffnesses do not change such a mode."""
+    """Rigid-body modes of points with M, C, K (P, n, n). All points with the same rigid-body modes share
+    those of the first point, because speeds and stiffnesses do not change such modes."""
     first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
     vectors = first.vectors[:1].sum(axis=0)
     if not vectors.any():
@@ -200,8 +200,8 @@ def _exponents(
     M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
 ) -> Array:
     """Growth, angular rates and errors (3, P, N) of points with M, C, K (P, n, n) and the reference
-    coordinates of their rigid-body modes. States are the other coordinates, relative to the modes, and all
-    velocities."""
+    coordinates (places) of their rigid-body modes. The states are the other coordinates, relative to these
+    modes, and all velocities."""
     n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
     unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
     unit[~np.isfinite(unit)] = 1.0
@@ -242,7 +242,7 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
 
 def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
     """Upper bound (P,) of the growth from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and positive
-    definite in the coordinates x at places `rest`, the energy changes by -q̇ᵀCq̇ alone, for any gyroscopic
+    definite in the coordinates x with indices `rest`, the energy changes by -q̇ᵀCq̇ alone, for any gyroscopic
     forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
     scale = [np.abs(part).max(axis=(1, 2)) for part in (M, C, K)]
     symmetric = [

@@ -55,7 +55,7 @@ def contours(
 
 
 class _Rims:
-    """The crossings as points (c, 2), and those around the cells that have some: `cells` (i, j), (k,) each,
+    """Crossings as points (c, 2), grouped by the cells on whose rims they lie: `cells` (i, j), (k,) each,
     with `counts` (k,) crossings in `around` from `starts` (k,) on, counter-clockwise from the lower left
     corner."""
 
@@ -98,7 +98,7 @@ class _Rims:
 
 
 def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
-    """Interval of nodes that contains each place (c,), and the ranks of the places (c,)."""
+    """Interval of nodes that contains each position (c,), and the ranks (c,) of the positions."""
     cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
     rank = np.empty(len(place), dtype=int)
     rank[np.argsort(place, kind="stable")] = np.arange(len(place))
@@ -108,9 +108,9 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 def _decided(
     rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
-    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind. If that leaves a
-    choice, two arcs are joined if the place between them is unstable, or if both are as narrow as a
-    tongue."""
+    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind. If several
+    connections remain, two arcs are joined if the point between them is unstable, or if both are as narrow as
+    a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)

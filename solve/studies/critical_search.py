@@ -1,4 +1,5 @@
-"""Search for the maxima of the response and of the multipliers over speed, and labels of what causes them."""
+"""Search for the maxima of the response and of the multipliers over speed, and their labels: the resonances
+that cause them."""
 
 import itertools
 import math
@@ -30,16 +31,16 @@ from solve.studies.tongues import find_narrow_tongues
 from solve.system import PeriodicSystem
 
 _ASIDE = 0.25
-"""Fraction of the distance between neighbouring divisions at which a maximum is compared with the response
-beside it. A choice: far enough from this maximum, and not yet at the next."""
+"""Distance from a maximum at which the response is compared with it, as a fraction of the distance between
+neighbouring divisions. A choice: far enough from this maximum, and before the next."""
 
 _BESIDE = 4.0
 """Distance, in tolerances of its speed, at which a maximum is examined on either side. A choice: beyond the
 error of the speed."""
 
 _SHARE = 0.1
-"""Least rise of a harmonic's power, relative to the largest rise, for which the harmonic explains a maximum.
-A choice."""
+"""Smallest rise of a harmonic's power, relative to the largest rise, with which the harmonic counts as the
+cause of a maximum. A choice."""
 
 
 def radius(results: PointResults) -> Array:
@@ -49,13 +50,14 @@ def radius(results: PointResults) -> Array:
 
 
 def real_part(results: PointResults) -> Array:
-    """Largest real part (P,) of the multipliers that are dominant within their errors."""
+    """Largest real part (P,) among the multipliers whose moduli are largest within their errors."""
     largest = np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).max(axis=1)
     return np.where(results.failed, np.nan, largest)
 
 
 def _is_dominant(results: PointResults) -> Array:
-    """Whether each multiplier (P, N) is the largest within the errors; False for failed points."""
+    """Whether the modulus of each multiplier (P, N) is the largest within the errors; False for failed
+    points."""
     modulus, radius = np.abs(results.multipliers), results.spectral_radius[:, None]
     with np.errstate(invalid="ignore"):
         least = radius * (1 - 2 * results.errors[:, 1:] - UNIT_CIRCLE)
@@ -98,7 +100,7 @@ class CriticalSearch:
         return self.batch.family.example
 
     def solve(self, speeds: Array) -> PointResults:
-        """Orbits at speeds (P,), those of the sweep without solving them again."""
+        """Orbits at speeds (P,), reusing those of the sweep."""
         if self.sweep is None:
             return gathered(self.batch, speeds[:, None], self.kept)
         _, known, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
@@ -148,9 +150,9 @@ class CriticalSearch:
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array
     ) -> tuple[Array, PointResults]:
-        """Speeds (P,) and results with other speeds (k,) inserted, and speeds at and beside which a
-        multiplier passes +1 along the real axis, within one of the intervals: the response may be unbounded
-        there, however narrow its maximum."""
+        """Speeds (P,) and results with further speeds inserted: the other speeds (k,), and speeds at and next
+        to which a multiplier passes +1 along the real axis, where the response may have an arbitrarily narrow
+        unbounded maximum."""
         speeds, results = self._insert(speeds, results, others)
         evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
 
@@ -180,7 +182,8 @@ class CriticalSearch:
         return union, merged
 
     def label_response_maxima(self, brackets: Brackets) -> list[Label]:
-        """Maxima of the response, each with the orders whose power is higher there than on either side.
+        """Maxima of the response, each labelled with the orders whose power is higher there than on both
+        sides.
 
         Maxima within an unstable range are never reached and are left out, but not those at its edge.
         """
@@ -239,7 +242,8 @@ class CriticalSearch:
         return self.system.period / (2 * np.pi)
 
     def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
-        """Every mode with the orders per revolution whose power rises, from the rise (k,) per harmonic."""
+        """All pairs of a mode and an order per revolution whose power rises, from the rise (k,) of each
+        harmonic."""
         turns = self._revolutions
         harmonics = {
             order: round(order * turns)
@@ -268,8 +272,8 @@ class CriticalSearch:
         return [label for label, edge in zip(labels, is_edge, strict=True) if label.is_explained or not edge]
 
     def label_radius_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Maxima of the spectral radius, except unexplained ones of stable motion: the radius falls on either
-        side where a mode meets one that decays faster."""
+        """Maxima of the spectral radius, except unexplained ones of stable motion: the radius also has a
+        maximum where the multiplier of a mode meets that of a mode that decays faster."""
         results = self.solve_multipliers(np.array([maximum.speed for maximum in maxima]))
         maxima = _certified(maxima, results.spectral_radius)
         labels = [

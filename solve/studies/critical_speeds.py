@@ -1,4 +1,4 @@
-"""Critical speeds three ways (thesis 7.2.3, 7.3), side by side.
+"""Critical speeds by three criteria (thesis 7.2.3, 7.3), for comparison.
 
 Maxima of the response over speed; maxima of the real part of the dominant Floquet multiplier; integer
 divisions of the natural frequencies' means over the cycle.
@@ -123,8 +123,8 @@ def critical_speeds(
 
 
 def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> CriticalSpeeds:
-    """`critical_speeds` of the first coordinate between the speeds of a sweep by the same method to the same
-    rtol, whose orbits are not solved again."""
+    """Critical speeds of the first coordinate between the speeds of a sweep with the same method and rtol,
+    whose orbits are reused."""
     speeds = speeds_between(sweep.speeds.tolist(), "critical speeds")
     return _critical_speeds(sweep.system, speeds, _Settings(method=method, rtol=rtol), sweep)
 
@@ -231,12 +231,12 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Whether the lowest frequency is of an order up to `orders` at the speeds (P,)."""
+    """Whether the lowest frequency is at most `orders` times the speed, at speeds (P,)."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 
 def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int) -> list[Critical]:
-    """Integer divisions of the mean frequencies, each beside the same division of those at rest."""
+    """Integer divisions of the mean frequencies, each with the same division of the frequency at rest."""
     return [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
@@ -245,7 +245,7 @@ def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int)
 
 
 def _omissions(frequencies: MeanFrequencies, results: PointResults, orders: int) -> Iterator[str]:
-    """Notes on speeds at which no maxima are searched for, and on speeds without a result."""
+    """Notes on speeds at which maxima are not searched for, and on speeds without a result."""
     grid, unit = frequencies.speeds, frequencies.system.speed_unit
     skipped = frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():

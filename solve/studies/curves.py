@@ -27,9 +27,9 @@ _DOUBLINGS = 6
 
 @dataclass(frozen=True)
 class SolvedCurves:
-    """Periodic solutions at P speeds: q (P, n, k) on the given steps, and `coarse` (P, n, k) on half as many,
-    which differs from q by about its error; infinite where there is no periodic solution. radius_bound
-    (P,): upper bound of the spectral radius."""
+    """Periodic solutions at P speeds: q (P, n, k) on the given steps, and `coarse` (P, n, k) on half as many
+    steps, whose difference from q estimates its error; infinite where there is no periodic solution.
+    radius_bound (P,): upper bound of the spectral radius."""
 
     q: Array
     coarse: Array
@@ -37,7 +37,8 @@ class SolvedCurves:
 
 
 class PeriodicCurves:
-    """Periodic solutions of one system at any speeds, on a fixed grid; what they share is sampled once.
+    """Periodic solutions of one system at any speeds, on a fixed grid; the matrices are sampled once for all
+    speeds.
 
     Parameters
     ----------

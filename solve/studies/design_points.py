@@ -1,4 +1,5 @@
-"""Solutions of a model with varied parameters at several speeds, with exact derivatives, for optimisation."""
+"""Solutions, with exact derivatives, of a model with varied parameters at several speeds, for
+optimisation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +22,7 @@ from solve.single import floquet, periodic
 
 @dataclass(frozen=True, eq=False)
 class DesignPoint:
-    """Solution at one speed, with derivatives by the r free parameters."""
+    """Solution at one speed, with derivatives with respect to the r free parameters."""
 
     solved: Stability
     names: Sequence[str]
@@ -50,7 +51,7 @@ class DesignPoint:
         return float(np.real(quantity.value(cast(Solved, self.solved))))
 
     def slopes(self, quantity: Named) -> Array:
-        """Derivatives (r,) of a real quantity; of one with several, such as a modulus that two multipliers
+        """Derivatives (r,) of a real quantity; if there are several, as for a modulus that two multipliers
         share, those of the first. Raises NoDerivativeError."""
         (slopes,) = self._grid.slopes([quantity])
         if not isinstance(slopes, NoDerivativeError):
@@ -63,7 +64,7 @@ class DesignPoint:
 
 @dataclass(eq=False)
 class Design:
-    """A model whose free parameters vary between bounds: x (r,) runs from 0 to 1.
+    """A model whose free parameters vary between bounds: the variables x (r,) run from 0 to 1.
 
     orbits: whether quantities of orbits are needed, or only multipliers.
     """
@@ -80,7 +81,7 @@ class Design:
 
     @property
     def start(self) -> Array:
-        """x (r,) of the model."""
+        """Variables x (r,) of the parameters of the model."""
         values = np.array([self.model.parameters[name] for name in self.names])
         return (values - self.low) / (self.high - self.low)
 
@@ -102,10 +103,10 @@ class Design:
         return self._last[1]
 
     def at(self, x: Array, speeds: Sequence[float]) -> list[DesignPoint]:
-        """Solutions at other speeds."""
+        """Solutions at other speeds, which are not stored."""
         model, solve = self.varied(x), periodic if self.orbits else floquet
         return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
 
     def slopes(self, by_parameters: Array) -> Array:
-        """Derivatives (…, r) by x of derivatives by the parameters."""
+        """Derivatives (…, r) with respect to x of derivatives with respect to the parameters."""
         return by_parameters * (self.high - self.low)

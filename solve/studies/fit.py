@@ -44,7 +44,7 @@ def fit(
     method: str | Rule = "auto",
     rtol: float = 1e-7,
 ) -> Fitted:
-    """Fit parameters so that the linear orbit matches a measurement, starting from those of the model.
+    """Fit parameters so that the linear orbit matches a measurement, starting from the values of the model.
 
     Parameters
     ----------

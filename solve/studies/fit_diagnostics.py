@@ -18,7 +18,7 @@ _FALSE_ALARMS = 0.003
 """Probability of a warning for residuals that are noise. A choice."""
 
 _MAX_LAGS, _VALUES_PER_LAG = 6, 6
-"""Maximum number of lags, and least number of values for channel. Choices."""
+"""Maximum number of lags, and smallest number of values per lag. Choices."""
 
 _POOR_FIT = 0.5
 """Relative residual above which the model explains little. A choice."""
@@ -32,7 +32,7 @@ _UNIT_RATIO = 100.0
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
-    """Warnings, one sentence channel. ratios: measured over computed size at the start, by channel."""
+    """Warnings, one sentence each. ratios: ratio of measured to computed size at the start, by channel."""
     from scipy.stats import chi2
 
     warnings = [
@@ -74,8 +74,9 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
-    """Places (k,) of one quantity, its measured values, and computed minus measured values. Neighbours have
-    one speed and successive phases, or one order or mode and successive speeds."""
+    """Positions (k,) of the measurements of one quantity, the measured values, and computed minus measured
+    values; sorted so that neighbours have the same speed and successive phases, or the same order or mode and
+    successive speeds."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]

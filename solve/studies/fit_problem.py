@@ -1,4 +1,5 @@
-"""Residuals of a model against measured vibration, and their derivatives by the free parameters."""
+"""Residuals of a model against measured vibration, and their derivatives with respect to the free
+parameters."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,8 +23,8 @@ from solve.studies.measured import FREQUENCY, Measured
 from solve.terminal import progress
 
 _MAX_RATIO = 1e6
-"""Largest ratio of a positive parameter to its start, and of the start to it, that is tried: it keeps the
-logarithm finite where the data do not determine the parameter."""
+"""Limit of the ratio of a positive parameter to its initial value, and of the inverse ratio: it keeps the
+logarithm finite if the data do not determine the parameter."""
 
 _STEP = 1e-3
 """Largest step of the finite differences of matrices, relative to the parameter. Extrapolation is exact to
@@ -56,21 +57,21 @@ class Problem:
 
     @property
     def start(self) -> Array:
-        """x (r,) of the parameters of the model."""
+        """Variables x (r,) for the parameters of the model."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.by_logarithm, np.log(self.initial), self.initial / self.unit)
 
     def values(self, x: Array) -> Array:
-        """Parameters (r,) of x, clipped to the range that is tried."""
+        """Parameters (r,) for variables x, clipped to the range of trials."""
         return self.unscaled(self.clipped(x))
 
     def clipped(self, x: Array) -> Array:
-        """x (r,), clipped to the range that is tried."""
+        """Variables x (r,), clipped to the range of trials."""
         limit = np.log(_MAX_RATIO)
         return np.where(self.by_logarithm, np.clip(x, self.start - limit, self.start + limit), x)
 
     def unscaled(self, x: Array) -> Array:
-        """Parameters (r,) of x, without clipping."""
+        """Parameters (r,) for variables x, without clipping."""
         return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
 
     @property
@@ -130,7 +131,7 @@ class Problem:
         return self._last[1], self._last[2]
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
-        """Name, values (k,) and derivatives (r, k) by the parameters of every channel."""
+        """Name, values (k,) and derivatives (r, k) with respect to the parameters of every channel."""
         if data.position is not None:
             return [(FREQUENCY, *_natural_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
@@ -150,8 +151,8 @@ class Problem:
 
 
 def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bool) -> tuple[Array, Array]:
-    """Complex amplitudes (k,) of orders and their derivatives (r, k); without angles their moduli, but the
-    mean with its sign."""
+    """Complex amplitudes (k,) of orders and their derivatives (r, k); without phase angles the moduli, except
+    that the mean keeps its sign."""
     pairs = [grid.figures.harmonic(name, round(order)) for order in orders.tolist()]
     amplitudes = np.array([amplitude for amplitude, _ in pairs])
     derivatives = np.array(grid.forward.of([sums for _, sums in pairs])).T
@@ -169,7 +170,7 @@ def _real_values(values: Array) -> Array:
 
 def _natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
     """Natural frequencies (k,) at rest in rad/s and their derivatives (r, k). A growth rate counts as a
-    negative frequency, so that a trial with negative stiffness has a large residual instead of none."""
+    negative frequency, so that a trial with negative stiffness has a large residual."""
     modes, position = _modes(data), np.array([data.position])
     count = int(modes.max()) + 1
     values = natural(model, position, count).signed[0, modes]

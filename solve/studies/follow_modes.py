@@ -26,15 +26,16 @@ from solve.threads import one_thread
 from solve.units import checked_rtol, speeds_between, speeds_given
 
 _FEWEST_STEPS, _MOST_STEPS = 64, 512
-"""Steps of the first and the last grid that is tried: the phases at which vectors are compared must resolve
-their harmonics. A choice."""
+"""Steps of the first and the last grid that is tried: the phases at which eigenvectors are compared must
+resolve the harmonics of the vectors. A choice."""
 
 _ALLOWED = 100.0
-"""Ratio of the errors of single multipliers to `rtol` up to which the steps are not doubled: a choice."""
+"""Ratio of the error of a single multiplier to `rtol` up to which the number of steps is not doubled. A
+choice."""
 
 _ADDED = 30
-"""Samples that may be added for each given one, on average: a choice. A veering takes about
-2 log₂(spacing/width)."""
+"""Maximum number of samples added per given value, on average. A choice. A veering takes about 2
+log₂(spacing/width)."""
 
 
 @dataclass
@@ -48,22 +49,22 @@ class _Solver:
     steps: int
 
     def solved(self, x: float) -> ModeVectors:
-        """Modes. Raises SolveError subclasses."""
+        """Modes at a value of the parameter. Raises SolveError subclasses."""
         system, speed = self.at(x)
         system.checked(speed)
         with one_thread(system.n):
             return mode_vectors(OnePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
 
     def __call__(self, x: float) -> ModeVectors | None:
-        """Modes; None where there is no solution."""
+        """Modes at a value of the parameter; None where there is no solution."""
         try:
             return self.solved(x)
         except SolveError:
             return None
 
     def choose_steps(self, values: Sequence[float]) -> None:
-        """Double the steps until all multipliers at these values meet the tolerance and no further ones have
-        a digit, or until two doublings gain nothing."""
+        """Double the steps until all multipliers at these values meet the tolerance and no further ones are
+        accurate to one digit, or until two doublings bring no improvement."""
         history: list[tuple[int, float]] = []
         while True:
             count, error = self._quality(values)
@@ -166,7 +167,8 @@ def follow_modes(
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
-    """Method whose steps have maps, and with one more stage. Raises StepsError for others."""
+    """Method with step maps, as required for eigenvectors with error estimates. Raises StepsError for other
+    methods."""
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:
@@ -212,7 +214,7 @@ class _Points:
 
 
 def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[Sample], dict[int, str]]:
-    """Samples at the values, and reasons of failures by position. Raises NoResultError without samples."""
+    """Samples at the values, and reasons of failures by index. Raises NoResultError without samples."""
     samples, failures = [], {}
     for position, x in enumerate(values.tolist()):
         try:

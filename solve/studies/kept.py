@@ -1,4 +1,4 @@
-"""Kept quantities of a design: their values at the start, changes, and the equations that they give."""
+"""Quantities that a design keeps unchanged: initial values, changes, and the equations of the constraints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -28,11 +28,11 @@ class KeptValues:
         self.before = [self._values(point) for point in self.design.points(self.design.start)]
 
     def insert(self, at: int, point: DesignPoint) -> None:
-        """Insert the values of the start at a further speed."""
+        """Insert the initial values at a further speed."""
         self.before.insert(at, self._values(point))
 
     def changes(self, points: Sequence[DesignPoint]) -> list[tuple[Kept, float, float]]:
-        """Each quantity with its largest change over the speeds, and what is allowed."""
+        """Each quantity with its largest change over the speeds and the allowed change."""
         return [
             (
                 each,
@@ -57,8 +57,8 @@ class KeptValues:
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
-        """Values of a quantity at a speed with derivatives: of the curve, or of each extremum that is the
-        figure at the start."""
+        """Values of a quantity at a speed with derivatives: those of the curve, or of each extremum that
+        equals the statistic at the start."""
         each, design = self.kept[place], self.design
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
@@ -106,7 +106,7 @@ class KeptValues:
 
 @dataclass(frozen=True)
 class _Change:
-    """Changes of a kept quantity from its values (k,) before, in both directions, (2 k,)."""
+    """Changes of a kept quantity from its initial values (k,), with both signs, (2 k,)."""
 
     smooth: Tracked
     before: Array

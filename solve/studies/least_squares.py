@@ -1,5 +1,5 @@
-"""Nonlinear least squares over a domain that is only revealed by trials (M. A. Branch, T. F. Coleman, Y. Li,
-SIAM J. Sci. Comput. 21 (1999) 1-23, in SciPy's implementation).
+"""Nonlinear least squares in a domain whose limits are unknown and found by trials (M. A. Branch, T. F.
+Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, in SciPy's implementation).
 
 A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces its trust
 radius to a quarter of the step and tries again from the same point, before it compares the objective with its
@@ -26,7 +26,7 @@ _OUTLIER = 2.0
 """Number of standard deviations above which a robust fit weights residuals by their moduli. A choice."""
 
 _SPREAD = 1.4826
-"""Ratio of the standard deviation to the median of the moduli, for normal errors."""
+"""Ratio of the standard deviation to the median of the moduli, for normally distributed errors."""
 
 _OFFSET = 0.1
 """Relative offset above which a point is not a minimum: the estimate is a tenth of its standard error or more
@@ -40,11 +40,11 @@ _MOVED = 1e-8
 """Relative change below which a parameter counts as unchanged: SciPy's xtol."""
 
 _ROUND_OFF = 1e-12
-"""Singular value of the Jacobian, relative to the largest, that may be round-off: derivatives keep that of
-1e-13 of their terms. In a direction that the data cannot identify it is 4e-14 to 6e-14, as measured."""
+"""Singular value of the Jacobian, relative to the largest, that may be round-off: derivatives have a
+round-off of 1e-13 of their terms. Measured in directions that the data cannot identify: 4e-14 to 6e-14."""
 
 _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
-"""Errors that depend on the values of the parameters and do not name them."""
+"""Errors that depend on the values of the parameters but do not state them."""
 
 
 class LeastSquares(Protocol):
@@ -75,8 +75,9 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """Minimum reached by the trust-region reflective method from the start. robust: outliers are weighted by
-    their moduli. Raises SolveError subclasses with the values of the start if it has no residuals."""
+    """Minimum that the trust-region reflective method reaches from the start. robust: residuals of outliers
+    are weighted by their moduli instead of their squares. Raises SolveError subclasses, with the initial
+    values in the message, if the residuals at the start do not exist."""
     from scipy.optimize import least_squares
 
     trials = _Trials(problem, _at_start(problem).shape)
@@ -119,7 +120,7 @@ class _Trials:
 
 
 def _at_start(problem: LeastSquares) -> Array:
-    """Residuals (k,) at the start. Raises SolveError subclasses that name its values."""
+    """Residuals (k,) at the start. Raises SolveError subclasses that state the initial values."""
     where, remedy = problem.described(problem.start), "start elsewhere with --set NAME=NUMBER"
     try:
         values, slopes = problem.residuals(problem.start), problem.jacobian(problem.start)
@@ -152,8 +153,8 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
 
 def _offset(found: Any) -> float:
     """Relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts, Technometrics 23
-    (1981) 179-183): the component of the residuals in the tangent plane over the component normal to it, each
-    divided by the square root of its degrees of freedom."""
+    (1981) 179-183): the ratio of the component of the residuals in the tangent plane to the component normal
+    to it, each divided by the square root of its degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
     known = sizes > _ROUND_OFF * max(sizes, default=0.0)

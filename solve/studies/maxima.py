@@ -14,30 +14,30 @@ from solve.results.points import Kept, PointResults
 from solve.terminal import progress
 
 _PROMINENCE = 1e-2
-"""Least prominence of a maximum relative to its height. A choice."""
+"""Smallest prominence of a maximum relative to its height. A choice."""
 
 _ERROR_FACTOR = 2.0
-"""Least prominence of a maximum relative to the estimated error of its height. A choice."""
+"""Smallest prominence of a maximum relative to the estimated error of its height. A choice."""
 
 _SUBDIVISION = 3
 """Initial subdivision of each side of a bracket, so that the highest of several maxima is found. A choice."""
 
 _EVALUATIONS = 14
-"""Measured number of further solutions per bracket, for the estimate of the remaining time."""
+"""Number of further solutions per bracket, as measured; used to estimate the remaining time."""
 
 _SAME_GRID = ("radau", "gauss")
-"""Methods whose more accurate solution, with another stage, uses the same grid."""
+"""Methods whose more accurate solution, with one stage more, uses the same grid."""
 
 _MAX_ITERATIONS = 100
 """Maximum number of iterations: golden sections alone reduce a bracket to 1e-16 of its width in 77."""
 
 _FLAT_TOP, _HEIGHT_TOLERANCE = 1e-5, 1e-6
-"""Rise of a maximum above the ends of its bracket, relative to its height, up to which the height is
-accepted; relative tolerance of the height of narrower maxima. Choices."""
+"""Rise of a maximum above the ends of its bracket, relative to its height, up to which the height is accepted
+without refinement; relative tolerance of the height of narrower maxima. Choices."""
 
 Value = Callable[[Array, Array], tuple[Array, Array]]
 """Heights (m,) at speeds (m,) within brackets with the indices (m,), NaN where there is none; and guides
-(m,), each of whose maxima may hide a narrow maximum of the heights, NaN without a guide."""
+(m,), a smooth function whose maxima may coincide with narrow maxima of the heights, NaN without a guide."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Brackets:
 
     @property
     def maxima(self) -> list[Maximum]:
-        """Highest known points."""
+        """Highest known point of each bracket."""
         return [
             Maximum(speed, height)
             for speed, height in zip(self.x[:, 1].tolist(), self.y[:, 1].tolist(), strict=True)
@@ -105,8 +105,8 @@ def peaks(values: Array, errors: Array) -> Array:
 
 
 def find_peaks(values: Array) -> tuple[Array, Array]:
-    """Positions (k,) and prominences (k,) of local maxima of finite values (P,), as by
-    `scipy.signal.find_peaks`, whose import takes a second. Of equal neighbours the middle one counts."""
+    """Positions (k,) and prominences (k,) of local maxima of finite values (P,), as computed by
+    `scipy.signal.find_peaks`, whose import takes a second. Among equal neighbours the middle one counts."""
     starts = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, dtype=int)
     levels, ends = values[starts], np.append(starts[1:], len(values)) - 1
     tops = 1 + np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:]))
@@ -141,8 +141,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
 
 
 def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
-    """Brackets narrowed further until the height is known, for a resonance that is narrower than the
-    tolerance of its speed."""
+    """Brackets narrowed until the height is known to its tolerance, for resonances that are narrower than the
+    tolerance of the speed."""
     rise = brackets.y[:, 1] - brackets.y.min(axis=1)
     narrow = np.flatnonzero(rise > _FLAT_TOP * np.abs(brackets.y[:, 1]))
     if len(narrow) == 0:
@@ -205,8 +205,8 @@ class _CachedValues:
             self._cache[number][speed] = row
 
     def subdivide(self, x: Array) -> tuple[Array, Array]:
-        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest of the speeds
-        that divide both sides evenly, and its neighbours. NaN where a guide is highest at an end."""
+        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest among speeds that
+        divide both sides evenly, with its neighbours; NaN where a guide is highest at an end."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)

@@ -20,21 +20,21 @@ from solve.terminal import progress
 
 _TOLERANCE, _MAX_ITERATIONS = 1e-10, 10
 """Relative tolerance of the speeds of divisions, and limit of the iterations. Means are nearly linear between
-two speeds of the grid: four iterations suffice, and only jumps of the means meet the limit."""
+two speeds of the grid: four iterations suffice, and only jumps of the means reach the limit."""
 
 _JUMP = 1e-2
-"""Remaining difference, relative to the multiple of the speed, above which the means jump over the multiple
-instead of crossing it. A choice."""
+"""Remaining difference, relative to the multiple of the speed, above which the means count as jumping over
+the multiple instead of crossing it. A choice."""
 
 _SAMPLES = 24
-"""Least number of speeds at which frequencies with and without C are compared, if available. A choice."""
+"""Smallest number of speeds, if available, at which frequencies with and without C are compared. A choice."""
 
 _MAX_LOW_ORDER = 4
-"""Highest order of combination resonances that get grid points of their own. A choice: their growth falls
-with the order, since each order needs another harmonic of the matrices or another power of the first."""
+"""Highest order of combination resonances for which grid points are added. A choice: their growth rate
+decreases with the order, which requires a higher harmonic of the matrices or a higher power of the first."""
 
 _CORRECTIONS = 2
-"""Corrections of a resonant speed by the means at that speed. A choice."""
+"""Number of corrections of a resonant speed with the mean frequencies at that speed. A choice."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,9 @@ def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iter
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
-    """Speeds between two limits of combination resonances of low order, by the means at these speeds, of
-    modes that keep more than half their amplitude per period on average. rest: means at speed 0."""
+    """Speeds, between two limits, of combination resonances of low order, for modes that keep on average more
+    than half their amplitude per period. Mean frequencies are those at these speeds. rest: means at speed
+    0."""
     system, (values,) = rest.system, rest.values
     candidates = [
         (weights, order)

@@ -14,15 +14,14 @@ _PHASES, _FEW_PHASES = 64, 16
 """Phases of the means, and of the comparison with C. Choices: both means converge exponentially."""
 
 _ROUNDOFF, _COMPLEX = 1e-12, 1e-6
-"""Negative squares of frequencies, and imaginary parts of the squares, relative to the largest, that count as
-round-off; double eigenvalues lose half the digits."""
+"""Negative squares of frequencies, and imaginary parts of the squares, relative to the largest square, that
+count as round-off; double eigenvalues lose half the digits."""
 
 _MIN_OVERLAP = 1e-30
 """Overlap of two shapes below which its logarithm is not resolved; any tiny number serves."""
 
 _NEAR = 0.5
-"""Fraction of their largest difference in the period below which two frequencies are near each other. A
-choice."""
+"""Fraction of their largest difference in the period below which two frequencies count as close. A choice."""
 
 
 class MeanModes(NamedTuple):
@@ -98,8 +97,8 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
 
 
 def _of_states(rates: Array, n: int) -> MeanModes:
-    """Means of the moduli of complex eigenvalues of x′ = A x, and of their decay rates, from A (k, N, N); n
-    modes, of which the first ones have frequency 0 if fewer oscillate."""
+    """Means of the moduli of complex eigenvalues of x′ = A x, and of their decay rates, from A (k, N, N); for
+    n modes, of which the first ones have frequency 0 if fewer than n oscillate."""
     values = np.linalg.eigvals(rates)
     values = np.where(np.imag(values) > _ROUNDOFF * np.abs(values).max(), values, 0.0)
     order = np.argsort(np.abs(values), axis=1, kind="stable")[:, -n:]
@@ -109,14 +108,14 @@ def _of_states(rates: Array, n: int) -> MeanModes:
 
 
 def _without_smallest(values: Array, count: int) -> Array:
-    """Values (k, n) without a number of those with the smallest modulus."""
+    """Values (k, n) without the given number of values of smallest modulus."""
     return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 
 def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
-    """Ranks (k, n) of each mode at k phases that pass at a rate per second; the mode (n,) whose place each
-    has taken after the period; and the logarithm of the component of a vibration that keeps its rank where
-    its mode changes it.
+    """Ranks (k, n) of each mode at k phases that pass at a rate per second; the mode (n,) whose rank each
+    mode has after the period; and the logarithm of the component of a vibration that keeps its rank where its
+    mode changes rank.
 
     As long as the shapes of modes rotate faster than their frequencies differ, θ rate > Δω, a vibration keeps
     its shape: by the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137, 1932, 696) more
@@ -129,7 +128,8 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
     difference = np.where(difference < _NEAR * difference.max(axis=0), difference, np.inf)
 
     def adapts(at: Array | int, now: Array, then: Array) -> Array:
-        """Whether modes (…, n) with these ranks at a phase and the next have time to change their shape."""
+        """Whether modes (…, n) with these ranks at one phase and the next have enough time to change their
+        shape."""
         rotated, before, after = (
             matrix[np.asarray(at)[..., None, None], first[:, None], second]
             for matrix, first, second in (
@@ -171,7 +171,7 @@ def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> 
 
 def _mean_over_cycles(means: Array, places: Array) -> Array:
     """Means (2, n) over as many periods as each mode needs to return, from means over one period after which
-    the modes have taken the places (n,) of others."""
+    the modes have the ranks (n,) of others."""
     averaged = means.copy()
     for mode in range(len(places)):
         cycle = [mode]

@@ -1,5 +1,5 @@
 """Measured vibration from files: curves over a period or in time, amplitudes of orders, or natural
-frequencies; and computed values at the same places."""
+frequencies; and computed values at the same points."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -31,20 +31,20 @@ _SPEED, _PHASE, _POSITION = "speed", "_phase", "position"
 ENDINGS = ".csv", ".mat", ".uff", ".unv"
 
 AXES = {"phase": "rad", "time": "s", "order": "1", "mode": "1"}
-"""Names of the independent column, with its unit."""
+"""Allowed names of the independent variable's column, with their units."""
 
 _ABSCISSAS = {"s": "time", "deg": "phase", "rad": "phase", "order": "order", "1": "order"}
-"""Name of a universal file's abscissa by the label of its unit."""
+"""Names of the abscissa of universal files, by the label of its unit."""
 
 
 _MOST_ORDERS, _LARGEST = 10**5, 1e100
 """Largest order, and largest value whose squares can be summed without overflow."""
 
 _ALIKE = 1e-3
-"""Relative difference up to which the speeds of an orbit and of a measurement are the same. A choice."""
+"""Relative difference up to which the speeds of an orbit and of a measurement count as equal. A choice."""
 
 FREQUENCY = "frequency"
-"""The channel of natural frequencies."""
+"""Name of the channel of natural frequencies."""
 
 
 class Record(NamedTuple):
@@ -83,7 +83,8 @@ def record(file: str | Path) -> Record:
 
 
 def _matlab(path: Path) -> Record:
-    """Vectors of one length, and a struct `units` with the unit of each; a scalar applies to all rows."""
+    """Record from a .mat file: vectors of equal length, and a struct `units` with the unit of each vector; a
+    scalar applies to all rows."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -110,8 +111,8 @@ def _matlab(path: Path) -> Record:
 
 
 def _universal(path: Path) -> Record:
-    """Functions at nodal degrees of freedom (dataset 58) on one abscissa, whose first line of text names the
-    coordinate or output."""
+    """Record from a universal file: functions at nodal degrees of freedom (dataset 58) with a common
+    abscissa; the first line of text of each names the coordinate or output."""
     try:
         import pyuff
     except ImportError:
@@ -165,7 +166,7 @@ class Measured:
 
 
 def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> list[Measured]:
-    """Read measurements from a .csv, .mat, .uff or .unv file, one for each speed or position.
+    """Read measurements from a .csv, .mat, .uff or .unv file, one measurement per speed or position.
 
     The titles of columns have units. The first column is "phase (deg)", "time (s)" or "order (1)". Then
     follow coordinates and outputs, "q3 (m)", for orders also their phase angles, "q3_phase (deg)".
@@ -229,7 +230,8 @@ def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Complex amplitudes (k,) of orders, or without angles their moduli, but the mean with its sign."""
+    """Complex amplitudes (k,) of orders; without phase angles the moduli, except that the mean keeps its
+    sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]
@@ -314,7 +316,7 @@ def _size(title: str, unit: str) -> float:
 
 
 def _speed_unit(title: str) -> GivenSpeed:
-    """Speed of one unit of a column of speeds."""
+    """Speed equal to one unit of a column of speeds."""
     match = re.search(r"\(([^()]*)\)\s*$", title)
     if match is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")

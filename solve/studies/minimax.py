@@ -16,12 +16,12 @@ _MAX_ITERATIONS = 60
 """Most iterations of one round. A choice: rounds of cam and manipulator take 10 to 40."""
 
 _LINE_SEARCH, _MAX_STALLED = 5, 2
-"""Evaluations of a line search above which it is stalled, and the stalled line searches after which a round
-ends: extrema merged or vanished, or the gain is within the error of the values. Choices."""
+"""Evaluations of a line search above which it is stalled, and number of stalled line searches after which a
+round ends: then extrema have merged or vanished, or the gain is within the error of the values. Choices."""
 
 _CORRECTIONS = 3
-"""Corrections after which equations hold to round-off: each doubles the digits, of which SLSQP gives 4 to
-6."""
+"""Number of corrections after which equations hold to round-off: SLSQP satisfies them to 4 to 6 digits, and
+each correction doubles the number of digits."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Modes of a result from tracks: one of each conjugate pair, its harmonics, its crossings and veerings."""
+"""Modes of a result, from tracks: one mode of each conjugate pair, with harmonics, crossings and veerings."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -23,8 +23,8 @@ _SAME = 1e-6
 """Relative difference between the participations of two harmonics that counts as zero: a choice."""
 
 _LEAST_EXCHANGE = 4.0
-"""Range of values relative to the width of a veering from which the pair is listed: in a wider one the
-vectors are exchanged for the smaller part only. A choice."""
+"""Range of values relative to the width of a veering from which the pair is listed: in a wider veering the
+vectors are exchanged only partly. A choice."""
 
 
 class Identities(NamedTuple):
@@ -62,7 +62,7 @@ class _Path:
         return np.array([sample.x for sample in self.samples])
 
     def of_modes(self, name: str) -> Array:
-        """Values (S, T) of an attribute (k,) of the modes; NaN for a track without a mode."""
+        """Values (S, T) of an attribute (k,) of the modes; NaN where a track has no mode."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             values = getattr(sample.modes, name)[state.modes]
@@ -120,8 +120,8 @@ def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Iden
 
 
 def _main_harmonic(path: _Path, given: Array, track: int) -> int:
-    """Harmonic with the largest participation over all given values, in the numbering of the track; of equal
-    ones the highest frequency."""
+    """Harmonic with the largest participation over all given values, in the numbering of the track; of
+    several with equal participation, the one with the highest frequency."""
     totals: dict[int, float] = {}
     frequencies: dict[int, float] = {}
     for at in given.tolist():
@@ -147,8 +147,8 @@ def _every_harmonic(modes: ModeVectors) -> Array:
 
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
-    """One track of each conjugate pair, and the exponents (S, T): of two real multipliers the less damped
-    one, and with a positive imaginary part on average."""
+    """One track of each conjugate pair, and the exponents (S, T): the less damped of two real multipliers, or
+    the one whose imaginary part is positive on average."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:
@@ -185,7 +185,8 @@ def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> t
 
 
 def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str] | None:
-    """Labels of two tracks in their order; None for a mode and its own conjugate, or unlisted tracks."""
+    """Ordered labels of two tracks; None for a mode and its own conjugate, or for tracks that are not
+    listed."""
     labels = [label_of.get(pair.first), label_of.get(pair.second)]
     if None in labels or labels[0] == labels[1]:
         return None
@@ -194,7 +195,7 @@ def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str
 
 
 def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
-    """Ambiguities in ascending order, those of one pair and kind joined where they touch."""
+    """Ambiguities in ascending order, those of the same pair and kind joined where their ranges touch."""
     found = set()
     for doubt in doubts:
         pair = _pair(label_of, doubt)

@@ -18,34 +18,37 @@ from solve.period.overlaps import Meetings, Overlaps, meetings
 from solve.results.followed_modes import CLOSE, LOCKED
 
 _ACCEPTED = 0.8
-"""Overlap from which a mode of the next sample is the same mode. Any value above 1/2 excludes two candidates;
-a larger one takes more samples."""
+"""Overlap above which a mode of the next sample counts as the same mode. Any value above 1/2 excludes a
+second candidate; larger values require more samples."""
 
 _CLEAR = 0.5
-"""Distance of exceptional points from the segment between two samples, relative to its length, from which the
-vectors change gradually in it: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
+"""Distance of exceptional points from the segment between two samples, relative to its length, above which
+the vectors change gradually within the segment: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
 
 _FEWEST_LEVELS, _MOST_LEVELS = 1, 36
-"""Bisections of an interval: at least one, so that no assignment rests on two samples alone; at most as many
-as leave some units of round-off of the parameter."""
+"""Bisections of an interval: at least one, so that no assignment relies on two samples alone; at most so many
+that the interval remains larger than the round-off of the parameter."""
 
 _REAL = 0.05
-"""Imaginary part of two exceptional points, relative to their distance, up to which they are real: between
-them the exponents of the pair are locked. A choice."""
+"""Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
+between two real points the exponents of the pair are locked. A choice."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
 """Distance of two real exceptional points relative to the step, and bisections, from which a pair is locked.
-Vectors that turn with the parameter without coupling have an apparent coupling that falls with the square of
-the step; two exceptional points that it separates come closer in proportion to the step."""
+Vectors that rotate with the parameter without coupling show an apparent coupling that decreases with the
+square of the step; the distance between the two exceptional points that it produces decreases in proportion
+to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
 """Distance and half-width of the exceptional points of a mode and its own conjugate, relative to the step,
-within which its vector is not used as a reference. Narrower resonances lie between two samples. Choices."""
+within which the vector of the mode is not used as a reference. Narrower resonances lie between two samples.
+Choices."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample where that with an earlier one leaves a tie: a choice."""
+"""Weight of the overlap with the last sample, which decides between equal overlaps with an earlier one. A
+choice."""
 
 _FARTHEST = 8.0
 """Distance of exceptional points, relative to the step, up to which the linear model locates them. A
@@ -169,7 +172,7 @@ class Step:
         self.quality = self._quality()
 
     def _references(self) -> tuple[State, Array]:
-        """State with which each track is compared, and the overlaps (T, k, S)."""
+        """State with which the tracks are compared, and the overlaps (T, k, S)."""
         tracks = self.tracks
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
@@ -289,8 +292,8 @@ class Step:
             tracks.base = here
 
     def _hold(self) -> None:
-        """Compare tracks with an earlier sample while their own vectors are mixed: of locked pairs, and of
-        modes near a resonance with their own conjugate."""
+        """Compare tracks with an earlier sample while their own vectors are mixed: those of locked pairs, and
+        of modes near a resonance with their own conjugate."""
         tracks, found = self.tracks, self.meetings
         width = np.abs(found.roots[0] - found.roots[1]) / 2
         is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
@@ -303,7 +306,7 @@ class Step:
             tracks.held.setdefault(track, tracks.base)
 
     def _is_locked(self, first: int, second: int) -> bool:
-        """Whether the exponents of two tracks at the sample have equal imaginary parts and other growth
+        """Whether the exponents of two tracks at the sample have equal imaginary parts and different growth
         rates."""
         if self.modes[first] < 0 or self.modes[second] < 0:
             return False
@@ -314,7 +317,7 @@ class Step:
         return abs(turns - round(turns)) * modes.rotation <= limit < abs((one - other).real)
 
     def _is_released(self, track: int, near: Collection[int]) -> bool:
-        """Whether a held track is compared with the last sample again: its vector is its own, or that of the
+        """Whether a held track is compared with the last sample again: its vector is no longer mixed, or the
         earlier sample is too far away."""
         mode = self.modes[track]
         is_real = mode >= 0 and track in self.tracks.twins and self.sample.modes.partners[mode] == mode
@@ -325,7 +328,7 @@ class Step:
         return bool(self.own[track] >= _ACCEPTED)
 
     def _coincidence_is_new(self) -> bool:
-        """Whether modes coincide at the sample but not at the base."""
+        """Whether modes coincide at this sample but not at the base."""
         present = np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
         before = self.tracks.states[self.tracks.base].modes[present]
         after = self.modes[present]

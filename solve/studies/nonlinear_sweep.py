@@ -23,7 +23,7 @@ _ON_A_LINE = 1e-9
 
 
 def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:
-    """Results of nonlinear orbits at points (P, v), in their order. A store keeps each point.
+    """Results of nonlinear orbits at points (P, v), in their order. With a store, each point is saved.
 
     Raises SolveError subclasses for errors that affect all points."""
     multipliers = task.family.example.multiplier_count
@@ -54,7 +54,8 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
 def _solve(
     task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
 ) -> None:
-    """Write the results of a point; its orbit joins the others, from which neighbours are found."""
+    """Solve a point, write its results, and add its orbit to those that serve as starts for their
+    neighbours."""
     try:
         orbit = _orbit(task, points, at, orbits)
     except LinearModelError:
@@ -72,8 +73,8 @@ def _solve(
 
 
 def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
-    """Orbit from the nearest solved point; without one, and if that leads nowhere or to an unstable orbit, by
-    the strategies of `solve.nonlinear`."""
+    """Orbit started from the nearest solved point. If there is none, or if it leads to no orbit or to an
+    unstable one, the strategies of `solve.nonlinear` are used."""
     system, speed = task.family.system(points[at])
     request = task.request
     given = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
@@ -96,8 +97,8 @@ def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]
 def _predicted(
     points: Array, at: int, orbits: dict[int, NonlinearOrbit]
 ) -> NonlinearOrbit | Callable[[Array], Array]:
-    """Start for a point: the line through the orbits of the two nearest points, if these and the point are on
-    a line, otherwise the orbit of the nearest."""
+    """Start for a point: linear extrapolation from the orbits of the two nearest points if all three points
+    lie on a line, otherwise the orbit of the nearest point."""
     spans, solved = np.ptp(points, axis=0), list(orbits)
     scaled = (points - points[at]) / np.where(spans > 0, spans, 1.0)
     ways = scaled[solved]
@@ -115,7 +116,7 @@ def _predicted(
 
 
 def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:
-    """Write statistics and amplitudes of the quantities that are kept."""
+    """Write statistics and amplitudes of the stored quantities."""
     kept: Kept = results.kept
     for row, name in enumerate(kept.names):
         statistics: Statistics = orbit.statistics(name)

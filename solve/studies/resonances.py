@@ -1,4 +1,5 @@
-"""Labels of maxima over speed: integer divisions of a natural frequency, or combinations of two."""
+"""Labels of maxima over speed: integer divisions of a natural frequency, or combinations of two natural
+frequencies."""
 
 import itertools
 import math
@@ -17,24 +18,25 @@ from solve.studies.mean_modes import mean_modes
 from solve.system import PeriodicSystem
 
 _NEAR, CLOSE = 0.2, 0.05
-"""Difference of frequency over speed from an integer, absolute and relative to that integer, up to which a
-maximum may belong to that division; the smaller of both counts. Choices."""
+"""Largest difference between the ratio of frequency to speed and an integer at which a maximum may belong to
+this integer division: absolute, and relative to the integer; the smaller one applies. Choices."""
 
 _ANGLE_TOLERANCE = 0.02
-"""Allowed difference of a multiplier's angle from that of a division or combination, as a fraction of a full
-turn. A choice."""
+"""Allowed difference between the angle of a multiplier and that of a division or combination, as a fraction
+of 2π. A choice."""
 
 _DECAY_TOLERANCE = 0.25
-"""Allowed relative difference of a mode's decay per period from the mean of the frozen rates. A choice."""
+"""Allowed relative difference between the decay of a mode per period and the mean of the frozen decay rates.
+A choice."""
 
 _MAX_COST = 9.0
-"""Upper limit of a single squared difference, three times what is allowed, so that no difference alone
+"""Upper limit of a single squared difference, three times the allowed value, so that no single difference
 decides the matching. A choice."""
 
 _MAX_MISFIT, _MAX_RADIUS_MISFIT, _EQUIVALENT = 3.0, 0.25, 0.3
-"""Sums of squared differences, each over what is allowed: limits for a maximum of a real part and for one of
-the spectral radius, which is narrower; excess over the least sum up to which a label counts as equally good.
-Choices."""
+"""Limits of the sum of squared differences, each relative to its allowed value: for a maximum of a real part;
+for a maximum of the spectral radius, which is narrower; and the excess over the smallest sum up to which a
+label counts as equally good. Choices."""
 
 _ORDER_PENALTY = 0.1
 """Addition to the sum for each order above the first, since higher orders are weaker. A choice."""
@@ -48,8 +50,8 @@ Fit = tuple[float, Combination]
 
 
 class Label(NamedTuple):
-    """A maximum with the divisions that may explain it, as modes (from 1) and orders per revolution, or with
-    the combinations that do, several if these explain it equally well."""
+    """A maximum with the resonances that may explain it: integer divisions, as modes (from 1) and orders per
+    revolution, or combinations; several if they explain it equally well."""
 
     maximum: Maximum
     divisions: set[tuple[int, int]]
@@ -62,7 +64,8 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Differences of frequencies over the speed from orders, up to which these may explain a maximum."""
+    """Largest differences between the ratio of a frequency to the speed and each order at which the order may
+    explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
 
@@ -109,7 +112,7 @@ class MultiplierMatcher:
 
     @cached_property
     def angles(self) -> Array:
-        """Angles of the pairs (n,) as fractions of a full turn, 0 to 1/2."""
+        """Angles of the pairs (n,) as fractions of 2π, from 0 to 1/2."""
         return np.abs(np.angle(self.rho[[first for first, _ in self.pairs]])) / (2 * math.pi)
 
     def pairs_at_angle_of(self, pair: int) -> list[int]:
@@ -119,12 +122,12 @@ class MultiplierMatcher:
 
     @cached_property
     def _resolved(self) -> Array:
-        """Whether both multipliers of the pairs (n,) are resolved."""
+        """Whether both multipliers of each pair (n,) are resolved."""
         return np.all(np.abs(self.rho[np.array(self.pairs)]) > 0, axis=1)
 
     @cached_property
     def _costs(self) -> Array:
-        """Squared differences (n, n) of pairs from modes; 0 for pairs that are not resolved."""
+        """Squared differences (n, n) between pairs and modes; 0 for pairs that are not resolved."""
         modulus = np.abs(self.rho[np.array(self.pairs)])
         logs = -np.log(np.where(modulus > 0, modulus, 1.0))
         decays, tolerance = logs.mean(axis=1), np.abs(np.diff(logs, axis=1))[:, 0] / 2
@@ -146,7 +149,8 @@ class MultiplierMatcher:
         return float(self._costs[matched(self._costs)].sum())
 
     def misfit(self, modes: dict[int, int]) -> float:
-        """Cost, beyond the least, of the best matching in which some pairs have the given modes."""
+        """Cost of the best matching in which some pairs have the given modes, minus the smallest cost of all
+        matchings."""
         pairs, others = (
             [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
         )
@@ -169,7 +173,8 @@ class MultiplierMatcher:
         )
 
     def combinations(self, pair: int, orders: int) -> list[Fit]:
-        """Combinations of two modes, or of one with itself, that excite a pair at its angle, best first."""
+        """Combinations of two modes, or of one mode with itself, that excite a pair at its angle, best
+        first."""
         elastic, others = np.flatnonzero(self.ratios).tolist(), self.pairs_at_angle_of(pair)
         best: dict[Combination, float] = {}
         for (low, high), sign in itertools.product(
@@ -188,7 +193,8 @@ class MultiplierMatcher:
     def _assignments(
         self, pair: int, others: list[int], low: int, high: int, signed_order: int
     ) -> list[dict[int, int]]:
-        """Modes by pair with which a combination can excite a pair, alone or with another at its angle."""
+        """Assignments of modes to pairs with which a combination can excite a pair, alone or together with
+        another pair at the same angle."""
         if low != high:
             return [{pair: one, other: two} for other in others for one, two in ((low, high), (high, low))]
         angle = _folded(signed_order * self.revolutions / 2)
@@ -196,7 +202,8 @@ class MultiplierMatcher:
         return [{pair: low}] if signed_order > 0 and at_angle else []
 
     def _deviation(self, order: int, total: float) -> float:
-        """Squared deviation of a sum of frequencies over the speed from an order, over what is allowed."""
+        """Squared deviation of the ratio of a sum of frequencies to the speed from an order, relative to the
+        allowed value."""
         return float((total - order) / allowed_distance(order)) ** 2
 
     def _of(self, low: int, high: int, sign: int, order: int) -> Combination:
@@ -204,7 +211,7 @@ class MultiplierMatcher:
         return Combination(speed, (high + 1, low + 1), sign, order)
 
     def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
-        """Label of a maximum of the real part of a multiplier at the given position.
+        """Label of a maximum of the real part of a multiplier at the given index.
 
         An order of its mode explains it where the multiplier passes +1, except for the angle arctan(δ/ω):
         there exp(-δT) cos ωT is largest. Elsewhere, and where the motion is unstable, a combination does if
@@ -231,7 +238,8 @@ class MultiplierMatcher:
 def assign(
     rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
 ) -> list[Critical]:
-    """Rows with the maxima inserted in a column, highest first, each at the nearest division that fits.
+    """Rows with the maxima inserted in a column, highest first, each in the row of the nearest division that
+    fits.
 
     If no division explains a maximum, or if the frozen frequencies are imaginary there, it gets a row of its
     own or that of the same combination.
@@ -276,7 +284,8 @@ def _belongs(row: Critical, label: Label, combination: Combination | None, colum
 
 
 def _label(maximum: Maximum, fits: list[Fit]) -> Label:
-    """Label with the divisions if all combinations are divisions of one order, else with the combinations."""
+    """Label with the divisions if all combinations are divisions of the same order, otherwise with the
+    combinations."""
     explaining = [one for _, one in fits]
     if explaining and all(one.is_division and one.order == explaining[0].order for one in explaining):
         return Label(maximum, {(one.modes[0], one.order // 2) for one in explaining})
@@ -299,5 +308,5 @@ def _nearest(total: float) -> int:
 
 
 def _folded(turns: Array | float) -> Array:
-    """Angles in full turns, 0 to 1/2, up to full turns and the sign."""
+    """Angles as fractions of 2π, reduced modulo 1 and by the sign to 0 … 1/2."""
     return np.abs(turns - np.round(turns))

@@ -1,4 +1,4 @@
-"""Sensitivities over speed, and of speeds: of the edges of unstable bands and of critical speeds, by the
+"""Sensitivities over speed, and sensitivities of speeds (edges of unstable bands and critical speeds) by the
 implicit function theorem (S. G. Krantz, H. R. Parks, The Implicit Function Theorem, 2013)."""
 
 import functools
@@ -26,16 +26,17 @@ from solve.terminal import progress
 from solve.units import speeds_given
 
 _CURVATURE_STEP = 1e-4
-"""Relative step of the speed in the curvature of a response. A choice."""
+"""Relative step of the speed in the finite difference for the curvature of a response. A choice."""
 
 _MAX_SHIFT = 1e-2
-"""Largest relative correction and difference of a speed. A choice."""
+"""Largest relative correction of a speed, and largest relative step of differences. A choice."""
 
 _WIDTH_FRACTION = 0.1
 """Step of the differences of derivatives, relative to the width of a maximum. A choice."""
 
 _MAX_ERROR = 1e-3
-"""Relative error of the derivative by the speed above which an edge has no derivatives. A choice."""
+"""Relative error of the derivative with respect to the speed above which an edge has no derivatives. A
+choice."""
 
 _MEET = "two multipliers coincide at this edge, so that it has no derivatives"
 _DAMP = "if the system is undamped, add a little damping, or use finite differences of the edges"
@@ -72,7 +73,7 @@ def sensitivities_over(
     nonlinear: bool = False,
     periods: int | None = None,
 ) -> SensitivitiesOver:
-    """Derivatives as by `solve.sensitivities` at every speed.
+    """Derivatives, as from `solve.sensitivities`, at every speed.
 
     Parameters
     ----------
@@ -132,11 +133,9 @@ def speed_sensitivities(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
 ) -> Sensitivities:
-    """Derivatives of edges of unstable bands, or of maxima of critical speeds, by parameters.
+    """Derivatives of edges of unstable bands, or of maxima of critical speeds, with respect to parameters.
 
-    Parameters
-    ----------
-    found : Bands or CriticalSpeeds
+    Parameters ---------- found : Bands or CriticalSpeeds
         Result of `solve.bands` or `solve.critical_speeds`.
     by : sequence of str, optional
         Names of parameters, by default all by which there are derivatives.
@@ -145,24 +144,19 @@ def speed_sensitivities(
     rtol : float
         Relative tolerance, as in `sensitivities`.
 
-    Returns
-    -------
-    Sensitivities
+    Returns ------- Sensitivities
         Quantities are "band1.from", "band1.to", …, with the bands in ascending order, and "response1",
         "multiplier1", "radius1", …, with the critical speeds in descending order. Edges at the ends of the
         range and integer divisions are left out. Speeds without derivatives have NaN and the reason.
 
-    Raises
-    ------
-    NoResultError
+    Raises ------ NoResultError
         If there is no such speed.
     SolveError
         Other subclasses, as in `sensitivities`.
 
-    Notes
-    -----
-    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative
-    g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact derivatives.
+    Notes ----- At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the
+    derivative g with respect to the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over
+    speed of exact derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)
@@ -186,8 +180,8 @@ def speed_sensitivities(
 
 
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
-    """Names of parameters that speeds may depend on, by default all by which there are derivatives. Raises
-    UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    """Names of parameters on which speeds may depend; by default all with respect to which derivatives are
+    available. Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
     _, every = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in every:
         raise ValueOutOfBoundsError(

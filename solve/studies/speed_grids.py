@@ -14,10 +14,11 @@ from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
 """Modulus of the largest multiplier above which instability is searched for between stable speeds. A choice:
-a parametric resonance must double the amplitude in a period to make such a motion unstable."""
+to make a motion with stronger damping unstable, a parametric resonance must double the amplitude in a
+period."""
 
 _INTERVALS = 40
-"""Intervals of the speed range at whose ends matrices are looked for. A choice."""
+"""Number of intervals of the speed range at whose ends the existence of matrices is tested. A choice."""
 
 _PHASES = 16
 """Phases at which the frozen matrices give the rotation rate of the multipliers. A choice."""
@@ -72,7 +73,7 @@ def separate_crossings(
     evaluate: Evaluate, samples: StabilitySamples, rotation: Rotation, signs: Sequence[int] = (1, -1)
 ) -> StabilitySamples:
     """Samples over ascending speeds, refined where two pairs of multipliers may both pass +1, or both -1,
-    between two speeds. On the finer grid each pair has a minimum of the distance of its own."""
+    between two speeds. On the finer grid, each pair has its own minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds = samples.points[:, 0]
         max_change = np.minimum(-2 * np.diff(1 / speeds) * rotation(speeds[1:]), _NEIGHBOURHOOD)
@@ -84,8 +85,8 @@ def separate_crossings(
 
 
 def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> Array:
-    """Whether two pairs may pass +1, or -1, between neighbours (k - 1,): both are within the largest change
-    of distance at either end."""
+    """Whether two pairs may pass +1, or -1, between neighbours (k - 1,): at one of the ends, both are closer
+    than the largest change of distance."""
     values = crossing_function(samples.multipliers, sign)
     distance, beyond = np.sqrt(np.maximum(values, 0.0)), values[:, 1:] < 0
     farther, separation = (

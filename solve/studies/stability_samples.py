@@ -1,4 +1,4 @@
-"""Stability at points of a parameter family, and distances from losing it."""
+"""Stability at points of a parameter family, and distances from instability."""
 
 import itertools
 from collections.abc import Callable
@@ -17,8 +17,8 @@ from solve.terminal import progress
 _STABILITY = Kept(warnings=False, meetings=False)
 
 _UNREACHABLE = 1e6
-"""Distance assigned to a kind of instability that cannot occur; any value far above those of multipliers of
-modulus near 1 serves."""
+"""Distance assigned to a kind of instability that cannot occur; any value far above the distances of
+multipliers of modulus near 1 is suitable."""
 
 NOISE = 1e-6
 """Distance from the unit circle that counts as round-off: coalescing multipliers lose half their digits."""
@@ -96,7 +96,7 @@ class StabilitySamples:
 
     @cached_property
     def crossing_values(self) -> Array:
-        """Smooth functions (k, 4) that fall through zero where a point becomes unstable.
+        """Smooth functions (k, 4) that become negative where a point becomes unstable.
 
         The columns are: det(I - Φ), for +1, and det(I + Φ), for -1, but negative wherever a multiplier is
         beyond; the distance of the largest multiplier from the unit circle; and the squared distance of pairs
@@ -110,8 +110,9 @@ class StabilitySamples:
 
 
 def distances_to_instability(multipliers: Array) -> Array:
-    """Distances (k, 4) of multipliers (k, N) from each way to lose stability: the least `crossing_function`
-    for +1 and for -1, the squared distance of two pairs, and the distance of a pair from the unit circle."""
+    """Distances (k, 4) of multipliers (k, N) from each type of instability: the smallest `crossing_function`
+    for +1 and for -1, the squared distance between two pairs, and the distance of a pair from the unit
+    circle."""
     rho = np.ascontiguousarray(multipliers.T)
     upper = np.imag(rho) > 0
     pairs = np.full(rho.shape[1], _UNREACHABLE)
@@ -127,7 +128,7 @@ def distances_to_instability(multipliers: Array) -> Array:
 
 
 def crossing_function(multipliers: Array, sign: int) -> Array:
-    """(1 ∓ ρ)(1 ∓ ρ′) of each pair of multipliers (k, N), ascending, (k, N / 2).
+    """(1 ∓ ρ)(1 ∓ ρ′) (k, N / 2) of each pair of multipliers (k, N), in ascending order.
 
     The value passes smoothly through zero where one of the two passes +1 (sign 1) or -1 (sign -1). Pairs are
     conjugate, or real with the same sign, the largest with the smallest.

@@ -1,4 +1,4 @@
-"""Periodic orbits over many speeds and values of parameters, of one system or of several variants; and the
+"""Periodic orbits over many speeds and values of parameters, for one system or several variants; and the
 speed up to which the linear model is valid."""
 
 import math
@@ -33,7 +33,7 @@ from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
 Over = str | Sequence[str] | Mapping[str, str | Sequence[float | str] | Array]
-"""Values of parameters by name, or texts such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad"."""
+"""Type of varied parameters: values by name, or texts such as "k1=1e4:9e4:50" and "k1=10:90:50 kN m/rad"."""
 
 
 @of_any_system

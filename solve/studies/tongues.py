@@ -10,15 +10,15 @@ from solve.studies.stability_samples import Evaluate, StabilitySamples
 
 _MAX_PARABOLAS, _DECREASE = 10, 0.5
 """Maximum number of parabolas per minimum; each must predict a minimum below this fraction of the current
-one. SciPy's `find_minimum` would continue to the minimum; here the descent ends at the first unstable point,
+one. SciPy's `find_minimum` would continue to the minimum; here the search ends at the first unstable point,
 or as soon as the minimum cannot reach zero."""
 
 _MIN_WIDTH = 1e-10
 """Width of a bracket, as a fraction of the interval, below which the descent ends."""
 
 _TRIAL_SPACING, _MARGIN = 0.05, 1e-3
-"""Distance of the outer trials from the predicted minimum, as a fraction of the bracket; least distance of
-trials from its ends, as a fraction of that distance."""
+"""Distance of the outer trials from the predicted minimum, as a fraction of the bracket; smallest distance of
+trials from the ends of the bracket, as a fraction of the first distance."""
 
 _MIN_STEP = 1e-14
 """Distance between two abscissas below which a slope would be round-off."""
@@ -50,7 +50,8 @@ def find_narrow_tongues(
 def _descend(
     evaluate: Evaluate, start: Array, span: Array, kind: Array, t: Array, h: Array
 ) -> StabilitySamples:
-    """Follow minima h (k, 3) at fractions t (k, 3) of the spans until an unstable point is found."""
+    """Narrow brackets of minima, with values h (k, 3) at fractions t (k, 3) of the spans, until an unstable
+    point is found."""
     unstable_samples = []
     for _ in range(_MAX_PARABOLAS):
         if len(t) == 0:
@@ -75,7 +76,7 @@ def _descend(
 
 
 def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
-    """Place and value (k,) of the lowest point of the parabola through three points (k, 3)."""
+    """Abscissa and value (k,) of the vertex of the parabola through three points (k, 3)."""
     left, right = np.maximum(np.diff(t, axis=1), _MIN_STEP).T
     fall, rise = (h[:, 1] - h[:, 0]) / left, (h[:, 2] - h[:, 1]) / right
     bend = (rise - fall) / (left + right)
@@ -87,7 +88,7 @@ def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
 
 
 def _around_lowest(t: Array, h: Array) -> tuple[Array, Array]:
-    """Lowest of the inner points and its neighbours, (k, 3) each."""
+    """Abscissas and values (k, 3) of the lowest inner point and its neighbours."""
     order = np.argsort(t, axis=1)
     t, h = (np.take_along_axis(column, order, axis=1) for column in (t, h))
     lowest = 1 + h[:, 1:-1].argmin(axis=1)

@@ -44,7 +44,7 @@ _EQUAL = 1e-9
 
 
 class Tracked(Protocol):
-    """Values (k,) that must not exceed a limit, and their derivatives (k, r) by x."""
+    """Values (k,) that must not exceed a limit, and their derivatives (k, r) with respect to x."""
 
     def values(self, x: Array) -> Array: ...
 

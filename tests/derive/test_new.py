@@ -83,8 +83,8 @@ def test_link_that_leads_nowhere_is_not_followed(derive, tmp_path):
         (["mine.txt"], "give a name of letters, digits and _"),
         (["math.py"], 'a mechanism cannot be called "math"'),
         (["none/mine.py"], "cannot be written (no such file or directory)"),
-        (["mine.py", "cam"], "--new takes a file and nothing else"),
-        (["mine.py", "--check"], "--new takes a file and nothing else"),
+        (["mine.py", "cam"], "--new takes one file name and no other arguments"),
+        (["mine.py", "--check"], "--new takes one file name and no other arguments"),
     ],
 )
 def test_impossible_name_is_refused_in_one_line(derive, capsys, tmp_path, arguments, message):

@@ -193,9 +193,9 @@ def test_results_of_samples_are_stored(tmp_path):
     [
         ([0, 1, 2], "no azimuth lies between"),
         ([0.0, 0.1, 0.2, 0.3], "no azimuth lies between"),
-        ([0, 0, 2, 4], "give each once"),
-        ([0, 2, 4, 2 * np.pi], "give each once"),
-        (["a", "b", "c"], "no real numbers"),
+        ([0, 0, 2, 4], "give each azimuth once"),
+        ([0, 2, 4, 2 * np.pi], "give each azimuth once"),
+        (["a", "b", "c"], "not real numbers"),
         ([0, 2, np.nan], "finite azimuth"),
         ([0, 2], "3 or more"),
     ],

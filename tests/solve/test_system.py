@@ -94,7 +94,7 @@ def test_samples_of_different_counts_are_refused(shapes):
 
 @pytest.mark.parametrize("K", [np.ones((4, 1, 1)) * 1j, "stiff", [[1.0], [2.0, 3.0]]])
 def test_samples_that_are_no_real_numbers_are_refused(K):
-    with pytest.raises(MatricesError, match="the samples are no four real arrays M, C, K, d"):
+    with pytest.raises(MatricesError, match="the samples are not four real arrays M, C, K, d"):
         PeriodicSystem.from_samples(np.ones((4, 1, 1)), np.ones((4, 1, 1)), K, np.ones((4, 1)), ["q"])
 
 
@@ -130,8 +130,8 @@ def test_lists_and_whole_numbers_are_matrices_too():
         ("K", lambda p: square(4 + p), "K is not periodic: between phase 0 and 6.28319 it changes by 6.28"),
         ("d", lambda p: np.cos(p / 2)[:, None], "d is not periodic: .* give the right period"),
         ("M", lambda p: square(0 * p), "M is singular: some coordinate has no inertia; give every"),
-        ("C", lambda p: square(1j * p), "no four real arrays M, C, K, d: .*complex"),
-        ("C", lambda p: square(["soft"] * len(p)), "no four real arrays M, C, K, d"),
+        ("C", lambda p: square(1j * p), "not four real arrays M, C, K, d: .*complex"),
+        ("C", lambda p: square(["soft"] * len(p)), "not four real arrays M, C, K, d"),
     ],
 )  # fmt: skip
 def test_invalid_matrices_are_refused(part, value, message):
@@ -143,7 +143,7 @@ def test_invalid_matrices_are_refused(part, value, message):
 
 @pytest.mark.parametrize("given", [None, (1.0, 2.0), oscillator(PHASES, 1.0)[:3], 3.0])
 def test_invalid_return_values_are_refused(given):
-    with pytest.raises(MatricesError, match="the matrices are no four real arrays M, C, K, d: "):
+    with pytest.raises(MatricesError, match="the matrices are not four real arrays M, C, K, d: "):
         periodic(system(lambda phase, speed: given, 1), 1.0)
 
 

@@ -129,13 +129,13 @@ def test_store_of_another_calculation_is_refused(tmp_path):
     swept(tmp_path / "s")
     model = solve.load("mathieu")
     for given, pattern in (
-        (lambda: swept(tmp_path / "s", rtol=1e-7), "rtol is 1e-06 there and 1e-07 here"),
+        (lambda: swept(tmp_path / "s", rtol=1e-7), "with rtol 1e-06 instead of 1e-07"),
         (lambda: swept(tmp_path / "s", method="gauss"), "method is auto there and Gauss"),
         (lambda: swept(tmp_path / "s", quantities=[]), "quantities"),
         (lambda: solve.sweep(model, SPEEDS[:-1], store=tmp_path / "s", rtol=1e-6), "points"),
         (
             lambda: solve.sweep(solve.load("mathieu", delta=9), SPEEDS, store=tmp_path / "s"),
-            "delta is 2.0 there and 9.0 here",
+            "with delta 2.0 instead of 9.0",
         ),
     ):
         with pytest.raises(FileError, match=pattern):
@@ -192,7 +192,7 @@ def test_folders_with_other_files_are_refused(tmp_path):
     (tmp_path / "mine" / "thesis.txt").write_text("years of work")
     (tmp_path / "file").write_text("")
     for place, pattern in (
-        (tmp_path / "mine", "holds other files"),
+        (tmp_path / "mine", "contains other files"),
         (tmp_path / "file", "is a file"),
         (tmp_path / "none" / "s", "No such file"),
         ("/proc/s", "cannot be written"),

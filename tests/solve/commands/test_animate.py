@@ -40,7 +40,7 @@ def test_growth_is_printed_too(command):
 def test_the_nonlinear_orbit(command):
     ran = command(*CAM, "--nonlinear", "--out", "mine.png")
     assert ran.status == 0
-    assert "not to be trusted" not in ran.err
+    assert "linearisation may be invalid" not in ran.err
 
 
 def test_model_without_lines_is_refused_with_advice(command, tmp_path, monkeypatch):

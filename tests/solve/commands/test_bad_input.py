@@ -170,7 +170,7 @@ BAD = {
         ("'a13'", "did you mean"),
     ),
     "case file with a tower of powers": ((*CAM, "--cases", "tower.toml"), ("k1", "does not convert")),
-    "case file that is endless": ((*CAM, "--cases", "/dev/zero"), ("/dev/zero", "is no file")),
+    "case file that is endless": ((*CAM, "--cases", "/dev/zero"), ("/dev/zero", "is not a file")),
     "case file that is large": (
         (*CAM, "--cases", "long.toml", "--limit", "1e5"),
         ("2000 bytes", "allowed: up to 1562", "--limit 1.28e+05"),

@@ -118,7 +118,7 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("branch", "cam", "--speed", "300 rpm"), ("no speeds", "--over NAME=A:B")),
         (("branch", "cam", "--over", "k1=1e4", "--speed", "300 rpm"), ("write NAME=A:B",)),
         (("branch", "cam", "--over", "k1=1e4:2e4", "--over", "k2=1:2"), ("--over is given twice",)),
-        (("branch", "cam", "--follow", "fold", "--switch"), ("--follow takes two ranges",)),
+        (("branch", "cam", "--follow", "fold", "--switch"), ("--follow excludes --switch and --speeds",)),
         (
             ("branch", "cam", "--scatter", "3", "--over", "k1=1:2"),
             ("--scatter excludes --over, --speeds, --switch, --follow and --start; give one speed",),

@@ -131,7 +131,7 @@ USAGE = ("give 'A:B:N unit' or numbers with one unit", "'600 900 1200 rpm'")
             )
         ),
         (("--speeds", "600 900 kg"), ("'kg'", "'rad/s'", "allowed: rpm, rad/s or Hz")),
-        (("--speeds", "600 900 1/min"), ("'1/min'", "turns or radians")),
+        (("--speeds", "600 900 1/min"), ("'1/min'", "revolutions or radians")),
         (("--speeds", "0:900:4 rpm"), ("0.0 rpm", "> 0")),
         (("--speeds", "600 nan rpm"), ("nan rpm", "finite")),
         (("--speeds", LIST, "--show", "q9"), ("'q9'", "did you mean 'q3'")),
@@ -209,7 +209,7 @@ def test_over_parameters(command, tmp_path):
         assert ("k1 = 75000 N m/rad" if what == "--turn" else "k1") in drawn
     for flags, words in (
         (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "--over gives epsilon twice"),
-        (["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"], "over one quantity"),
+        (["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"], "over one varied quantity"),
         (["--over", "epsilon=0:2:13", "--turn", "q", "--plot", "t.png"], "13 curves"),
         (["--over", "epsilon"], "write --over NAME=A:B:N"),
     ):

@@ -110,7 +110,7 @@ def test_c_export_refuses_models_without_formulas(tmp_path):
 
     along = solve.nonlinear(solve.load("manipulator"), "50 rpm").system
     for given in (solve.load("four_bar"), solve.PeriodicSystem(oscillator, ["q"]), along):
-        with pytest.raises(LinearModelError, match=r"write them to a \.mat file"):
+        with pytest.raises(LinearModelError, match=r"export these to a \.mat file"):
             solve.export(given, tmp_path / "a.c")
     with pytest.raises(NoMotionError):
         solve.export(solve.load("portal_frame"), tmp_path / "a.c")

@@ -123,7 +123,7 @@ def test_a_planted_library_without_its_hash_is_not_loaded(own_cache):
 def test_a_folder_in_which_others_may_write_is_not_used(own_cache, mode):
     own_cache.mkdir(parents=True)
     own_cache.chmod(mode)
-    assert "is not owned by you or is writable by others; remove it" in refused(own_cache)
+    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(own_cache)
     assert list(own_cache.iterdir()) == []
 
 
@@ -134,7 +134,7 @@ def test_a_library_that_others_may_change_is_not_loaded(own_cache):
         file.chmod(0o777)
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "is not owned by you or is writable by others; remove it" in refused(own_cache)
+    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(own_cache)
 
 
 @needs_compiler
@@ -145,7 +145,7 @@ def test_cache_of_another_user_is_not_used(own_cache, which):
     os.chown(own_cache if which == "folder" else files(own_cache)[which], 65534, 65534)
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "is not owned by you" in refused(own_cache)
+    assert "belongs to another user" in refused(own_cache)
 
 
 @needs_compiler
@@ -156,7 +156,7 @@ def test_a_link_in_place_of_a_library_is_not_followed(own_cache, tmp_path):
     made.symlink_to(tmp_path / "elsewhere.so")
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "is not owned by you" in refused(own_cache)
+    assert "belongs to another user" in refused(own_cache)
 
 
 def test_a_file_in_place_of_the_folder(own_cache):

@@ -89,7 +89,7 @@ def test_fit_error_equals_the_omitted_harmonics(read):
     case = read(entry("P", "Pa", 1), rows(lambda x: np.sin(x) + 0.1 * np.cos(4 * x), degrees))
     assert abs(case.fits["P"].errors).max() == pytest.approx(0.1, rel=1e-9)
     assert "with 1 harmonics: deviation up to 0.1 Pa" in case.fits["P"].sentence
-    assert "and by 0.0707 Pa rms" in case.fits["P"].sentence
+    assert "rms 0.0707 Pa" in case.fits["P"].sentence
 
 
 def test_both_ends_of_the_turn_semicolons_and_other_columns(read, tmp_path):
@@ -122,7 +122,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             CaseFileError,
             "does not cover the revolution",
         ),
-        (entry("P", "Pa"), [*GOOD, (90, 2)], CaseFileError, "has the angle 90 deg twice; give each once"),
+        (entry("P", "Pa"), [*GOOD, (90, 2)], CaseFileError, "has the angle 90 deg twice; give each angle once"),
         (entry("P", "Pa"), [*GOOD, (390, 2)], CaseFileError, "covers 390 deg; give one revolution, 360 deg"),
         (
             entry("P", "Pa"),
@@ -161,7 +161,7 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
         (entry("PP", "Pa"), GOOD, UnknownNameError, "unknown series in mine.toml 'PP'; did you mean 'P'"),
         (entry("P", "Pa").replace("harm", "ham"), GOOD, UnknownNameError, "'hamonics'; did you mean 'harm"),
         (entry("P", "Pa").replace("mine", "none"), GOOD, CaseFileError, "cannot be read .no such file"),
-        (entry("P", "Pa").replace("mine.csv", "."), GOOD, CaseFileError, "is no file; give a CSV file"),
+        (entry("P", "Pa").replace("mine.csv", "."), GOOD, CaseFileError, "is not a file; give a CSV file"),
         ('P = { table = "mine.csv" }', GOOD, CaseFileError, "P in mine.toml needs a table and two columns"),
         ('P = { table = 3, columns = ["a", "b"] }', GOOD, CaseFileError, "needs a table and two columns"),
         (

@@ -144,7 +144,7 @@ def test_a_start_that_is_cut_is_refused(tmp_path):
     whole = file.read_bytes()
     for kept in (0, 300, len(whole) - 10):
         file.write_bytes(whole[:kept])
-        with pytest.raises(FileError, match="is no saved orbit or transient"):
+        with pytest.raises(FileError, match="is not a saved orbit or transient"):
             solve.transient(duffer, SPEED, 1, file)
 
 
@@ -173,7 +173,7 @@ def test_a_stiff_mode_rings_to_its_overshoot():
 def test_states_too_few_for_a_vibration_are_warned_of(monkeypatch):
     monkeypatch.setattr("solve.newton.transients._MOST_STATES", 256)
     transient = solve.transient(ringing(0.01), 1.0, 2)
-    assert any("between 256 states per turn" in text for text in transient.warnings)
+    assert any("interpolated between 256 states per period" in text for text in transient.warnings)
     assert abs(transient.peaks[0, 1] - 1.969) > 1e-3
 
 

@@ -245,7 +245,7 @@ def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
         ("phase,speed (rad/s),q (1)", ["k"], None, CaseFileError, "has no unit"),
         ("angle (rad),speed (rad/s),q (1)", ["k"], None, UnknownNameError, "first column"),
         ("phase (rad),speed (rad/s),q (kg)", ["k"], None, UnitError, "does not convert"),
-        ("phase (rad),q (1),q (1)", ["k"], None, CaseFileError, "two columns of one name"),
+        ("phase (rad),q (1),q (1)", ["k"], None, CaseFileError, "two columns of the same name"),
         ("phase (rad),speed (rad/s),q (1)", ["kk"], None, UnknownNameError, "parameter of oscillators"),
         (
             "phase (rad),speed (rad/s),q (1)",
