@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import casadi
 
 TERMS = np.zeros((5, 3, 3))
-"""Products of 1, c, s as combinations of 1, c, s, c², cs; s² is 1 − c²."""
+"""Coefficients that express products of 1, c, s by 1, c, s, c², cs, with s² = 1 − c²."""
 for _row, _i, _j, _sign in (
     *((0, 0, 0, 1), (0, 2, 2, 1), (1, 0, 1, 1), (1, 1, 0, 1), (2, 0, 2, 1), (2, 2, 0, 1)),
     *((3, 1, 1, 1), (3, 2, 2, -1), (4, 1, 2, 1), (4, 2, 1, 1)),
@@ -124,7 +124,7 @@ class Beams:
         ]
 
     def divided(self, parts: int) -> "Beams":
-        """Beams with every exact element divided into parts, which changes no frequency."""
+        """Beams with every exact element divided into parts, which does not change the frequencies."""
         counts = tuple(member.count * (parts if member.exact else 1) for member in self.members)
         return replace(self, freedoms=replace(self.freedoms, counts=counts))
 
@@ -135,7 +135,8 @@ class Beams:
 
     @cached_property
     def mass(self) -> Array:
-        """M of finite elements and point masses, and the axial inertia of inextensible exact links."""
+        """Mass matrix M of finite elements and point masses, and the axial inertia of inextensible exact
+        links."""
         tables = []
         for member in self.members:
             axial = member.element.axial * member.link.inextensible
@@ -153,7 +154,7 @@ class Beams:
 
     @cached_property
     def stiffness(self) -> Array:
-        """K of the finite elements and of the springs to the ground."""
+        """Stiffness matrix K of the finite elements and of the springs to the ground."""
         tables = [self.spread(member, member.stiffness * (not member.exact)) for member in self.members]
         tables[0][0] += self.springs
         return np.stack(tables)
@@ -165,7 +166,7 @@ class Beams:
 
     @cached_property
     def dashpots(self) -> Array:
-        """C (n, n) of the dashpots to the ground."""
+        """Damping matrix C (n, n) of the dashpots to the ground."""
         return self._to_ground(self.freedoms.dashpots, self.properties.dashpot)
 
     def _to_ground(self, names: Sequence[str], values: Array) -> Array:
@@ -176,7 +177,7 @@ class Beams:
 
     @cached_property
     def exact(self) -> Array:
-        """D of the exact links, (exact links, 8, 5, n, n), for F1 … F8 of each."""
+        """Coefficients (exact links, 8, 5, n, n) of F1 … F8 in the dynamic stiffness D of each exact link."""
         patterns = exact.patterns()
         tables = [[self.spread(member, pattern) for pattern in patterns] for member in self.exact_links]
         return np.array(tables)
@@ -196,7 +197,7 @@ class Beams:
 
 
 _ROUNDING = 1e-9
-"""Distance, or singular value, relative to the largest, below which it is round-off. A choice."""
+"""Distance, or singular value, relative to the largest one, that counts as round-off. A choice."""
 
 
 class Positions:
@@ -229,7 +230,7 @@ class Positions:
         return self._with_exact(K - (omega**2)[:, None, None] * M, index, functions)
 
     def dynamic_mass(self, index: Array, omega: Array) -> Array:
-        """M(ω) = −∂D/∂(ω²), (b, n, n), as `dynamic_stiffness`: thesis (5.16)."""
+        """M(ω) = −∂D/∂(ω²), (b, n, n), with the arguments of `dynamic_stiffness`: thesis (5.16)."""
         functions = [member.exact_mass(omega) for member in self.beams.exact_links]
         return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
@@ -247,12 +248,13 @@ class Positions:
 
     @cached_property
     def joints(self) -> Array:
-        """Positions x + iy (m) of the joints, (m, joints), with the first held one at 0; see `placed`."""
+        """Positions x + iy (m) of the joints, (m, joints), with the first supported joint at 0; see
+        `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
-        """Vectors x + iy (m, joints) of the joints from those along the links (m, links). The vector of the
-        first joint that is held, rigidly or elastically, is 0."""
+        """Vectors x + iy (m, joints) of the joints, summed from vectors (m, links) along the links. The
+        vector of the first joint with a rigid or elastic support is 0."""
         joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
         places = {next((number for number, (name, _) in enumerate(joints) if name in anchored), 0): still}
@@ -273,8 +275,8 @@ class Positions:
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Matrices (b, n, n) from those (b, N, N) of finite elements and eight functions (b, 8) of each exact
-        link."""
+        """Matrices (b, n, n), from the matrices (b, N, N) of finite elements and the eight functions (b, 8)
+        of each exact link."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms
@@ -282,7 +284,7 @@ class Positions:
         return self._reduced(finite, index)
 
     def _require_closed(self) -> None:
-        """Raise StructureError unless links meet at their joints and held joints are at rest."""
+        """Raise StructureError unless links meet at their joints and supported joints are at rest."""
         freedoms = self.beams.freedoms
         if not np.isfinite(self.angle).all():
             worst = self.phase[~np.isfinite(self.angle).all(axis=1)][0]
@@ -331,7 +333,7 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """Stretch between neighbouring nodes of a link as rows (m, N)."""
+        """Rows (m, N) that give the stretch between neighbouring nodes of a link."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

@@ -30,8 +30,8 @@ _LARGEST = 300.0
 """Largest argument of sinh and cosh: the ratios have reached their limits, and cosh² does not overflow."""
 
 _SMALLEST = 0.05
-"""λL below which the bending mass functions are constant: they change by less than 4e-8 there, and their
-formula would lose more to round-off."""
+"""λL below which the bending mass functions are constant: they change by less than 4e-8 there, and round-off
+in their formula would be larger."""
 
 _POSITIVE = 1e-30
 """Smallest argument of functions with a removable singularity at 0; the limit is exact in float64."""
@@ -98,8 +98,8 @@ def axial_mass(b: Array) -> Array:
 
 
 def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
-    """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of an
-    order with respect to ξ: thesis (5.5)."""
+    """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of the
+    given order with respect to ξ: thesis (5.5)."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     ends = np.array([0.0, 1.0])
     values, slopes = _waves(l, ends, 0), _waves(l, ends, 1)
@@ -108,8 +108,8 @@ def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
 
 
 def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
-    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of an order with
-    respect to ξ: thesis (5.10); linear at b = 0."""
+    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of the given order
+    with respect to ξ: thesis (5.10); linear at b = 0."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)[..., None, None]
     ends = np.stack((1 - xi, xi), axis=-1)
     return (b * np.array([-1, 1])) ** order * np.sin(b * ends + order * math.pi / 2) / np.sin(b)
@@ -138,8 +138,8 @@ def clamped(l: Array) -> Array:  # noqa: E741
 
 
 def interior_count(l: Array, b: Array | None = None) -> Array:  # noqa: E741
-    """J0: number of frequencies, below that of l and (axial) b, of the beam clamped at both ends. Wittrick
-    and Williams; thesis (5.21)."""
+    """J0: number of natural frequencies of the beam clamped at both ends below the frequency that corresponds
+    to l (bending) and b (axial). Wittrick and Williams; thesis (5.21)."""
     order = np.floor(l / math.pi)
     flexural = order - (1 + (-1) ** order * np.sign(clamped(l))) / 2
     return (flexural if b is None else flexural + np.floor(b / math.pi)).astype(int)

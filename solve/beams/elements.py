@@ -14,7 +14,7 @@ from solve.beams import dynamic_stiffness as exact
 from solve.model.generated import beam_elements
 
 AXIAL, BENDING = 1, 2
-"""Direction of a degree of freedom, named by the order of the derivative in the strain energy."""
+"""Directions of degrees of freedom, as the order of the derivative in the strain energy."""
 
 Function = Callable[[Array], Array]
 
@@ -55,7 +55,8 @@ class Element:
 
     @cached_property
     def axes(self) -> Array:
-        """Matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes (thesis (4.26)).
+        """Coefficient matrices (3, k, k) of 1, c and s in the rotation R from ground axes to link axes
+        (thesis (4.26)).
 
         In ground axes, the translations x and y take the positions of u and v.
         """
@@ -75,7 +76,7 @@ class Element:
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:
         """Axial and transverse displacement (points, k) at ξ for unit degrees of freedom, or their
-        derivatives of an order with respect to x."""
+        derivatives of the given order with respect to x."""
         coefficients = polynomial.polyder(self.coefficients, order, axis=1)
         powers = xi[:, None] ** np.arange(coefficients.shape[1])
         shapes = powers @ coefficients.T * self._powers(L) / L**order
@@ -113,7 +114,7 @@ def element(name: str) -> Element:
 
 
 def _filled(shape: tuple[int, int], *blocks: tuple[slice, slice, Sequence]) -> Array:
-    """Matrix of zeros with blocks of rows, columns and values."""
+    """Matrix of zeros into which blocks (rows, columns, values) are inserted."""
     matrix = np.zeros(shape)
     for rows, columns, values in blocks:
         matrix[rows, columns] = values
@@ -163,7 +164,7 @@ class Freedoms:
 
     @property
     def anchored(self) -> set[str]:
-        """Joints that are held, rigidly or elastically."""
+        """Joints with a rigid or elastic support."""
         elastic = {*self.springs, *self.dashpots}
         return {name for name, held in self.joints if held or {f"{name}_x", f"{name}_y"} & elastic}
 
@@ -245,7 +246,7 @@ class Freedoms:
         return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
     def alone(self, rotation: str) -> bool:
-        """Whether a rotation belongs to a single end, which therefore carries no moment."""
+        """Whether a rotation belongs to only one end of a link, which then carries no moment."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
@@ -321,13 +322,14 @@ class Member:
         return constant + np.cos(theta) * c + np.sin(theta) * s
 
     def place(self, fraction: float) -> tuple[int, float]:
-        """Element at a fraction of the link's length, and ξ in it; between two elements, the second."""
+        """Index of the element at a fraction of the link's length, and ξ within it; at the node between two
+        elements, the second one."""
         first = min(int(fraction * self.count), self.count - 1)
         return first, fraction * self.count - first
 
     def shapes(self, xi: Array, order: int = 0, omega: Array | float | None = None) -> tuple[Array, Array]:
         """Axial and transverse displacement (..., points, k) at ξ for unit degrees of freedom of an element,
-        or their derivatives of an order with respect to x. omega (...): frequency of exact elements in
+        or their derivatives of the given order with respect to x. omega (...): frequency of exact elements in
         rad/s."""
         if not self.exact:
             return self.element.shapes(self.L, xi, order)
@@ -364,7 +366,8 @@ class Member:
         return weights
 
     def interior_count(self, omega: Array) -> Array:
-        """Number of frequencies below ω (b,) of the elements with clamped ends: J0 of thesis (5.21)."""
+        """Number (b,) of natural frequencies of the elements with clamped ends below ω (b,): J0 of thesis
+        (5.21)."""
         axial = None if self.link.inextensible else self._axial_number(omega)
         return self.count * exact.interior_count(self._bending_number(omega), axial)
 

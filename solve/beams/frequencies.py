@@ -27,7 +27,8 @@ _DOUBLINGS = 60
 """Maximum number of doublings of 1 rad/s in the search for an upper bound: up to 1e18 rad/s."""
 
 PARTS = (2, 3, 5)
-"""Numbers of parts into which exact elements are divided, in order, until no pole is near a frequency."""
+"""Numbers of parts into which exact elements are divided, tried in this order until no pole is near a
+frequency."""
 
 _NEAR = 1e-4
 """Relative distance of a frequency from a pole of D within which elements are divided. A choice."""
@@ -52,7 +53,7 @@ def exact_frequencies(positions: Positions, count: int) -> Array:
 
 
 def _refine_near_poles(positions: Positions, index: Array, order: Array, omega: Array) -> None:
-    """Recompute frequencies near a pole in place, with elements divided until the pole is distant."""
+    """Recompute frequencies near a pole in place, with elements divided until no pole is near."""
     near = np.flatnonzero(near_clamped(positions, omega))
     for parts in PARTS:
         if len(near) == 0:
@@ -75,7 +76,8 @@ def near_clamped(positions: Positions, omega: Array) -> Array:
 
 
 def _roots(positions: Positions, index: Array, order: Array, low: Array, high: Array) -> Array:
-    """Frequencies (b,) of given orders at positions `index`, bracketed by low and high."""
+    """Frequencies (b,) with the numbers `order` at the positions with indices `index`, bracketed by low and
+    high."""
     from scipy.optimize.elementwise import find_root
 
     m = len(positions.phase)
@@ -84,7 +86,8 @@ def _roots(positions: Positions, index: Array, order: Array, low: Array, high: A
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
     def crossing(omega: Array, index: Array, order: Array) -> Array:
-        """Function (b,) in −1 … 1 with a falling zero at the frequency of each order."""
+        """Function (b,), with values in −1 … 1, that changes from positive to negative at the frequency of
+        each order."""
         D = positions.dynamic_stiffness(index, omega) * (scale[index, :, None] * scale[index, None, :])
         eigenvalues = np.linalg.eigvalsh(D)
         number = order - positions.interior_count(omega) - 1
@@ -106,7 +109,7 @@ def count_below(positions: Positions, index: Array, omega: Array) -> Array:
 
 
 def _upper_bound(positions: Positions, count: int) -> Array:
-    """Frequency (m,) above the lowest `count` ones at every position."""
+    """Upper bound (m,) of the lowest `count` frequencies at every position."""
     all_positions = np.arange(len(positions.phase))
     omega = np.ones(len(all_positions))
     for _ in range(_DOUBLINGS):
@@ -121,7 +124,7 @@ _POINTS = 48
 """Minimum number of intervals between points along a link. A choice."""
 
 _SAME = 1e-9
-"""Relative difference below which frequencies are a multiple one. A choice."""
+"""Relative difference below which frequencies count as one multiple frequency. A choice."""
 
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:

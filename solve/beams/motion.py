@@ -50,7 +50,8 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
 
 
 def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
-    """Inertia load −M q̈_r (m, n) of elements and joint masses; rate, second as in `rigid_accelerations`."""
+    """Inertia load −M q̈_r (m, n) of elements and joint masses; rate and second as in
+    `rigid_accelerations`."""
     beams, freedoms = positions.beams, positions.beams.freedoms
     load = np.zeros((len(positions.phase), freedoms.n + 1))
     accelerations, joints = rigid_accelerations(positions, rate, second)
@@ -95,15 +96,15 @@ _DAMPING = {"modal": _modal, "rayleigh": _rayleigh}
 
 _CHUNK_BYTES = 2**23
 """Bytes of matrices per chunk of phases when coefficients of the speed are computed. Arrays of a whole grid
-would be returned to the system and cleared again: measured, a third of the time with 27 coordinates and 3840
-phases. Half and twice the size take the same time."""
+would be released to the system and cleared again, which takes a third of the time with 27 coordinates and
+3840 phases, as measured. Half and twice this size take the same time."""
 
 _BUCKLING_POSITIONS = 180
 """Positions per revolution at which axial forces are checked for buckling. A choice."""
 
 _HALF_WAVES = {0: 1.0, 1: 0.5, 2: 2.0}
-"""Half waves of the buckled link by the number of clamped ends: both pinned; the other end free; both
-clamped."""
+"""Number of half waves of the buckled link, by the number of clamped ends: none, both ends pinned; one, the
+other end free; two."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,8 @@ class Motion:
     def __call__(
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), Ω, one or (m, 1), in rad/s, Ω̇ in rad/s²."""
+        """M, C, K (m, n, n) and d (m, n) at phases (m,), with Ω in rad/s, a number or (m, 1), and Ω̇ in
+        rad/s²."""
         positions = self._positions(phase)
         rate, second = self.rates_in_time(phase, speed, acceleration)
         M, K = positions.matrices()
@@ -172,8 +174,8 @@ class Motion:
 
     @cached_property
     def _nonzero(self) -> tuple[Array, Array, Array]:
-        """Nonzero entries, in ascending order, of M, damping, gyroscopic matrix, stiffness, rotational
-        stiffness and load at any phase; their positions and powers of the speed."""
+        """Entries, in ascending order, of M, damping, gyroscopic matrix, stiffness, rotational stiffness and
+        load that are nonzero at some phase; their positions and powers of the speed."""
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
         tables = self.beams.mass, self.beams.stiffness, *self._rotary
         mass, elastic, turning, centrifugal = (np.any(table != 0, axis=(0, 1)) for table in tables)
@@ -208,7 +210,7 @@ class Motion:
         return np.sum(stiffness, axis=0)
 
     def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
-        """ω and ω̇ (m, links) of the links; phase, speed and acceleration as when called."""
+        """ω and ω̇ (m, links) of the links; phase, speed and acceleration as in `__call__`."""
         rate, second = self.rates(phase)
         return speed * rate, speed**2 * second + acceleration * rate
 
@@ -288,8 +290,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class State:
-    """State of the beams: q, q̇, q̈ (n, k), derivatives with respect to time, at phases (k,), a speed, one or
-    (k,), in rad/s, and an acceleration in rad/s²."""
+    """State of the beams: q, q̇, q̈ (n, k), derivatives with respect to time, at phases (k,), a speed in
+    rad/s, a number or (k,), and an acceleration in rad/s²."""
 
     motion: Motion
     phase: Array
@@ -322,7 +324,7 @@ class State:
 
     def local(self, member: Member, element: int, order: int = 0) -> Array:
         """Values (k, freedoms) of the degrees of freedom of an element in the axes of its link, or their time
-        derivatives of order up to 2; cached, since several outputs use them."""
+        derivatives of order up to 2; cached, because several outputs use these values."""
         first = element % member.count
         key = member.number, first, order
         if key not in self._local:
@@ -336,7 +338,7 @@ class State:
 
     @cached_property
     def joint_forces(self) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-        """Results of `joint_force` by link index and end; several outputs use them."""
+        """Results of `joint_force` by link index and end, cached because several outputs use them."""
         return {}
 
     def strain_energy(self) -> Array:

@@ -13,7 +13,7 @@ from solve.errors import require_name
 from solve.model.modes import Modes, modes
 
 SURFACES = {"plus": 1.0, "minus": -1.0}
-"""Surface at +h/2 or −h/2 across the link, along its y axis."""
+"""Signs of the surfaces at +h/2 and −h/2 along the y axis of the link, by name."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,8 @@ LINEAR = ("deflection", "stress_plus", "stress_minus")
 """Kinds of outputs that are linear in the deflections, and hence sums of contributions of the modes."""
 
 _EXTRA_MODES = 4
-"""Further modes that are tracked, since modes may change their order over the revolution. A choice."""
+"""Number of additional modes that are tracked, because the order of modes may change over the revolution. A
+choice."""
 
 
 @dataclass(frozen=True)

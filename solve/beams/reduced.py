@@ -41,7 +41,8 @@ class ReducedMotion:
     def __call__(
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, r, r) and d (m, r) at phases (m,), Ω, one or (m, 1), in rad/s, Ω̇ in rad/s²."""
+        """M, C, K (m, r, r) and d (m, r) at phases (m,), with Ω in rad/s, a number or (m, 1), and Ω̇ in
+        rad/s²."""
         positions = self._positions(phase)
         rate, second = self.full.rates_in_time(phase, speed, acceleration)
         M, K = self.matrices(positions)
@@ -106,7 +107,7 @@ class ReducedMotion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """TᵀC T and TᵀC T′ side by side, (m, 2r, r), of the modal or Rayleigh damping C."""
+        """TᵀC T and TᵀC T′ concatenated, (m, 2r, r), for the modal or Rayleigh damping C."""
         damping = self.full.damping_at
 
         def projected(phase: Array) -> Array:
@@ -183,8 +184,9 @@ class ReducedStructure(StructureModel):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Raises ValueOutOfBoundsError for a structure whose reduction error cannot be estimated, or for more
-        modes than its links have; StructureError as the full structure does."""
+        """Reduced structure of a setup. Raises ValueOutOfBoundsError for a structure whose reduction error
+        cannot be estimated, or for more modes than its links have; StructureError as the full structure
+        does."""
         motion = cls._motion(setup)
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
@@ -256,7 +258,7 @@ class ReducedStructure(StructureModel):
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:
-        """No terms: those of the motion belong to all degrees of freedom."""
+        """None: the terms of the motion are those of all degrees of freedom."""
         return
 
     @property

@@ -25,7 +25,7 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 
 @dataclass(frozen=True)
 class Body:
-    """Matrices of a link in its own axes, for its own degrees of freedom without the fixed ones.
+    """Matrices of a link in link axes, for the degrees of freedom of the link that are not fixed.
 
     own (k,): indices of its degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c axes[1] + s
     axes[2]. interface (b,): positions in `own` of the retained coordinates.
@@ -53,7 +53,7 @@ class Body:
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:
-        """Matrices of the single elements: (elements, k, k)."""
+        """Matrices (elements, k, k) of the individual elements."""
         matrices = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
         for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
             matrix[rows[:, None], rows] += local
@@ -116,8 +116,8 @@ class LinkBasis:
         return B, J.T @ B + B @ J_r
 
     def reduced(self, A: Array, left: Array | None = None, right: Array | None = None) -> Array:
-        """Table (5, r, r) of the terms 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for A (k, k) of
-        the link; left and right are T_l by default."""
+        """Table (5, r, r) of the terms 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for a matrix A
+        (k, k) of the link; left and right are T_l by default."""
         local = (self.local if left is None else left).T @ A @ (self.local if right is None else right)
         return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
 
@@ -131,7 +131,7 @@ class LinkBasis:
 @dataclass(frozen=True)
 class Basis:
     """T(φ) of a structure, (n, r) at each position. retained (b,): retained degrees of freedom, the first of
-    the reduced coordinates; names, units, meanings (r,) of these."""
+    the reduced coordinates; names, units, meanings (r,): those of the reduced coordinates."""
 
     beams: Beams
     retained: Array
@@ -190,7 +190,7 @@ class Basis:
 
 def retained_freedoms(freedoms: Freedoms) -> Array:
     """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
-    share or on which springs or dashpots act. No link has a rigid-body motion with both ends fixed."""
+    share or on which springs or dashpots act. With these fixed, no link can move rigidly."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
     mask = np.array([sum(index in link for link in ends) > 1 for index in range(freedoms.n)])
     mask[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
@@ -199,8 +199,9 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
-    """Basis with a given number of modes per link, or all modes of a link that has fewer. static: with the
-    static shapes of the discarded modes. Raises ValueOutOfBoundsError for more modes than any link has."""
+    """Basis with a given number of modes per link, or with all modes of a link that has fewer. static:
+    whether to add the static shapes of the discarded modes. Raises ValueOutOfBoundsError for more modes than
+    any link has."""
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.of(member, retained) for member in beams.members]
     most = max(len(body.own) - len(body.interface) for body in bodies)

@@ -38,7 +38,7 @@ _SPEED_NODES = 3
 """Number of speeds that determine the matrices at all others: Ω²M, ΩC, K, d are quadratic in Ω."""
 
 _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
-"""Values of the options of the motion for structures at rest, which do not have them."""
+"""Values of the options of the motion for structures at rest, which do not declare these options."""
 
 _ASSEMBLY_POSITIONS = 36
 """Positions per revolution at which the assembly of the links is checked. A choice."""
@@ -69,8 +69,8 @@ class StructureModel(Model):
         matrices: Callable[[Array, float], Matrices] | None = None,
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
-        """matrices, coordinates: if different from those of the motion; `expanded` then returns the degrees
-        of freedom. coordinates: name, unit and meaning of each."""
+        """matrices, coordinates: given if they differ from those of the motion; `expanded` then returns the
+        degrees of freedom. coordinates: name, unit and meaning of each."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
@@ -127,7 +127,8 @@ class StructureModel(Model):
         return self.motion(phase, speed[:, None], acceleration)
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
-        """Entries at speeds (P,), beyond three speeds by Lagrange interpolation between three of them."""
+        """Entries at speeds (P,); for more than three speeds, by Lagrange interpolation between three
+        speeds."""
         low, high = speeds.min(), speeds.max()
         if len(speeds) <= _SPEED_NODES or high - low < 1e-3 * high:
             return super().entries_over(phase, speeds)
@@ -138,7 +139,7 @@ class StructureModel(Model):
         )
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Terms of the speed; None for large systems, which are solved one by one, to save memory."""
+        """Terms of the speed; None for large systems, whose points are solved one by one to save memory."""
         if self.n > SMALL:
             return None
         self.require_motion()
@@ -327,7 +328,7 @@ class StructureModel(Model):
         return contributions(state, output, lambda modal: quantity(modal, kind, member, place), count)
 
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
-        """Kind, link and place of an output that is linear in the deflections. Raises UnknownNameError."""
+        """Kind, link and position of an output that is linear in the deflections. Raises UnknownNameError."""
         linear = {name: entry for name, entry in self.observed.items() if entry[0] in LINEAR}
         require_name(f"deflection or stress of {self.name}", output, linear)
         return linear[output]
@@ -370,7 +371,7 @@ class StructureModel(Model):
 
 
 def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """q, q̇, q̈ (n, k), with zero rates for q alone at rest."""
+    """q, q̇, q̈ (n, k), with zero rates added if only q is given, at rest."""
     if len(state) == 3:
         return state[0], state[1], state[2]
     (q,) = state

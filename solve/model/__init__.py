@@ -1,1 +1,1 @@
-"""A generated module with its numbers as a system: cases, options, bounds, sampling."""
+"""Systems made from a generated module and its parameter values: cases, options, bounds, sampling."""

@@ -14,7 +14,7 @@ from solve.units import in_unit, require_size_of_number
 
 
 def clauses(bound: str) -> list[str]:
-    """Conditions of a bound, such as "> 0", all of which must hold.
+    """Conditions that a bound consists of, such as "> 0"; all must hold.
 
     >>> clauses("integer, >= 1")
     ['integer', '>= 1']
@@ -70,7 +70,7 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
 
 
 def validity_limit(name: str, bound: float, unit: str) -> Limit:
-    """Limit of validity of the linearisation."""
+    """Limit of a quantity beyond which the linearisation may be invalid."""
 
     def message(values: Statistics) -> str:
         reached = f"max|{name}| = {values.max_abs:.3g} {unit}, beyond {bound:g}"
@@ -80,7 +80,7 @@ def validity_limit(name: str, bound: float, unit: str) -> Limit:
 
 
 def bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
-    """Limit from a condition of a bound in a generated module."""
+    """Limit of an output, from a condition of its bound in a generated module."""
 
     def extreme(values: Statistics) -> Any:
         return values.min if clause.startswith(">") else values.max
@@ -118,7 +118,8 @@ def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, 
 
 
 def _modes_a_link(module: ModuleType, value: Any) -> int:
-    """Number of modes; the elements determine the allowed range when they are assembled."""
+    """Number of modes per link; its allowed range depends on the elements and is checked at their
+    assembly."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
             f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
@@ -130,7 +131,7 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
 
 
 def _option_per_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    """One value for all links, or a comma-separated text with one value per link."""
+    """Value of an option: one for all links, or a comma-separated text with one value per link."""
     parts = (
         value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
     )

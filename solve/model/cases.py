@@ -1,4 +1,4 @@
-"""Case files in TOML: the numbers of a model with their units and sources."""
+"""Case files in TOML: parameter values of a model with their units and sources."""
 
 import json
 import math
@@ -23,7 +23,7 @@ _NUMBERS_A_BYTE = 64
 
 @dataclass(frozen=True)
 class Case:
-    """Case of a model.
+    """Case of a model: its parameter values, sources and units.
 
     Parameters
     ----------
@@ -79,7 +79,8 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """Case of a file, by default the first, with a value for every declared parameter, some of them replaced.
+    """Case from a file, by default the first, with a value for every declared parameter, of which some may be
+    replaced.
 
     path: None for a model in memory. required: whether the file must exist; otherwise a missing file yields a
     case without name and numbers. otherwise: values of parameters that are given nowhere else. Raises
@@ -205,7 +206,7 @@ def _fit(
 
 
 def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:
-    """Parameters of an entry with numbers."""
+    """Values of the parameters of an entry that states numbers."""
     _require_known_keys(entry, _NUMBER_KEYS, f"key of {name} in {path.name}")
     unit = _text(entry, "unit", name, path)
     _text(entry, "source", name, path)

@@ -15,20 +15,21 @@ _CHECK_PHASES = 128
 """Phases per period at which the matrices are checked. A choice."""
 
 _STEEP = 0.25
-"""Change between neighbouring phases, relative to the total variation, from which a jump is searched: the
-change of harmonic 10."""
+"""Change between neighbouring phases, relative to the total variation, above which a jump is searched for:
+the change of harmonic 10."""
 
 _STEEPER_THAN_NEIGHBOURS = 8.0
-"""Change relative to the larger of the changes before and after from which a jump is searched. The changes of
-a parabola form an arithmetic progression, whose middle term is at most the larger of its neighbours."""
+"""Change, relative to the larger of the changes before and after it, above which a jump is searched for. The
+changes of a parabola form an arithmetic progression, whose middle term is at most the larger of its
+neighbours."""
 
 _BISECTIONS = 40
-"""Bisections of the distance of two phases, to 4e-14 of the period. Over this distance, a flank of width 1e-9
-of the period changes by 1e-4 of its height, a jump by all of it."""
+"""Number of bisections of the interval between two phases, down to 4e-14 of the period. Over this distance, a
+flank of width 1e-9 of the period changes by 1e-4 of its height, a jump by all of it."""
 
 _JUMP = 1e-2
-"""Remaining change after the bisections, relative to the total variation, that is a jump: a hundred times
-that of a flank of width 1e-9 of the period."""
+"""Remaining change after the bisections, relative to the total variation, above which the change is a jump: a
+hundred times the change of a flank whose width is 1e-9 of the period."""
 
 
 def require_valid(system: PeriodicSystem, speed: float) -> None:
@@ -51,7 +52,7 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
 
 
 def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
-    """Whether the matrices pass `require_valid` at every speed: they are polynomials of the speed with
+    """Whether the matrices pass `require_valid` at every speed: they are polynomials in the speed with
     periodic coefficients, and M is positive definite and independent of the speed."""
     phase = _check_phases(system)
     terms = sampler.terms(with_neighbours(phase, phase + system.period, system.period))
@@ -129,7 +130,7 @@ def _steep_intervals(
 
 
 def _check_phases(system: PeriodicSystem) -> Array:
-    """Phases over the period, without those at a break."""
+    """Phases of the period at which matrices are checked, except phases at a break."""
     phase = (np.arange(_CHECK_PHASES) + 0.5) * (system.period / _CHECK_PHASES)
     breaks = np.array(system.breaks)
     return phase[np.abs(phase[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-9 * system.period]

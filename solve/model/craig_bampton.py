@@ -24,7 +24,7 @@ on links of 3 to 30 elements with 1 to 15 modes: dependent ones up to 1e-13, ind
 
 @dataclass(frozen=True)
 class CraigBampton:
-    """A reduced body.
+    """Reduced body: matrices and basis.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def _projected(A: Array, basis: Array) -> Array:
 
 
 _PIVOT = 1e-12
-"""Fraction of the diagonal of K below which a pivot of its factorisation is round-off. Measured: up to 5e-15
-for free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with fixed ends."""
+"""Fraction of the diagonal of K below which a pivot of its factorisation counts as round-off. Measured: up to
+5e-15 for free chains of 8 to 500 masses, 7e-3 or more for links of up to 100 elements with fixed ends."""
 
 
 def _flexible(K: Array, inner: Array, loads: Array) -> Array:

@@ -18,7 +18,8 @@ from solve.model.setup import Setup
 from solve.system import PeriodicSystem
 
 _CHUNK = 1024
-"""Phases whose derivatives are summed at a time, so that they fit in the processor's cache. A choice."""
+"""Number of phases whose derivatives are summed together, so that these fit in the processor's cache. A
+choice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,13 +59,13 @@ class _Slopes:
         return compiled(Formulas(self.text, len(self.rows), (), p), columns, by_row)
 
     def dense(self, values: Array) -> Array:
-        """Derivatives with zeros, (rows, columns, k)."""
+        """Dense array (rows, columns, k) of the derivatives."""
         dense = np.zeros((self.shape[0] * self.shape[1], values.shape[1]))
         dense[self.rows * self.shape[1] + self.columns] = values
         return dense.reshape(*self.shape, -1)
 
     def weighted(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
-        """Sums over k and the rows, with weights (k, rows, c): (columns, c)."""
+        """Weighted sums (columns, c) over k and the rows, with weights (k, rows, c)."""
         sums = np.zeros((self.shape[1], weights.shape[2]))
         compiled_sums = self._compiled(compiled, p, inputs, weights) if len(self.rows) else None
         if compiled_sums is not None:
@@ -157,7 +158,8 @@ class GeneratedDependence:
         names: Sequence[str],
         compiled: Columns | None = None,
     ):
-        """names: quantities θ, among those of the slopes. compiled: optional compiled evaluation."""
+        """names: names of the quantities θ, which the slopes must contain. compiled: optional compiled
+        evaluation."""
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
@@ -219,8 +221,8 @@ class DampedDependence(GeneratedDependence):
         compiled: Columns | None,
         damping: Callable[[Mapping[str, float], Array], Array],
     ):
-        """damping: C (k, n, n), for derivatives with respect to time, at phases (k,) with some parameters
-        changed."""
+        """damping: function that returns C (k, n, n), for derivatives with respect to time, at phases (k,)
+        with some parameters changed."""
         super().__init__(slopes, setup, n, names, compiled)
         self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 
@@ -285,7 +287,7 @@ class AssembledDependence:
 
     @property
     def less_accurate(self) -> "AssembledDependence":
-        """The same without the smallest step of the differences."""
+        """The same derivatives without the smallest step of the finite differences."""
         made = AssembledDependence(self._system, self._names)
         made._less, made._interpolants = 1, self._interpolants
         return made
@@ -327,8 +329,9 @@ class AssembledDependence:
         return self._cache[key]
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
-        """Derivatives of Ω²M, ΩC, K by rows and of d, each with the less accurate ones, as functions of
-        phases (k,). A varied system takes longer to assemble than to sample: interpolants serve all grids."""
+        """Derivatives of Ω²M, ΩC, K by rows and of d, and less accurate ones for error estimates, as
+        functions of phases (k,). A varied system takes longer to assemble than to sample: interpolants serve
+        all grids."""
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 
@@ -354,7 +357,8 @@ class AssembledDependence:
     def _slope(
         self, name: str, speed: float, value: Callable[[PeriodicSystem, float, float], Array]
     ) -> Array:
-        """value: of a system at a speed, when the quantity of this name has moved by a step."""
+        """Derivative of a value with respect to the quantity of this name. value: function of a system and a
+        speed."""
         at, moved = self._value(name, speed), self._moved(name, speed)
         return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
@@ -362,7 +366,8 @@ class AssembledDependence:
         return speed if name == SPEED else self._system.parameters[name]
 
     def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
-        """System and speed by the value of the parameter of this name, or of the speed."""
+        """Function that returns the system and the speed for a value of the parameter of this name, or of the
+        speed."""
         if name == SPEED:
             return lambda number: (self._system, number)
         return lambda number: (self._system.varied({name: number}), speed)

@@ -1,4 +1,5 @@
-"""Derivatives of a model with respect to its parameters: which exist, of the breaks, and of the equations."""
+"""Derivatives of a model with respect to its parameters: availability, derivatives of the breaks and of the
+equations."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -112,7 +113,7 @@ class ModelDerivatives:
         return DampedSampler(setup.function("linearised"), setup.p, setup.ratios).damping(phase)
 
     def _has_smooth_breaks(self, name: str) -> bool:
-        """Whether the breaks, and the equations there, are differentiable by a parameter."""
+        """Whether the breaks, and the equations there, are differentiable with respect to a parameter."""
         slopes = self._of_break(name)
         return slopes is not None and not (self._assembled and slopes.any())
 
@@ -140,8 +141,8 @@ class ModelDerivatives:
 
 
 def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
-    """Breaks (b,) after they have moved to (c,), each matched to the nearest. Raises ValueOutOfBoundsError if
-    breaks have merged or split."""
+    """Positions (b,) to which breaks (b,) have moved, each matched to the nearest of the moved breaks (c,).
+    Raises ValueOutOfBoundsError if breaks have merged or split."""
     ends = _distinct(moved, period)
     distances = (ends - breaks[:, None] + period / 2) % period - period / 2
     nearest = np.abs(distances).argmin(axis=1)
@@ -153,6 +154,6 @@ def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
 
 
 def _distinct(breaks: Array, period: float) -> Array:
-    """Breaks that differ by more than round-off around the period."""
+    """Breaks that differ by more than round-off, modulo the period."""
     phases = np.sort(breaks % period)
     return phases[np.diff(phases, append=phases[:1] + period) > _SAME_BREAK * period]

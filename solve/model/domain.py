@@ -15,28 +15,30 @@ if TYPE_CHECKING:
 _SAMPLES = 131
 """Phases per period at which margins are sampled. Between them, three samples bracket the minimum of a smooth
 margin, and bisection locates a change of sign. A prime number has no common factor with the harmonics of
-margins: of 64 waves, 128 phases would see the same two values."""
+margins: 128 phases would sample harmonic 64 at the same two values only."""
 
 _SHIFT = 0.31
-"""Shift of these phases, in their distance: away from fractions of the revolution with small denominators, at
-which symmetric motions have extrema."""
+"""Shift of these phases, as a fraction of their spacing: away from fractions of the revolution with small
+denominators, at which symmetric motions have extrema."""
 
 _ROUNDING = 1e-12
 """Round-off of a margin relative to its largest value over the period: sums of a few terms have relative
-errors of some 1e-16, and a minimum that touches zero is resolved to the square of the error of its phase."""
+errors of some 1e-16, and the value of a minimum that touches zero is accurate to the square of the error of
+its phase."""
 
 _BISECTIONS = 40
-"""Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
-as many for the same reduction."""
+"""Number of bisections of the interval between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections
+need 1.44 times as many for the same reduction."""
 
 _JUMP_SIZE = 1e-6
-"""Fraction of the largest margin: a larger margin on both sides of a change of sign is a jump, not a zero."""
+"""Fraction of the largest margin: if the margin is larger on both sides of a change of sign, this is a jump,
+not a zero."""
 
 _BATCH_PHASES = 2**16
 """Number of phases of points that are evaluated at once."""
 
 _CACHE_SIZE = 8
-"""Number of cached results: a solution requests matrices of the same points on several grids."""
+"""Number of cached results: a solution needs matrices of the same points on several grids."""
 
 _GOLDEN = (5**0.5 - 1) / 2
 
@@ -95,8 +97,8 @@ class Domain:
         return holds[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError if a condition fails at a speed (rad/s), which `at` names; without a
-        speed, if a condition that does not depend on the speed fails."""
+        """Raise DesiredMotionError if a condition fails at a speed (rad/s); without a speed, if a condition
+        that does not depend on the speed fails. at: text of the speed for the message."""
         violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             independent = ~self._by_speed[violations.row]
@@ -130,7 +132,7 @@ class Domain:
         return f"{value[worst]:.4g} at phase {phase[worst]:.4g}{share}"
 
     def _margins(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """Margins (k, R) at phases (k,) of as many points."""
+        """Margins (k, R) at phases (k,) for k points."""
         with np.errstate(all="ignore"):
             return self._sampler(phase, speeds, values)
 
@@ -180,8 +182,8 @@ class Domain:
     def _minima(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Violating minima between samples, searched where neighbouring samples differ enough to permit
-        one."""
+        """Violating minima between samples, searched for where the differences between neighbouring samples
+        permit one."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
         reach = np.maximum(before - size, behind - size)
@@ -213,7 +215,7 @@ class Domain:
 
 
 def _depends(function: "casadi.Function", position: int) -> Array:
-    """Whether outputs of a generated function depend on one of its scalar inputs."""
+    """Whether each output of a generated function depends on one of its scalar inputs."""
     pattern = function.jac_sparsity(0, position)
     depends = np.zeros(pattern.size1(), dtype=bool)
     depends[pattern.row()] = True

@@ -18,23 +18,24 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_CACHED = 64
-"""Number of modules whose switches are kept. A choice."""
+"""Number of modules whose switches are cached. A choice."""
 
 _STATES = "q", "qd", "qdd"
 
 _SAMPLES, _MIN_SAMPLES = 8, 512
-"""Phases per step, and least number, at which the switches are evaluated. A switch that is passed twice
-between two of them is not found, but reported as grazing. Choices."""
+"""Number of phases per step, and smallest total number, at which the switches are evaluated. If a switch is
+passed twice between two of these phases, the events are missed, but grazing is reported. Choices."""
 
 _SAME = 1e-12
-"""Distance of phases of different switches, relative to the period, below which they are one: round-off."""
+"""Distance of phases of different switches, relative to the period, below which they count as the same:
+round-off."""
 
 _GRAZING = 1e-3
 """Largest modulus of a switch between two events, or at an extremum, relative to its range over the period,
-at which the motion grazes it. A choice."""
+at which the motion counts as grazing it. A choice."""
 
 _REST = 1e-13
-"""Range of a switch, relative to its largest modulus, below which it is constant: round-off."""
+"""Range of a switch, relative to its largest modulus, below which it counts as constant: round-off."""
 
 
 @lru_cache(_MAX_CACHED)
@@ -134,6 +135,6 @@ def _grazed(phase: Array, values: Array, passed: Array) -> Array:
 
 
 def _ascending(groups: list[Array], same: float) -> tuple[float, ...]:
-    """All phases in ascending order, those of several switches at one place once."""
+    """All phases in ascending order; coincident phases of several switches appear once."""
     phases = np.sort(np.concatenate(groups)) if groups else np.zeros(0)
     return tuple(phases[np.diff(phases, prepend=-np.inf) > same].tolist())

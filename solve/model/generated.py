@@ -23,7 +23,8 @@ _NAMES_OF_KIND = {
     STRUCTURE: ("LINKS", "JOINTS", "LINK_OPTIONS", "MOTION_OPTIONS", "OBSERVED", "MOVES", "properties"),
     EQUATIONS: ("linearised", "outputs"),
 }
-"""Further names in modules of each kind: links, from which matrices are assembled, or the matrices."""
+"""Names that modules of each kind contain in addition: links, from which matrices are assembled, or functions
+of the matrices."""
 
 
 class Files(NamedTuple):
@@ -75,7 +76,8 @@ def _located(model: str) -> Files:
 
 
 def model_module(path: Path) -> ModuleType:
-    """Generated module of a model. Raises ModelFileError if the file is something else, or was edited."""
+    """Generated module of a model. Raises ModelFileError if the file is not a generated module, or was
+    edited."""
     module = _execute_file(path.resolve(), path.stat().st_mtime_ns)
     missing = min((_missing(module, (*_COMMON_NAMES, *names)) for names in _NAMES_OF_KIND.values()), key=len)
     if missing:
@@ -86,7 +88,7 @@ def model_module(path: Path) -> ModuleType:
 
 
 def kind_of(module: ModuleType) -> str:
-    """Kind of a generated module, EQUATIONS or STRUCTURE: the one of which it has all names."""
+    """Kind of a generated module, EQUATIONS or STRUCTURE, by the names that it contains."""
     return next(kind for kind, names in _NAMES_OF_KIND.items() if not _missing(module, names))
 
 

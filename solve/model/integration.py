@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     import casadi
 
 _MAX_STEPS, _MIN_STEPS = 2**22, 2**12
-"""Maximum number of integrator steps per period, and at least between two states. A choice."""
+"""Maximum number of integrator steps per period, and its smallest value between two states. Choices."""
 
 _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
 
 class ModelIntegrator:
-    """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods by CVODES (A. C. Hindmarsh et al., ACM Trans.
-    Math. Softw. 31 (2005) 363-396) in CasADi, with `count` equidistant states per period.
+    """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods by CVODES (A. C. Hindmarsh et al., ACM
+    Trans. Math. Softw. 31 (2005) 363-396) in CasADi, with `count` equidistant states per period.
 
     residual: generated `residual_varying`. sizes (n,): scales of the coordinates, to which rtol is relative.
     """
@@ -85,8 +85,8 @@ class ModelIntegrator:
 def damped_residual(
     residual: "casadi.Function", damping: Callable[[Array], Array], period: float
 ) -> "casadi.Function":
-    """Generated `residual` with C(φ) q̇ added, C by its trigonometric interpolant. Raises TransientError if C
-    is not smooth."""
+    """Generated `residual` with C(φ) q̇ added, where C is interpolated trigonometrically. Raises
+    TransientError if C is not smooth."""
     import casadi
 
     curve = interpolated(damping, period)

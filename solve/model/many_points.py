@@ -18,7 +18,7 @@ from solve.model.sampling import Sampler
 from solve.model.setup import Setup
 
 _CHUNK = 4096
-"""Sets of parameters whose conditions are evaluated at once. A choice."""
+"""Number of parameter sets whose conditions are evaluated together. A choice."""
 
 
 class ModelPoints:
@@ -29,8 +29,8 @@ class ModelPoints:
 
     @cached_property
     def formulas(self) -> Formulas | None:
-        """M, C, K by rows and d, for derivatives with respect to time, as C code of phase, speed and
-        parameters, the varied ones among them; None where there is none."""
+        """M, C, K by rows and d, for derivatives with respect to time, as C code with phase, speed and
+        parameters, including the varied ones, as inputs; None if no C code is available."""
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:

@@ -86,7 +86,8 @@ class Model(PeriodicSystem):
         return "".join(f"<p>{line}</p>" for line in (escape(self.title), *self.equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Rebuild copies and pickles: CasADi's memory serves one thread of one process."""
+        """Rebuild the model when it is copied or pickled, because CasADi's memory belongs to one thread of
+        one process."""
         origin = getattr(self.module, "CODE", None) or Path(self.module.__file__ or "")
         arguments = type(self), origin, self.setup.case, self.options
         return _rebuilt, arguments, {"speed_unit": self.speed_unit}
@@ -257,7 +258,7 @@ class Model(PeriodicSystem):
         return self.with_damping(phase, entries)
 
     def with_damping(self, phase: Array, entries: Array) -> Matrices:
-        """M, C, K and d of entries (k, 3n² + n) by rows at phases (k,), with modal damping in C.
+        """M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping in C.
 
         It cancels in d about a motion, where it occurs in C q̇ and in the residual.
         """
@@ -272,12 +273,13 @@ class Model(PeriodicSystem):
 
     @cached_property
     def tangent(self) -> Sampler:
-        """M, C, K by rows and d of `along`, at phases, speeds and states q, qd, qdd (k, n)."""
+        """Sampler of M, C, K by rows and d of the system linearised by `along`, at phases, speeds and states
+        q, qd, qdd (k, n)."""
         return Sampler(tangent(self.setup.function("residual"), self.setup.p))
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """The same as C code; None if unavailable."""
+        """Matrices of `tangent` as C code; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
 
     @cached_property
@@ -327,7 +329,7 @@ class Model(PeriodicSystem):
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
-"""Decorator of public functions that require a vibrating model."""
+"""Decorator of public functions whose first argument must be a model that vibrates."""
 
 
 class LinearisedModel(Model):

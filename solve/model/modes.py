@@ -16,18 +16,19 @@ _SHIFT = 1e-6
 """Shift of ω² for singular K, relative to the mean ω². A choice."""
 
 _PIVOT = 1e-11
-"""Pivot of the factorisation of K, relative to its diagonal, below which it is round-off. A choice."""
+"""Pivot of the factorisation of K, relative to its diagonal, below which it counts as round-off. A choice."""
 
 _RIGID = 1e-13
-"""ω² relative to the largest K_ii/M_ii below which it is round-off of a rigid-body mode. A choice."""
+"""ω² relative to the largest K_ii/M_ii below which it counts as the round-off of a rigid-body mode. A
+choice."""
 
 _ASYMMETRY = 1e-10
-"""Asymmetry or negative eigenvalue of the scaled K, relative to its largest entry, that is round-off. A
-choice."""
+"""Asymmetry or negative eigenvalue of the scaled K, relative to its largest entry, that counts as round-off.
+A choice."""
 
 
 class Modes(NamedTuple):
-    """frequencies (m, k) in rad/s, ascending; vectors (m, n, k) with ΦᵀMΦ = I."""
+    """Modes: frequencies (m, k) in rad/s, ascending; vectors (m, n, k) with ΦᵀMΦ = I."""
 
     frequencies: Array
     vectors: Array
@@ -81,8 +82,8 @@ def _congruent(matrix: Array, L: Array) -> Array:
 
 
 def roundoff_frequency(M: Array, K: Array) -> Array:
-    """Frequency (m,) below which frequencies are round-off, for M, K (m, n, n); 0 for regular K, where low
-    frequencies are accurate."""
+    """Frequency (m,) below which computed frequencies are round-off, for M, K (m, n, n); 0 if K is regular,
+    so that low frequencies are accurate."""
     if M.shape[1] == 0:
         return np.zeros(len(M))
     rounding = np.sqrt(_RIGID * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
@@ -118,8 +119,8 @@ def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
 
 
 def has_modes(M: Array, K: Array) -> Array:
-    """Whether M and K (m, n, n) have modes (m,): finite, and K symmetric positive semidefinite up to
-    round-off."""
+    """Whether M and K (m, n, n) have modes (m,): both are finite, and K is symmetric and positive
+    semidefinite up to round-off."""
     unit = 1 / np.sqrt(np.einsum("mii->mi", M))
     with np.errstate(invalid="ignore"):
         scaled = K * unit[:, :, None] * unit[:, None, :]

@@ -18,7 +18,7 @@ _CHUNK = 256
 """Phases per evaluation: large enough to hide the cost of a call, small enough to map quickly. A choice."""
 
 _MAX_DEGREE = 4
-"""Maximum degree of polynomials of the speed. A choice."""
+"""Maximum degree of polynomials in the speed. A choice."""
 
 _CACHE_BYTES = 2**24
 """Memory limit of cached tables in bytes. A choice."""
@@ -46,8 +46,8 @@ class Sampler:
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, *inputs: Array) -> Array:
-        """Results (k, rows) for inputs (k, columns), or (k,) for inputs of one column, and shared inputs
-        (columns,)."""
+        """Results (k, rows) for inputs (k, columns), for inputs (k,) of one column, and for inputs (columns,)
+        shared by all k."""
         count = len(inputs[0])
         columns = [x.reshape(count, -1) if x.size else x for x in inputs[: self._varying]]
         results = np.empty((count, self._result.shape[1]))
@@ -71,12 +71,12 @@ def symbol(name: str, size: int = 1) -> Any:
 
 
 def inputs_of(function: "casadi.Function", *without: str) -> dict[str, Any]:
-    """Symbols for the inputs of a generated function by name, except those in `without`."""
+    """Symbols for the inputs of a generated function, by name; `without` lists inputs to omit."""
     return {name: symbol(name, function.size1_in(name)) for name in function.name_in() if name not in without}
 
 
 def by_rows(matrices: Iterable[Any]) -> Any:
-    """Entries of CasADi matrices, each by rows, concatenated in a column."""
+    """Column of the entries of CasADi matrices, row by row."""
     import casadi
 
     # CasADi stores by columns; transposes yield rows.
@@ -156,13 +156,13 @@ class MatrixSampler:
         return entries
 
     def terms(self, phase: Array) -> tuple[Array, Array, Array] | None:
-        """Coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d, with the entry, ascending, and the
-        power of each (R,); None if the entries are no polynomials of the speed."""
+        """Coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d, and for each coefficient its entry,
+        ascending, and its power (R,); None if the entries are not polynomials in the speed."""
         return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
 
 
 class _SpeedTerms(NamedTuple):
-    """Coefficients of powers of the speed, `values` (R), with the entry, ascending, and the power of each."""
+    """Coefficients `values` (R) of powers of the speed, with the entry (ascending) and the power of each."""
 
     values: "casadi.SX"
     entry: Array
@@ -170,7 +170,7 @@ class _SpeedTerms(NamedTuple):
 
 
 def _speed_terms(entries: "casadi.SX", speed: "casadi.SX") -> _SpeedTerms | None:
-    """Entries as polynomials of the speed; None if they are not."""
+    """Entries as polynomials in the speed; None if they are not polynomials."""
     import casadi
 
     parts, entry, power = [], [], []

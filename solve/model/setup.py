@@ -25,11 +25,11 @@ _CONDITION_PHASES = 720
 """Phases per period at which conditions on the parameters are checked. A choice."""
 
 _SAMPLES = {"points": 1, "curve": 361, "beam": 33}
-"""Points drawn per stated element of a line, by the kind of the line."""
+"""Number of points drawn per declared element of a sketched line, by the kind of the line."""
 
 
 def samples_of(kind: str, fineness: float = 1.0) -> int:
-    """Points drawn per stated element of a line of a kind.
+    """Number of points drawn per declared element of a line of this kind.
 
     >>> samples_of("curve", 0.2), samples_of("points", 0.2)
     (73, 1)
@@ -39,7 +39,8 @@ def samples_of(kind: str, fineness: float = 1.0) -> int:
 
 @dataclass(frozen=True)
 class Setup:
-    """Generated module, case with a value in the declared unit for every parameter, and all options."""
+    """Setup of a model: generated module, case with a value in the declared unit for every parameter, and all
+    options."""
 
     module: ModuleType
     case: Case
@@ -85,7 +86,7 @@ class Setup:
         return self.breaks_with(self.p)
 
     def breaks_with(self, p: Array) -> tuple[float, ...]:
-        """Breaks for other parameters, in the order of the generated functions."""
+        """Breaks for other parameter values p, in the order of the generated functions."""
         phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
@@ -96,15 +97,17 @@ class Setup:
 
     @property
     def module_options(self) -> dict[str, Any]:
-        """Options of the generated functions; those of a structure's elements concern its assembly only."""
+        """Options of the generated functions, without those of a structure's elements, which concern only its
+        assembly."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
-        """Generated function of this name."""
+        """Generated function of a name."""
         return getattr(self.module, name)(**self.module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
-        """Generated function at many phases, with separate values of the free parameters at each."""
+        """Sampler of a generated function at many phases, with separate values of the free parameters at each
+        phase."""
         order = list(self.case.parameters)
         return Sampler(folded(self.function(name), self.p, [order.index(parameter) for parameter in free]))
 
@@ -126,7 +129,7 @@ class Setup:
         varied: Sequence[str],
         transform: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]" = folded,
     ) -> Formulas | None:
-        """C code of a transformed generated function. Parameters that are 0 are substituted unless they are
+        """C code of a transformed generated function. Parameters with value 0 are substituted unless they are
         `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
@@ -162,7 +165,8 @@ class Setup:
 
     @cached_property
     def condition_phases(self) -> Array:
-        """Phases over the period at which the conditions must hold; one if none depends on the phase."""
+        """Phases over the period at which the conditions must hold; a single phase if no condition depends on
+        it."""
         over_phase = self.function("conditions").jac_sparsity(0, 0).nnz() > 0
         return (np.arange(_CONDITION_PHASES if over_phase else 1) + 0.5) * (
             self.module.PERIOD / _CONDITION_PHASES
@@ -207,8 +211,8 @@ class Setup:
 
 
 _MAX_CACHED = 64
-"""Number of generated functions whose code is kept, so that other values of the parameters need no new code.
-A choice: few models are used at a time."""
+"""Number of generated functions whose code is cached, so that other parameter values need no new code. A
+choice: few models are used at a time."""
 
 
 @lru_cache(_MAX_CACHED)
@@ -220,8 +224,8 @@ def _text_of(
     free: tuple[int, ...],
     count: int,
 ) -> tuple[str | None, int]:
-    """C code of a transformed generated function of the free ones of `count` parameters, the others of which
-    are 0, and its number of outputs."""
+    """C code of a transformed generated function, and its number of outputs. Its inputs are the free ones of
+    `count` parameters; the others are 0."""
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)
 

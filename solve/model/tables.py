@@ -1,4 +1,4 @@
-"""Measured functions of an angle: CSV tables, and Fourier series fitted to them by least squares."""
+"""Fourier series fitted by least squares to measured functions of an angle in CSV tables."""
 
 import csv
 import math
@@ -116,7 +116,7 @@ def _columns(angles: Array, harmonics: int) -> Array:
 
 
 def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[str, float]:
-    """Parameters of the model for the coefficients."""
+    """Parameters of the model that hold the coefficients of a series."""
     k = np.arange(1, len(coefficients) // 2 + 1)
     cosine, sine = coefficients[1:].reshape(2, -1)
     if series.integrated and not derivative:
@@ -174,7 +174,7 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
 
 
 def cells_of(name: str, path: Path) -> list[list[str]]:
-    """Cells of the nonempty lines, header first, separated by comma, semicolon or tab."""
+    """Cells of the nonempty lines of a CSV file, header first; separators are comma, semicolon or tab."""
     try:
         if path.exists() and not path.is_file():
             raise CaseFileError(f"{name}: table '{path}' is not a file; give a CSV file")
@@ -199,7 +199,7 @@ def cells_of(name: str, path: Path) -> list[list[str]]:
 
 
 def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
-    """Finite number in the cell `place` of a row. Raises CaseFileError."""
+    """Finite number in the cell of a row with index `place`. Raises CaseFileError."""
     text = row[place] if place < len(row) else ""
     try:
         number = float(text)
@@ -214,7 +214,7 @@ def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
 
 
 def size_in_header(name: str, column: str, unit: str) -> float:
-    """Size, in `unit`, of the unit in brackets at the end of a column header."""
+    """Factor to `unit` from the unit in brackets at the end of a column header."""
     bracket = re.search(r"\(([^()]*)\)\s*$", column)
     if not bracket:
         raise CaseFileError(f"{name}: column '{column}' has no unit; write it as in 'angle (deg)'")

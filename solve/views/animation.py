@@ -79,8 +79,8 @@ class Animation:
     warnings: Sequence[str]
 
     def lines(self, phase: Array, scale: float) -> Mapping[str, Plane]:
-        """Places x + iy (points, k) of the mechanism's lines at phases (k,), by name. scale: factor of the
-        coordinates, 0 for the rigid motion."""
+        """Points x + iy (points, k) of the mechanism's lines at phases (k,), by name of the line. scale:
+        factor of the coordinates; 0 gives the rigid motion."""
         return self.system.sketched(phase, self.speed, scale * self.vibration(phase))
 
     @property
@@ -111,12 +111,12 @@ class Animation:
         return Drawn(self.system, self.title, caption, self.doubt, phase, fine, rigid, moved, panels)
 
     def plot(self) -> Figure:
-        """Figure (matplotlib) of some positions."""
+        """Figure (matplotlib) of the mechanism at several positions."""
         return still(self.drawn(still=True))
 
     @cached_property
     def html(self) -> str:
-        """Animation as a single-file page of HTML."""
+        """Animation as a self-contained HTML page."""
         # The caption of the picture contains the doubt.
         warnings = [warning for warning in self.warnings if warning != self.doubt]
         return page_text(self.drawn(still=False), warnings)
@@ -137,7 +137,7 @@ class Animation:
         return f"Animation of {self.title}; .save('{self.system.name}.gif') writes it"
 
     def _repr_html_(self) -> str:
-        """Page in a frame, for a notebook."""
+        """HTML of a frame that contains the page, for notebooks."""
         return f'<iframe srcdoc="{escape(self.html)}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
 
@@ -228,7 +228,7 @@ def _calculated(
 
 
 def _require_nothing(is_given: bool) -> None:
-    """Raise ValueOutOfBoundsError for arguments that cannot change an orbit."""
+    """Raise ValueOutOfBoundsError if arguments are given that cannot apply to an existing orbit."""
     if is_given:
         raise ValueOutOfBoundsError(
             "an orbit that was calculated before has its speed, method and equations; leave out speed, "
@@ -258,7 +258,7 @@ def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animati
 def _free(
     system: PeriodicSystem, omega: float, names: Sequence[str], frames: int | None, rtol: float
 ) -> Animation:
-    """Animation of the free vibration from q = 1 at rest, scaled to a largest coordinate of 1."""
+    """Animation of the free vibration from q = 1 at rest, scaled so that the largest coordinate is 1."""
     from scipy.interpolate import CubicHermiteSpline
 
     system.known_quantities(names)
@@ -317,7 +317,7 @@ def require_magnification(scale: float | None) -> None:
 
 
 def frame_count(frames: int | None, free: bool, still: bool) -> int:
-    """Number of frames or positions, by default the usual one. Raises ValueOutOfBoundsError."""
+    """Number of frames or positions; None selects the default number. Raises ValueOutOfBoundsError."""
     if frames is None:
         return _POSITIONS if still else _FREE_FRAMES if free else _FRAMES
     most = MOST_POSITIONS if still else MOST_FRAMES

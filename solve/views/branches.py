@@ -32,7 +32,7 @@ _MARKS = {FOLD: ("o", "turns back"), DOUBLING: ("^", "period doubles"), TORUS: (
 
 
 _SIGNS = "o", "^", "s", "D", "v"
-"""Markers of the initial states of different orbits."""
+"""Markers of initial states, one for each orbit that they lead to."""
 
 
 @figure.register(Branch)
@@ -57,7 +57,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
-    """Sections of one verdict each, and the special points."""
+    """Draw the sections of a branch, each with one verdict, and the special points."""
     places, labelled = branch.system.unit_of(branch.over).of(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
         own = np.flatnonzero(branch.numbers == number)
@@ -78,8 +78,8 @@ def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
 
 
 def _verdicts_between(branch: Branch, own: Array) -> list[str]:
-    """Verdicts between neighbouring points of one branch: undetermined if theirs differ. Special points,
-    which lie on the stability boundary, do not count."""
+    """Verdict of each segment between neighbouring points of one branch: undetermined if the verdicts at its
+    ends differ. Special points, which lie on the stability boundary, are ignored."""
     verdicts = [
         None if branch.kinds[at] else verdict
         for at, verdict in zip(own.tolist(), np.array(branch.verdicts)[own].tolist(), strict=True)
@@ -112,7 +112,8 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
 
 @figure.register(Scatter)
 def scatter_figure(scatter: Scatter) -> Figure:
-    """Initial states in the plane of the first coordinate and its velocity, in the colour of their orbit."""
+    """Initial states in the plane of the first coordinate and its velocity, in the colours of the orbits that
+    they lead to."""
     system, n = scatter.system, scatter.system.n
     name = system.coordinates[0]
     with page(4.6, f"{title_of(system)}: where {len(scatter.leads)} starts lead") as sheet:

@@ -1,4 +1,4 @@
-"""Figure and tables of a stability chart: regions, growth in unstable ones, and boundaries."""
+"""Figure and tables of a stability chart: stable and unstable regions, growth per period, and boundaries."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -27,7 +27,7 @@ _FEW = 40_000
 itself."""
 
 _LETTER = 0.007, 0.035
-"""Half the width and half the height of a letter with its margin, as fractions of the figure."""
+"""Half width and half height of a letter including its margin, as fractions of the figure."""
 
 _FEWEST = 5
 """Minimum number of points of a curve for smoothing by Akima's cubics."""
@@ -37,9 +37,9 @@ _MOST_CURVES = 20
 
 
 class Field(NamedTuple):
-    """Stability over x (nx,) and y (ny,) in the units shown: growth ln|ρ| per period (ny, nx), kind of
-    unstable points or an empty text, whether a point is unknown; boundaries: kinds and curves (k, 2);
-    decided, open: boxes (k, 4), ends along x and y, with a proved verdict and without one."""
+    """Stability over x (nx,) and y (ny,) in the units shown: growth ln|ρ| per period (ny, nx), kind of each
+    unstable point (otherwise an empty text), and whether a point is unknown. boundaries: kinds and curves (k,
+    2); decided, open: boxes (k, 4) with and without a proved verdict, by their ends along x and y."""
 
     x: Array
     y: Array
@@ -106,7 +106,7 @@ def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]
 def values_figure(
     system: PeriodicSystem, field: Field, labels: tuple[str, str], values: Array, scale: str
 ) -> Figure:
-    """Values (ny, nx), grey where they are missing, and boundaries. scale: label of the values."""
+    """Map of values (ny, nx), grey where they are missing, with boundaries. scale: label of the values."""
     with page(5.0, f"{title_of(system)}: {scale.partition(' (')[0]}") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_UNKNOWN)
@@ -136,7 +136,8 @@ def _draw_boundaries(
 
 
 def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
-    """Edges of the boxes with a proved verdict, and the others in black; keys of the legend."""
+    """Draw the edges of boxes with a proved verdict, and other boxes in black; return the keys of the
+    legend."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Patch
 
@@ -154,7 +155,7 @@ def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
 
 
 def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str]) -> None:
-    """Draw the growth in the regions of each kind, with a colour bar each."""
+    """Draw the growth in the unstable regions of each kind, with one colour bar per kind."""
     from matplotlib.colors import ListedColormap
     from matplotlib.ticker import MaxNLocator
 
@@ -228,7 +229,7 @@ def _shades(kind: str, count: int) -> Array:
 
 
 def _name_regions(axes: Axes, field: Field, kinds: Sequence[str]) -> None:
-    """Write the name of each large region in its middle."""
+    """Label each large region at its centre."""
     from scipy import ndimage
 
     stable = (field.kinds == "") & ~field.unknown

@@ -34,15 +34,15 @@ _LEGEND = {
 _MARKERS = "osD^vPXph*<>"
 _DOTS: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4, "markersize": 5.5}
 _LINES = ("-", "--", ":")
-"""Line styles; the next one follows the last colour."""
+"""Line styles; each is used with all colours before the next one."""
 
 _WORST = 3.0
-"""Largest relative error that is drawn: a result with a larger one has no digit."""
+"""Largest relative error that is drawn: a result with a larger error is not accurate to even one digit."""
 
 
 @figure.register(Comparison)
 def comparison_figure(comparison: Comparison) -> Figure:
-    """Error over time with a line per method."""
+    """Figure of the error over the processor time, with a line per method."""
     methods = grouped((row.method, row) for row in comparison.measured if row.reason is None)
     kinds = [ORBIT, MULTIPLIERS] if comparison.judged_by == ORBIT else [MULTIPLIERS]
     known_to = {kind: getattr(comparison.reference.error_estimate, kind) for kind in kinds}
@@ -56,7 +56,8 @@ def work_precision_figure(
     known_to: Mapping[str, float],
     targets: Mapping[str, Sequence[float]],
 ) -> Figure:
-    """Error over time: panel per kind of error, line per method, points by rising steps, targets dashed.
+    """Figure of the error over the processor time, with a panel per kind of error and a line per method;
+    points in order of increasing steps, targets dashed.
 
     known_to: error of the reference by kind; below it, in the shaded area, errors cannot be measured. Errors
     above 3 and below a tenth of the reference's are not drawn.
@@ -93,7 +94,7 @@ def work_precision_figure(
 
 @tables.register(Comparison)
 def comparison_tables(comparison: Comparison) -> Sequence[RenderableType]:
-    """Table per number of steps and per target."""
+    """Tables, one per number of steps and one per target."""
     groups = grouped((f"At {row.at}: {_goal(comparison, row)}", row) for row in comparison.rows)
     return [item for group in groups.items() for item in _group_tables(comparison, *group)]
 
@@ -121,7 +122,7 @@ def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> li
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Reasons why methods have no result, and warnings, each with the methods it applies to."""
+    """Reasons why methods have no result, and warnings, each with the methods to which it applies."""
     # The mark of a method that does not resolve the fastest mode replaces its last warning.
     texts = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
     reasons = grouped(
@@ -144,8 +145,8 @@ _LEVELS = (1.5, 2.0, 2.5, 3.0, 4.0, 6.0)
 
 
 def newmark_region_figure() -> Figure:
-    """Stability regions of the (γ, β) plane: unstable for γ < 1/2, stable up to a limit of ω h (contours),
-    stable for any step (after thesis Fig. 6.1)."""
+    """Figure of the stability regions in the (γ, β) plane: unstable for γ < 1/2, stable up to a limit of ω h
+    (contours), stable for any step (after thesis Fig. 6.1)."""
     with styled():
         figure = new_figure(4.3)
         axes = figure.add_subplot()

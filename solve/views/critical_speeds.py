@@ -39,7 +39,8 @@ _BESIDE = 0.03
 
 @figure.register(CriticalSpeeds)
 def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
-    """Response, dominant multiplier and Campbell diagram over speed, or without the multiplier."""
+    """Figure of the response, the dominant multiplier (not with `campbell`) and the Campbell diagram over
+    speed."""
     drawn = (_draw_response, _draw_campbell) if campbell else _ALL
     title = "Campbell diagram" if campbell else "critical speeds"
     height, ratios = (5.4, (0.9, 1.3)) if campbell else (7.6, (1.1, 0.9, 1.3))
@@ -100,8 +101,9 @@ def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -
 
 
 def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[tuple[float, float]]:
-    """Points between each pole, a speed of unbounded response, and its neighbours among ascending speeds
-    (P,): near a pole the response (P,) is proportional to the inverse of the distance."""
+    """Points of the response curve between each pole (a speed of unbounded response) and its neighbours among
+    ascending speeds (P,): near a pole the response (P,) is proportional to the inverse of the distance from
+    the pole."""
     points, distances = [], np.geomspace(1.0, 1e-3, 24)[1:]
     for pole in poles:
         above = int(np.searchsorted(speeds, pole))
@@ -122,7 +124,8 @@ def _draw_marks(
 
 
 def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
-    """Shade unstable speeds (P,) of ascending speeds (P,), half way to their neighbours."""
+    """Shade the intervals around unstable speeds, half way to the neighbouring speeds. unstable (P,): mask of
+    the ascending speeds (P,)."""
     shown = unit.of(speeds)
     between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}
@@ -134,7 +137,7 @@ def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
 def _label_order(
     axes: Axes, unit: ShownUnit, speeds: Array, order: int, frequencies: Array, top: float
 ) -> None:
-    """Label an order on its ray where there is space, below `top` (Hz) and away from the frequencies (P, k)
+    """Label the ray of an order where there is space: below `top` (Hz), and away from the frequencies (P, k)
     in rad/s and from other labels."""
     clear = _CLEAR * top * 2 * math.pi
     ray = order * speeds
@@ -153,7 +156,7 @@ def _label_order(
 
 
 def _legend(axes: Axes) -> None:
-    """Add a legend above the frame, on the right, if anything is labelled."""
+    """Add a legend above the frame, on the right, if a curve has a label."""
     if not axes.get_legend_handles_labels()[0]:
         return
     axes.legend(
@@ -190,8 +193,8 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
-    """Draw the real part of the dominant multiplier on a scale of signed roots, which also shows small
-    ones."""
+    """Draw the real part of the dominant multiplier on a scale of signed square roots, on which small values
+    are visible."""
     power = 0.25
 
     def rooted(values: Array) -> Array:

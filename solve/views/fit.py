@@ -1,4 +1,4 @@
-"""Measured values beside computed ones, and fits."""
+"""Figures and tables of measured and computed values, and of fits."""
 
 import math
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ _SAME, _EVEN = 1e-6, 1e-3
 choices within the precision of measured data."""
 
 _CLOSE = 0.9
-"""Correlation from which on a pair of parameters is named."""
+"""Correlation above which a pair of parameters is listed."""
 
 _LEAST = 1e-6
 """Smallest amplitude that is drawn, relative to the largest measured one."""
@@ -72,7 +72,7 @@ def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
 
 def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
     """Measured points and computed curves, a panel per channel and speed, up to 8, with spectra of curves
-    that are measured at equidistant phases."""
+    measured at equidistant phases."""
     shown = channels[:_MOST_PANELS]
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))

@@ -16,10 +16,10 @@ from solve.views.style import BLACK, GREY, LIGHT, MANY, VERMILION, Axes, Figure
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table
 
 _SIDEBAND = 0.1
-"""Participation from which a harmonic of a mode is drawn as a thin line: a choice."""
+"""Participation above which a harmonic of a mode is drawn as a thin line. A choice."""
 
 _LEAST_NAMED = 0.01
-"""Participation from which tables name a harmonic: a choice."""
+"""Participation above which tables list a harmonic. A choice."""
 
 _MOST_HARMONICS, _WIDTH = 3, 48
 """Maximum number of harmonics that tables name, and of characters for them in 80 columns."""
@@ -108,7 +108,7 @@ def _draw_damping(axes: Axes, followed: FollowedModes) -> None:
 
 
 def _places(followed: FollowedModes, values: Array) -> Array:
-    """Values in the unit of the axis."""
+    """Values of the varied quantity in the unit of the axis."""
     return followed.system.unit_of(followed.over).of(values)
 
 

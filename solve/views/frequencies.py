@@ -63,7 +63,8 @@ def frequencies_figure(found: Frequencies) -> Figure:
 
 @figure.register(Findings)
 def findings_figure(found: Findings) -> Figure:
-    """Frequencies over the parameter or the revolution, otherwise mode shapes at the position."""
+    """Figure of the frequencies over the parameter or the revolution if computed, otherwise of the mode
+    shapes at the position."""
     return figure(found.widest)
 
 
@@ -145,14 +146,15 @@ def variation_figure(found: Variation) -> Figure:
 
 
 def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
-    """Lower left and upper right corner (x, y) around the structure and its displaced links."""
+    """Lower left and upper right corner (x, y) of the area that contains the structure and its displaced
+    links."""
     points = np.concatenate([*shapes[0].places, *(curve for shape in shapes for curve in _drawn(shape))])
     margin = 0.04 * np.linalg.norm(np.ptp(points, axis=0))
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
 def _drawn(shape: ModeShape) -> list[Array]:
-    """Places of the displaced links."""
+    """Points x + iy of the displaced links, one array per link."""
     scale = _DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     links = zip(shape.places, shape.displacements, strict=True)
     return [place + scale * displacement for place, displacement in links]
@@ -169,7 +171,8 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
 
 
 def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None]:
-    """Limits of the vertical axis: the lower one is 0 unless a mode grows; top: of frequencies, if known."""
+    """Limits of the vertical axis: the lower one is 0 unless a mode grows. top: upper limit for frequencies,
+    if known."""
     lowest = float(np.nanmin(roots, initial=0.0))
     if lowest == 0.0 and not top:
         return 0.0, 1.0 if not np.nan_to_num(roots).any() else None
@@ -205,8 +208,8 @@ def frequencies_tables(found: Frequencies) -> Sequence[Table]:
 
 @tables.register(Variation)
 def variation_tables(found: Variation) -> Sequence[Table]:
-    """One row per value of the parameter: the lowest frequency, the next one if that is a rigid-body
-    mode, and those of up to three links alone."""
+    """Table with one row per value of the parameter: the lowest frequency (also the next one if that of a
+    rigid-body mode is lowest), and the frequencies of up to three links alone."""
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"
@@ -237,7 +240,7 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
 
 
 def _lowest(listed: int, count: int) -> str:
-    """End of the title of a table that lists only the lowest modes."""
+    """Addition to the title of a table that lists only the lowest modes."""
     return f": the lowest {listed} of {count}" if listed < count else ""
 
 

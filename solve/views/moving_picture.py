@@ -30,11 +30,12 @@ _MECHANISM = 3.7
 width of the mechanism's axes."""
 
 _TALL = 1.8
-"""Ratio of height to width of a mechanism from which on six positions fit side by side."""
+"""Ratio of height to width of a mechanism above which six positions fit side by side."""
 
 _MARGIN = 0.07
 _SAME = 1e-9
-"""Distance, relative to the mechanism's size, up to which two places are equal: it bounds the round-off."""
+"""Distance, relative to the mechanism's size, up to which two points count as equal; it bounds the
+round-off."""
 
 _RIGID = {"color": "#B4B4B4", "linewidth": 2.4, "solid_capstyle": "round", "zorder": 2}
 _MOVED = {"color": BLUE, "linewidth": 1.5, "solid_capstyle": "round", "zorder": 3}
@@ -54,8 +55,8 @@ class Panel(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Content of a picture: phases (k,) of its frames and `fine` phases of the curves; lines by name, places
-    x + iy (points, k), of the rigid motion and with the vibration; a panel per quantity."""
+    """Content of a picture: phases (k,) of its frames and `fine` phases of the curves; lines by name, as
+    points x + iy (points, k), for the rigid motion and with the vibration; a panel per quantity."""
 
     system: PeriodicSystem
     title: str
@@ -79,13 +80,13 @@ class Drawn(NamedTuple):
 
 
 class Mover(NamedTuple):
-    """Line of the figure with its places x + iy (points, frames) in the units of its axes."""
+    """Line of the figure, with its points x + iy (points, frames) in the units of the axes."""
 
     artist: "Line2D"
     places: Plane
 
     def show(self, frame: int) -> None:
-        """Move the line to its places in a frame."""
+        """Move the line to its position in a frame."""
         self.artist.set_data(self.places[:, frame].real, self.places[:, frame].imag)
 
 
@@ -98,7 +99,7 @@ class Scene(NamedTuple):
     labels: list[str]
 
     def show(self, frame: int) -> None:
-        """Move all lines to their places in a frame."""
+        """Move all lines to their positions in a frame."""
         for mover in self.movers:
             mover.show(frame)
         self.label.set_text(self.labels[frame])
@@ -126,7 +127,7 @@ def scene(drawn: Drawn) -> Scene:
 
 
 def still(drawn: Drawn) -> Figure:
-    """Figure with a panel per position."""
+    """Figure of the mechanism at several positions, one panel each."""
     count = len(drawn.phase)
     low, high = _frame(drawn)
     tall = (high - low).imag > _TALL * (high - low).real
@@ -159,7 +160,7 @@ def gif(drawn: Drawn) -> bytes:
 
 
 def _images(made: Scene) -> Iterator:
-    """Frames with a common palette. The fixed background is drawn once."""
+    """Images of the frames, with a common palette. The fixed background is drawn once."""
     from PIL import Image
 
     artists = [*(mover.artist for mover in made.movers), made.label]
@@ -198,7 +199,7 @@ def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
 
 
 def _joints(drawn: Drawn, size: float) -> list[Plane]:
-    """Places (k,) of joints."""
+    """Positions x + iy (k,) of each joint."""
     ends = meeting_ends(drawn.rigid, drawn.moved, size)
     return [drawn.moved[name][end] for name, end in ends]
 
@@ -220,7 +221,7 @@ def meeting_ends(
 
 
 def is_still(places: Plane, size: float) -> bool:
-    """Whether a line stays at its place in all frames."""
+    """Whether a line does not move in any frame."""
     return bool(np.abs(places - places[:, :1]).max() < _SAME * size)
 
 
@@ -257,7 +258,7 @@ def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
 
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
-    """Lower left and upper right corner of the area that all frames need."""
+    """Lower left and upper right corner of the area that contains all frames."""
     places = np.concatenate([each.ravel() for lines in (drawn.rigid, drawn.moved) for each in lines.values()])
     low = complex(places.real.min(), places.imag.min())
     high = complex(places.real.max(), places.imag.max())
@@ -343,14 +344,15 @@ def _picture(made: Scene) -> tuple[str, list[dict]]:
 
 
 def _on_paper(artist, places: Plane, height: float) -> Plane:
-    """Places x + iy in the units of the picture, with y downwards."""
+    """Points x + iy converted to the units of the picture, with y downwards."""
     pairs = np.stack((places.real, places.imag), axis=-1).reshape(-1, 2)
     x, y = artist.axes.transData.transform(pairs).T
     return (x + 1j * (height - y)).reshape(places.shape)
 
 
 def _part(artist, places: Plane) -> tuple[str, dict]:
-    """Path of SVG and its motion: a transformation of a rigid line, otherwise its points."""
+    """SVG path of a line and its motion: transformations if the line is rigid, otherwise its points in each
+    frame."""
     width = artist.get_linewidth() if artist.get_linestyle() != "None" else artist.get_markersize()
     style = f'class="mover" stroke="{artist.get_color()}" stroke-width="{width}"'
     first = places[:, 0]
@@ -371,6 +373,6 @@ def _part(artist, places: Plane) -> tuple[str, dict]:
 
 
 def _path(places: Plane) -> str:
-    """Path through places; a single place is a dot."""
+    """SVG path through points; a single point is drawn as a dot."""
     numbers = [f"{place.real:.2f} {place.imag:.2f}" for place in places]
     return f"M{numbers[0]}" + ("L" + " ".join(numbers[1:]) if len(numbers) > 1 else "h0")

@@ -1,5 +1,5 @@
-"""Optimum beside the start: curves over the period, values over speed, and free parameters in their
-bounds."""
+"""Figures and tables of an optimum and the initial design: curves over the period, values over speed, and
+free parameters within their bounds."""
 
 from collections.abc import Sequence
 
@@ -18,8 +18,8 @@ _MOST_PARAMETERS = 24
 
 @figure.register(Optimum)
 def optimum_figure(optimum: Optimum) -> Figure:
-    """Before and after in one picture: curve at the worst speed, values over speed, parameters in their
-    bounds."""
+    """Figure of the initial design and the optimum: curve at the worst speed, values over speed, parameters
+    within their bounds."""
     names = list(optimum.parameters)[:_MOST_PARAMETERS]
     heights = [0.5 + 0.18 * len(names)]
     heights += [2.0] if len(optimum.speeds) > 1 else []
@@ -37,7 +37,7 @@ def optimum_figure(optimum: Optimum) -> Figure:
 
 
 def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
-    """Coordinate or output over the period at the worst speed, before and at the optimum."""
+    """Draw a coordinate or output over the period at the worst speed, before and at the optimum."""
     name = optimum.minimised.partition(".")[0]
     factor = label_quantity(axes, optimum.system, name, np.append(curves.before, curves.after))
     phase = np.degrees(curves.phase)
@@ -56,7 +56,7 @@ def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
 
 
 def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None:
-    """Places of the parameters between their bounds, before and at the optimum."""
+    """Draw the positions of the parameters between their bounds, before and at the optimum."""
     places = np.arange(len(names))
     shown = [optimum.parameters[name] for name in names]
     before, after = (

@@ -44,7 +44,7 @@ SCALES = ("linear", "dB")
 
 class Motion(NamedTuple):
     """Quantity over one period: values (k,) at equidistant phases, including both ends; values of a solution
-    for comparison, if any; amplitudes (m + 1,) from the mean on."""
+    for comparison, if any; amplitudes (m + 1,), of which the first is the mean."""
 
     values: Array
     beside: Array | None
@@ -180,7 +180,7 @@ def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[Renderabl
 
 @brief.register(RigidOrbit)
 def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
-    """Complete printout, since there is no verdict."""
+    """Complete printout, because a short one states the verdict, which does not exist here."""
     return printout(orbit)
 
 
@@ -222,6 +222,6 @@ def _order_table(orbit: Orbit) -> Table:
 
 
 def _broken(name: str) -> str:
-    """Name, split at an underscore if it is too long for a table of 80 columns."""
+    """Name, with a line break after an underscore if it is too long for a table of 80 columns."""
     place = name.rfind("_", 0, _LONGEST_NAME) + 1
     return name if len(name) <= _LONGEST_NAME or not place else f"{name[:place]}\n{name[place:]}"

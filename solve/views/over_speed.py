@@ -19,7 +19,7 @@ from solve.views.tables import RenderableType, table, table_of, text
 def sweeps_figure(
     sweeps: Sweeps, quantities: Sequence[str] | None = None, figure: str | None = None
 ) -> Figure:
-    """Panel per quantity with a curve per system; see `Sweeps.plot`."""
+    """Figure with a panel per quantity with a curve per system; see `Sweeps.plot`."""
     responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
     speeds = sweeps.system.speed_unit.of(sweeps.speeds[order])

@@ -1,4 +1,4 @@
-"""Motion over time: transients, curves over a period, and what they consist of."""
+"""Figures and tables of motion over time: transients, curves over a period, and contributions of modes."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -34,7 +34,7 @@ from solve.views.tables import MOST_ROWS, RenderableType, table, table_of, text
 
 @figure.register(Transient)
 def transient_figure(transient: Transient, names: Sequence[str] | None = None) -> Figure:
-    """Each quantity over the periods, with the extrema of the orbit; see `Transient.plot`."""
+    """Figure of each quantity over the periods, with the extrema of the orbit; see `Transient.plot`."""
     names = shown(transient.system, names)
     turns = transient.time if transient.ramp else transient.phase / transient.system.period
     kind = "nonlinear" if transient.nonlinear else "linear"
@@ -61,7 +61,7 @@ def transient_figure(transient: Transient, names: Sequence[str] | None = None) -
 
 
 def _add_speeds(axes: Axes, transient: Transient) -> None:
-    """Add the speed, which is linear in time, to the top."""
+    """Add an axis of the speed, which is linear in time, at the top."""
     first, last = transient.system.speed_unit.of(transient.ends[[0, -1]])
     slope = (last - first) / transient.time[-1]
     above = axes.secondary_xaxis(
@@ -72,7 +72,8 @@ def _add_speeds(axes: Axes, transient: Transient) -> None:
 
 @tables.register(Transient)
 def transient_tables(transient: Transient) -> Sequence[RenderableType]:
-    """Table per period of largest moduli and distances to the orbit; table of the extrema of outputs."""
+    """Table of the largest moduli and distances to the orbit, one row per period; table of the extrema of
+    outputs."""
     columns = {"": Column(range(1, transient.turns + 1), heading="turn")}
     for name, peaks in zip(transient.system.coordinates[:MOST_SHOWN], transient.peaks.T, strict=False):
         columns[name] = sized(peaks, transient.system.units.get(name, ""), "", name, 6)
@@ -99,7 +100,7 @@ def _output_tables(transient: Transient) -> list[RenderableType]:
 
 
 BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
-"""Style of a reference curve behind the others."""
+"""Style of a reference curve drawn behind other curves."""
 
 MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one picture."""
@@ -116,7 +117,8 @@ def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
 
 
 def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
-    """Coordinate or output over one period, a curve per speed, the slowest darkest, for orbits of one system.
+    """Figure of a coordinate or output over one period for orbits of one system, a curve per speed; the
+    slowest is darkest.
 
     Raises UnknownNameError and ValueOutOfBoundsError.
     """
@@ -130,7 +132,7 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
 
 
 def turns_figure(orbits: Mapping[str, Orbit], name: str, title: str, reverse: bool = False) -> Figure:
-    """Coordinate or output over one period, a curve per orbit with its label."""
+    """Figure of a coordinate or output over one period, with a labelled curve per orbit."""
     system = next(iter(orbits.values())).system
     phase = np.linspace(0.0, system.period, max(orbit.samples for orbit in orbits.values()) + 1)
     curves = {label: orbit.signal(name)(phase) for label, orbit in orbits.items()}
@@ -147,8 +149,8 @@ def curves_figure(
     styles: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
     about: str = "",
 ) -> Figure:
-    """Curves (k,) of a coordinate or output at phases (k,) of one period, by label. styles: of some curves,
-    by label. about: subject in the title, by default the quantity."""
+    """Figure of curves (k,) of a coordinate or output at phases (k,) of one period, by label. styles: line
+    styles of some curves, by label. about: subject in the title, by default the quantity."""
     shown = about or f"{name.replace('_', ' ')} over one turn"
     with page(3.3, f"{title_of(system)}: {shown}") as figure:
         axes = figure.subplots()
@@ -166,8 +168,8 @@ def curves_figure(
 def contributions_figure(
     model: PeriodicSystem, found: Contributions, speed: float, uncoupled: Array | None = None
 ) -> Figure:
-    """Output over the period and the contribution of each mode, at a speed in rad/s. uncoupled: values (k,)
-    of the output without coupling of the modes."""
+    """Figure of an output over the period and of the contribution of each mode, at a speed in rad/s.
+    uncoupled: values (k,) of the output without coupling of the modes."""
     curves = {"all modes": found.total}
     curves |= {f"mode {number}": values for number, values in enumerate(found.values, 1)}
     if uncoupled is not None:
@@ -178,8 +180,8 @@ def contributions_figure(
 
 
 def fits_figure(model: Model) -> Figure:
-    """Series fitted to the tables of the model's case, a panel each. Raises NoResultError if there is
-    none."""
+    """Figure of the series fitted to the tables of the model's case, one panel each. Raises NoResultError if
+    there is none."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
     turn = np.linspace(0.0, 2 * np.pi, SAMPLES)

@@ -1,4 +1,4 @@
-"""Report on a system, and its page: a single file of HTML for screens, telephones and paper."""
+"""Report on a system as a self-contained HTML page for screens, telephones and paper."""
 
 import itertools
 import re
@@ -21,7 +21,7 @@ from solve.views.style import Figure, drawn
 from solve.views.tables import table, text
 
 OVER_SPEEDS = 1e-6
-"""Smallest tolerance over the speeds: curves and tables there show fewer digits."""
+"""Smallest tolerance of results over speed, whose curves and tables show fewer digits."""
 
 ENDINGS = (".html",)
 
@@ -31,7 +31,7 @@ _UNNEEDED = re.compile(
     r"<metadata>.*?</metadata>|<style.*?</style>|<!--.*?-->|(?<=<svg)[^>]*?(?= viewBox)", re.DOTALL
 )
 _NAME = re.compile(r'(\bid="|href="#|url\(#)')
-"""Beginning of an identifier in a picture; identifiers must be unique on the page."""
+"""Pattern of the beginning of an identifier in a picture; identifiers must be unique on the page."""
 
 _NUMBER = re.compile(r"\d+$")
 
@@ -79,13 +79,13 @@ class Report:
 
     @property
     def summary(self) -> list[str]:
-        """Sentences on the findings of the sections, each once."""
+        """Sentences on the findings of the sections, without repetitions."""
         sentences = (part.result.summary for part in self.parts if part.result is not None)
         return list(filter(None, dict.fromkeys(sentences)))
 
     @cached_property
     def warnings(self) -> dict[str, list[str]]:
-        """Sentences on what is doubtful, each with the headings of its sections."""
+        """Warnings, each with the headings of the sections in which it occurs."""
         headings: dict[str, list[str]] = {}
         for part in self.parts:
             for warning in part.result.warnings if part.result is not None else ():
@@ -175,7 +175,7 @@ def _link(heading: str, text: str = "") -> str:
 
 
 def _findings(report: Report) -> str:
-    """Verdict, other findings and warnings."""
+    """HTML of the verdict, the other findings and the warnings."""
     verdict = [f'<p class="verdict">{escape(sentence)}</p>' for sentence in report.summary[:1]]
     lines = [*verdict, _list(map(escape, report.summary[1:]), "found")]
     if report.warnings:
@@ -220,7 +220,7 @@ def _parameters(system: PeriodicSystem) -> str:
 
 
 def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Rows, with successive ones combined that differ only in the numbers of name and meaning."""
+    """Rows, with successive rows combined if they differ only in the numbers in name and meaning."""
 
     def kind(row: tuple[str, ...]) -> tuple[str, ...]:
         name, value, unit, meaning, source = row
@@ -281,7 +281,7 @@ def svg_of(figure: Figure) -> str:
 
 
 def _settings(report: Report) -> str:
-    """Table of tolerances, options and versions; methods, steps and errors are in the sections."""
+    """HTML table of tolerances, options and versions; methods, steps and errors are in the sections."""
     system = report.system
     rows = {
         "relative tolerance": f"{report.rtol:g}, over the speeds {max(report.rtol, OVER_SPEEDS):g}",
@@ -296,7 +296,7 @@ def _settings(report: Report) -> str:
 
 
 def _table(headings: Sequence[str], rows: Iterable[Sequence[str]], number: str = "") -> str:
-    """Table of texts, with numbers under one of the headings."""
+    """HTML table of texts, with the column of one heading formatted as numbers."""
     cells = [[*map(text, row)] for row in rows]
     content = table("", *headings, left=len(headings), rows=cells)
     for column in content.columns:

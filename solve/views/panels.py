@@ -55,7 +55,7 @@ def titled(system: PeriodicSystem, speed: float) -> str:
 
 
 def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) -> Sequence[str]:
-    """Labels of values with the fewest digits with which different values have different labels.
+    """Labels of values, with as few digits as distinguish different values.
 
     >>> distinct_labels([1.0, 1.00000002], lambda value, form: f"{value:{form}}")
     ['1', '1.00000002']
@@ -133,7 +133,7 @@ def label_phases(axes: Axes, period: float) -> None:
 
 
 def through(x: Array, y: Array) -> tuple[Array, Array]:
-    """Curve through points over x (k,), in any order, with gaps where y is NaN.
+    """Interpolated curve through points with abscissas x (k,) in any order, with gaps where y is NaN.
 
     The interpolation by monotone cubics (F. Fritsch, R. Carlson, SIAM J. Numer. Anal. 17 (1980) 238-246) adds
     no extrema.
@@ -153,8 +153,8 @@ def through(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
-    """Draw an interpolated curve over x (k,), see `through`, or the exponential of one through the logarithms
-    of positive values. Few points are marked."""
+    """Draw an interpolated curve over x (k,), see `through`; if `by_logarithm`, positive values are
+    interpolated by their logarithms. If there are few points, they are marked."""
     with np.errstate(divide="ignore"):
         fine, values = through(x, np.log(y) if by_logarithm else y)
     axes.plot(fine, np.exp(values) if by_logarithm else values, **style)
@@ -164,7 +164,7 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Colours and dashes of several curves, the first darkest, which also differ in black and white."""
+    """Colours and dashes of several curves, the first darkest; the curves also differ in black and white."""
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))

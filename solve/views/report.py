@@ -1,4 +1,4 @@
-"""Report on a model: all studies for one page."""
+"""Report on a model: computation of all studies for one page."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,7 +29,8 @@ from solve.views.page import OVER_SPEEDS, Part, Report
 
 
 class Request(NamedTuple):
-    """Section to be calculated: function of its result, and of a substitute if there is none."""
+    """Section to be calculated: the function that computes its result, and one that computes a substitute if
+    there is no result."""
 
     part: Part
     calculate: Callable[[], Result]
@@ -97,7 +98,7 @@ def report(
 
 
 def _parts(requests: Sequence[Request]) -> list[Part]:
-    """Sections with their results, or with the reasons why there are none."""
+    """Sections with their results, or with the reasons why results are missing."""
     parts = []
     with progress.steps(len(requests)) as step:
         for part, calculate, instead in requests:
@@ -110,7 +111,7 @@ def _parts(requests: Sequence[Request]) -> list[Part]:
 
 
 def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
-    """Result, or None with the reason."""
+    """Result of a calculation, or None and the reason why there is none."""
     try:
         return calculate(), ""
     except SolveError as reason:
@@ -189,7 +190,7 @@ def _over_speeds(
 
 
 def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: float) -> Callable[[], Result]:
-    """Function that requires a load before the calculation."""
+    """Function that checks that there is a load, then runs the calculation."""
 
     def checked() -> Result:
         require_load(system, omega)

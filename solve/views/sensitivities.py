@@ -18,8 +18,8 @@ _MOST_BARS = 12
 
 @figure.register(Sensitivities)
 def sensitivities_figure(result: Sensitivities) -> Figure:
-    """Elasticities of every quantity as bars, the largest at the top; real and imaginary parts of complex
-    ones."""
+    """Figure of the elasticities of every quantity as bars, the largest at the top; for complex quantities,
+    real and imaginary parts."""
     ranked = {quantity: result.ranked(quantity)[:_MOST_BARS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
     name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
@@ -72,7 +72,8 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 
 @figure.register(SensitivitiesOver)
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
-    """Panel per quantity with the largest elasticities over speed; moduli of complex ones."""
+    """Figure with a panel per quantity of the largest elasticities over speed; for complex quantities,
+    moduli."""
     count, speeds = len(result.quantities), result.system.speed_unit.of(result.speeds)
     with panels_over(
         result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False

@@ -23,30 +23,31 @@ def figure(result: Result, *_: Any, **__: Any) -> Figure:
 
 @singledispatch
 def tables(result: Result) -> Sequence[RenderableType]:
-    """Tables and texts below the heading; by default one table of the columns that have headings."""
+    """Tables and texts of a result below its heading; by default one table of the columns that have
+    headings."""
     return [table_of(result._title, result.columns)]
 
 
 @singledispatch
 def printout(result: Result, choices: Sequence[str] = (), **options: Any) -> RenderableType:
-    """Everything that a command prints except warnings. choices: settings beyond the case; options: of the
-    tables."""
+    """Everything that a command prints except warnings. choices: settings other than the case; options:
+    options of the tables."""
     return stacked(heading_of(result, choices), *tables(result, **options))
 
 
 @singledispatch
 def brief(result: Result) -> RenderableType:
-    """Content of the text of a result."""
+    """Tables and texts of the short form of a result."""
     return printout(result)
 
 
 def heading_of(result: Result, choices: Sequence[str] = ()) -> Table:
-    """Model, speed and facts."""
+    """Heading of a result: model, speed and header rows."""
     return heading(result.system, result.summary_values.get("speed"), choices, result.header_rows())
 
 
 def as_text(result: Result) -> str:
-    """A few lines without styles."""
+    """Short text of a result, without styles."""
     stream = StringIO()
     # In a notebook a console would also display the text itself.
     console(file=stream, width=_WIDTH, no_color=True, force_jupyter=False).print(brief(result))
@@ -55,7 +56,7 @@ def as_text(result: Result) -> str:
 
 
 def as_html(result: Result) -> str:
-    """All tables and texts as HTML, for a notebook and for reports."""
+    """All tables and texts of a result as HTML, for a notebook and for reports."""
     return html(printout(result))
 
 
@@ -65,7 +66,7 @@ else:
     Table = object
 
 _LEFT = ' style="text-align: left"'
-"""Style of texts: a notebook aligns all cells to the right."""
+"""CSS style of text cells, because notebooks align all cells to the right."""
 
 
 def html(printed: RenderableType) -> str:

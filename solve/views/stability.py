@@ -18,7 +18,7 @@ from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, SubFig
 from solve.views.tables import RenderableType, assembled, stacked, table, text
 
 CIRCLE_ROW = 2.45
-"""Height of the panels of multipliers, in inches."""
+"""Height in inches of the panels that show multipliers."""
 
 _CLOSER = 0.4
 """Spectral radius below which multipliers are also drawn magnified."""
@@ -30,7 +30,7 @@ VERDICT_STYLES = dict(zip(VERDICTS, ("bold green", "bold yellow", "bold red", "b
 
 @figure.register(Stability)
 def stability_figure(result: Stability) -> Figure:
-    """Multipliers and the unit circle; small multipliers also magnified."""
+    """Figure of the multipliers and the unit circle; small multipliers are also shown magnified."""
     with page(CIRCLE_ROW + 0.4, titled(result.system, result.speed)) as figure:
         draw_stability(figure, result)
     return figure
@@ -88,7 +88,7 @@ def _verdict_line(result: Stability) -> RenderableType:
 
 
 def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
-    """Draw panels of the multipliers, small ones also magnified, and of the verdict."""
+    """Draw panels of the multipliers (small ones also magnified) and of the verdict."""
     from matplotlib.patches import Circle
 
     rho = result.multipliers[~np.isnan(result.multipliers)]
@@ -143,7 +143,7 @@ def _write_summary(axes: Axes, result: Stability) -> None:
 _MOST_DISCS = 8
 
 _LONGEST = 60
-"""Number of digits of a bound that fit beside its name in 80 columns."""
+"""Number of digits of a bound that fit next to its name in 80 columns."""
 
 
 def proof_printout(proof: Proof) -> RenderableType:

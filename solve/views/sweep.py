@@ -36,16 +36,17 @@ KIND_COLORS = {"+1": VERMILION, "-1": PURPLE, "complex": GREEN}
 KIND_NAMES = {"+1": "ρ = +1: period T", "-1": "ρ = −1: period 2T", "complex": "complex pair"}
 
 _ALIKE = 1e-6
-"""Distance from 1 below which differences of spectral radii are round-off and not resolved by the axis."""
+"""Distance from 1 below which differences of spectral radii are round-off and are not resolved by the
+axis."""
 
 _FLOOR = -80.0
 """Lowest amplitude of a spectrum in dB that is drawn."""
 
 _WIDTH = 48
-"""Number of characters for columns of quantities, of 80 with speed, radius and stability."""
+"""Number of characters for columns of quantities, out of 80 with speed, radius and stability."""
 
 _MOST_ROWS = 60
-"""Maximum number of rows; of more speeds every k-th is shown."""
+"""Maximum number of rows; if there are more speeds, every k-th is shown."""
 
 MOST_LINES = 12
 """Maximum number of lines that can be distinguished in one figure."""
@@ -55,14 +56,14 @@ Edges = Sequence[tuple[float, float, str]]
 
 
 def _drawn(sweep: Sweep) -> Sequence[str]:
-    """Stored coordinates, or the outputs if there are none."""
+    """Names of the stored coordinates, or of the outputs if no coordinate is stored."""
     kept = sweep.results.kept.names
     return [name for name in kept if name in sweep.system.coordinates] or kept
 
 
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-    """Response over speed and spectral radius; see `Sweep.plot`."""
+    """Figure of the response and the spectral radius over speed; see `Sweep.plot`."""
     names = sweep.system.known_quantities(names or _drawn(sweep))
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.vibrates else None
@@ -71,8 +72,8 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
-    """Row per point with the largest moduli of the named quantities, by default the coordinates, as far as
-    they fit."""
+    """Table with one row per point:  the largest moduli of the named quantities, by default of as many
+    coordinates as fit."""
     names = names or _drawn(sweep)
     units = sweep.system.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
@@ -103,7 +104,8 @@ def response_figure(
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """Panel per quantity with its statistic over the last varying parameter, and of the spectral radius.
+    """Figure with a panel per quantity, which shows its statistic over the last varying parameter, and a
+    panel of the spectral radius.
 
     varied, responses: values (P,) by name. radius: spectral radii (P,); None without vibration. There is a
     line for each combination of the other parameters; a single line has its maxima marked. Unstable bands are
@@ -140,7 +142,8 @@ def response_figure(
 def _lines(
     system: PeriodicSystem, varied: Mapping[str, Array], others: Sequence[str], along: str
 ) -> dict[str, list[int]]:
-    """Indices of the points of each line, ascending along it, by label of the other parameters."""
+    """Indices of the points of each curve, in ascending order of the parameter `along`, by label of the other
+    parameters."""
     lines: dict[str, list[int]] = {}
     labels: Sequence[str] = [""] * len(varied[along])
     if others:
@@ -155,7 +158,8 @@ def _lines(
 
 
 def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
-    """Mark maxima between two lower neighbours; beside a gap the response may continue to rise."""
+    """Mark maxima between two lower neighbours; not next to a gap, where the response may continue to
+    rise."""
     inner = heights[1:-1]
     top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
     axes.plot(x[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
@@ -164,7 +168,7 @@ def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
 
 
 def moving(varied: Mapping[str, Array]) -> list[str]:
-    """Names of the quantities that vary, from values (P,) by name; the last quantity if none does."""
+    """Names of the quantities that vary, from their values (P,) by name; the last quantity if none varies."""
     return [name for name, values in varied.items() if np.ptp(values) > 0] or [*varied][-1:]
 
 
@@ -183,8 +187,8 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
 
 
 def waterfall_figure(sweep: Sweep, name: str) -> Figure:
-    """Amplitudes of a quantity over the varying quantity and the order of rotation; 0 dB is the largest. See
-    `Sweep.waterfall`."""
+    """Figure of the amplitudes of a quantity over the varying quantity and the order of rotation; 0 dB is the
+    largest. See `Sweep.waterfall`."""
     system, varied, amplitudes = sweep.system, sweep.varied, sweep.spectrum(name)
     *others, along = moving(varied)
     if others:
@@ -216,7 +220,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
 
 @figure.register(Bands)
 def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
-    """Spectral radius over speed with the unstable bands shaded by kind; see `Bands.plot`."""
+    """Figure of the spectral radius over speed with the unstable bands shaded by kind; see `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
             f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "

@@ -22,7 +22,7 @@ MOST_ROWS = 40
 """Maximum number of rows of long tables, so that they fit on two screens; every k-th row is shown."""
 
 _UNBROKEN = 10_000
-"""Terminal width in columns at which no table wraps."""
+"""Width in columns at which no table wraps."""
 
 
 def stacked(*items: RenderableType) -> RenderableType:
@@ -33,7 +33,7 @@ def stacked(*items: RenderableType) -> RenderableType:
 
 
 def text(content: str, style: str = "") -> RenderableType:
-    """Text in a style of Rich."""
+    """Renderable text in a style of Rich."""
     from rich.text import Text
 
     return Text(content, style)
@@ -83,7 +83,7 @@ def table(
 def table_of(
     title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
 ) -> Table:
-    """Table of the columns that have a heading; of more rows than `most` every k-th is shown."""
+    """Table of the columns that have a heading; if there are more rows than `most`, every k-th is shown."""
     shown = [column for column in columns.values() if column.heading]
     rows = [*zip(*(column.texts for column in shown), strict=True)]
     step = math.ceil(len(rows) / (most or len(rows) or 1)) or 1
@@ -153,7 +153,7 @@ def heading(
 
 
 def _with_unit(system: PeriodicSystem, choice: str) -> str:
-    """Choice NAME=NUMBER of a parameter, with its unit."""
+    """Text NAME=NUMBER of a parameter, with the unit added."""
     name, _, value = choice.partition("=")
     unit = system.unit_of(name).name if name in system.parameter_labels else ""
     return choice if unit in ("", "1") or not is_number(value) else f"{choice} {unit}"

@@ -1,5 +1,5 @@
-"""Long work of the live window in a process of its own, so that sliders stay responsive and a cancellation is
-certain."""
+"""Separate process for long calculations of the live window, so that sliders stay responsive and calculations
+can be cancelled at any time."""
 
 import multiprocessing
 import pickle
@@ -21,18 +21,19 @@ _JOIN = 2.0
 
 
 class Work(Protocol):
-    """Work that can be sent to another process."""
+    """Calculation that can be sent to another process."""
 
     def run(self) -> dict[str, Any]: ...
 
 
 Report = Callable[[str, dict[str, Any]], object]
-"""Function of a kind ("progress", "done", "refused", "failed" or "cancelled") and its values."""
+"""Type of the report function, which takes a kind ("progress", "done", "refused", "failed" or "cancelled")
+and its values."""
 
 
 class Background:
-    """Process that carries out one piece of work at a time. It starts with the first work, and again after a
-    cancellation.
+    """Process that carries out one calculation at a time. It is started for the first calculation, and again
+    after a cancellation.
 
     Reports are delivered from a thread of this object.
     """
@@ -46,11 +47,11 @@ class Background:
 
     @property
     def busy(self) -> bool:
-        """Whether work is under way."""
+        """Whether a calculation is running."""
         return self._running
 
     def start(self, work: Work, report: Report) -> None:
-        """Begin work; work under way is cancelled."""
+        """Start a calculation, after cancelling the one that is running."""
         self.cancel()
         content = pickle.dumps(work)
         with self._lock:
@@ -65,7 +66,7 @@ class Background:
         listening.start()
 
     def cancel(self) -> None:
-        """End work under way, and its process."""
+        """Cancel the running calculation and end its process."""
         with self._lock:
             if not self._running:
                 return
@@ -86,7 +87,7 @@ class Background:
             process.join()
 
     def _listen(self, connection: Any, report: Report) -> None:
-        """Deliver reports of one piece of work until it ends."""
+        """Deliver the reports of one calculation until it ends."""
         while True:
             try:
                 kind, values = connection.recv()
@@ -106,7 +107,7 @@ class Background:
 
 
 def _serve(connection: Any) -> None:
-    """Carry out work from a connection until it is closed."""
+    """Carry out calculations received from a connection until it is closed."""
     # An interruption of the terminal reaches all its processes; the window ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):

@@ -14,7 +14,8 @@ from solve.studies.frequencies import frequencies
 from solve.units import GivenSpeed, ShownUnit, raised, speed_in_si, unit_given
 
 _SPAN = 10.0
-"""Factor from the value of a positive parameter to either end of its slider. A choice."""
+"""Ratio of the upper end of a slider to the value of a positive parameter, and of the value to the lower end.
+A choice."""
 
 _SPEEDS = 0.2, 3.0
 """Ends of the slider of the speed, relative to the first speed. A choice."""
@@ -24,7 +25,7 @@ _BELOW_RESONANCE = 0.1
 motion is then in resonance. A choice."""
 
 _DIGITS = 4
-"""Significant digits of values that a slider takes."""
+"""Number of significant digits of slider values."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Control:
     further: bool = False
 
     def record(self) -> dict[str, Any]:
-        """Values for the page."""
+        """Data of the slider for the page, as a JSON object."""
         return asdict(self)
 
 
@@ -83,7 +84,7 @@ def _of_parameter(model: Model, name: str, unit: str, meaning: str, bound: str) 
 
 
 def _family(name: str) -> str:
-    """Name without its number.
+    """Name of a parameter without its trailing number.
 
     >>> _family("a12")
     'a'
@@ -92,8 +93,9 @@ def _family(name: str) -> str:
 
 
 def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
-    """Given speed, that of the case, or one well below the lowest natural frequency, in rad/s with its unit.
-    Raises SolveError subclasses for bad input, and MissingValueError without any speed."""
+    """Initial speed in rad/s with its unit: the given one, else that of the case, else one well below the
+    lowest natural frequency. Raises SolveError subclasses for bad input, and MissingValueError without any
+    speed."""
     try:
         return speed_in_si(model.speed_or_usual(speed))
     except MissingValueError:
@@ -161,7 +163,7 @@ def widened(span: Range, value: float) -> Range:
 
 
 def rounded(value: float, digits: int = _DIGITS) -> float:
-    """Number with few significant digits.
+    """Number rounded to a few significant digits.
 
     >>> rounded(123456.0), rounded(0.0)
     (123500.0, 0.0)
@@ -179,7 +181,7 @@ def number(value: float) -> str:
 
 
 def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
-    """Number of a typed text, in the unit of the slider.
+    """Value of a typed text, in the unit of the slider.
 
     Parameters
     ----------

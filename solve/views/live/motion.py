@@ -13,11 +13,12 @@ from solve.views.live.picture import Solution
 from solve.views.moving_picture import is_closed, is_still, meeting_ends
 
 FRAMES = 36
-"""Number of frames over a period, between which the page interpolates: a rotating point then lies within
-0.4 % of its circle."""
+"""Number of frames over a period, between which the page interpolates: the interpolated path of a rotating
+point then deviates from its circle by at most 0.4 %."""
 
 COARSE = 0.25
-"""Fraction of the points of curves, while sliders move, of those in animations: a quarter of the time."""
+"""Number of points of curves while sliders move, as a fraction of that in animations; this takes a quarter of
+the time."""
 
 
 def motion(
@@ -78,7 +79,8 @@ def _corners(lines: Sequence[Plane]) -> tuple[complex, complex]:
 def _visible_scale(
     solution: Solution, phase: Array, q: Array, rigid: Mapping[str, Plane], fineness: float
 ) -> float:
-    """Largest round magnification that distorts the mechanism little, from a third of the frames."""
+    """Largest round magnification that does not visibly distort the mechanism, estimated from a third of the
+    frames."""
     if not q.any():
         return 1.0
     some, system, speed = slice(None, None, 3), solution.orbit.system, solution.orbit.speed

@@ -1,4 +1,4 @@
-"""Solution at the present position of the sliders, as data for the page."""
+"""Solution at the current position of the sliders, as data for the page."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ from solve.single import periodic
 from solve.system import require_load
 
 PHASES = 361
-"""Number of points of a curve: every degree of a revolution, more than a narrow panel has pixels."""
+"""Number of points of a curve: one per degree of a revolution, more than the pixels of a narrow panel."""
 
 FREE_PERIODS = 8
 """Number of periods of the free vibration that is shown without a load."""
@@ -30,7 +30,7 @@ _FREE_RTOL = 1e-6
 
 _HARMONICS = 60
 _VISIBLE = 1e-3
-"""Amplitude relative to the largest below which the tail of a spectrum is not shown."""
+"""Amplitude, relative to the largest, below which the tail of a spectrum is not shown."""
 
 _DIGITS = 5
 """Significant digits of points of curves: a panel has fewer than 1e4 pixels."""
@@ -38,7 +38,7 @@ _DIGITS = 5
 
 @dataclass(frozen=True)
 class Solution:
-    """Orbit at the present position of the sliders; without a load also the free vibration from q = 1."""
+    """Orbit at the current position of the sliders; without a load also the free vibration from q = 1."""
 
     orbit: Orbit
     free: Transient | None = None
@@ -88,8 +88,8 @@ def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solut
 
 
 def record(solution: Solution, shown: Sequence[str]) -> dict[str, Any]:
-    """Values that follow the sliders: curves and spectra of the quantities shown, multipliers, verdict,
-    errors and warnings."""
+    """Data that are computed at every change of the sliders: curves and spectra of the quantities shown,
+    multipliers, verdict, errors and warnings."""
     orbit = solution.orbit
     values: dict[str, Any] = {
         "span": math.degrees(solution.span),
@@ -113,7 +113,7 @@ def record(solution: Solution, shown: Sequence[str]) -> dict[str, Any]:
 
 
 def details(solution: Solution) -> dict[str, Any]:
-    """Values that take longer: the sentence on verdict and linearisation, and the notes."""
+    """Data that take longer to compute: the sentence on verdict and linearisation, and the notes."""
     orbit = solution.orbit
     if isinstance(orbit, RigidOrbit):
         return {"summary": orbit.summary, "method": "", "notes": []}

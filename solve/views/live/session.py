@@ -21,26 +21,27 @@ from solve.views.live.survey import Survey, choices
 from solve.views.live.texts import Origin, State, default_file, save_case
 
 MOST_SHOWN = 6
-"""Largest number of quantities shown at a time: each takes a row of the page. A choice."""
+"""Maximum number of quantities shown together; each needs a row of the page. A choice."""
 
 _FIRST_SHOWN = 3
 
 _MOTION_DELAY, _DETAILS_DELAY = 0.04, 0.25
-"""Seconds after a solution until the motion of the mechanism, and the linearisation error and the notes, are
-computed unless the sliders have moved on: these take as long as the solution. A choice."""
+"""Delays in seconds after a solution, before the motion of the mechanism and before the linearisation error
+and the notes are computed, unless the sliders have moved: both take as long as the solution. Choices."""
 
 _DELAY, _INTERVAL = 0.4, 0.25
-"""Seconds until the progress of a solution is shown, and between two reports of it. A choice."""
+"""Seconds until the progress of a solution is shown, and between two progress reports. Choices."""
 
 Send = Callable[[dict[str, Any], bytes | None], object]
-"""Function that sends a message to the page, with points that follow it, if any."""
+"""Type of the function that sends a message to the page, with the points that belong to it, if any."""
 
 Later = Callable[[float, Callable[[], None]], object]
-"""Function that carries out work after a delay in seconds, in the thread of the session."""
+"""Type of the function that runs a calculation after a delay in seconds, in the thread of the session."""
 
 
 class Replaced(BaseException):
-    """A newer request has replaced the one under way. Not an Exception, which numerical code may convert."""
+    """Signal that a newer request replaces the current one. It is not an Exception, because numerical code
+    may convert exceptions."""
 
 
 class Session:
@@ -75,7 +76,7 @@ class Session:
         self._newest, self._lock = 0, threading.Lock()
 
     def replace(self, number: int) -> None:
-        """Announce a newer request, which ends the one under way."""
+        """Announce a newer request, which cancels the current one."""
         with self._lock:
             self._newest = max(self._newest, number)
 
@@ -105,7 +106,7 @@ class Session:
         )
 
     def check(self, message: Mapping[str, Any]) -> None:
-        """Check a typed value and send it in the unit of its slider, or the reason of its refusal."""
+        """Check a typed value and send it in the unit of its slider, or the reason why it is refused."""
         name, text = str(message.get("name")), str(message.get("text"))
         try:
             value = controls.typed(self.base, name, text, self.unit)
@@ -118,7 +119,7 @@ class Session:
 
     def solve(self, message: Mapping[str, Any]) -> None:
         """Solve at the position of the sliders and send curves, verdict and errors. The motion of the
-        mechanism and what takes longer follow, unless a newer request comes."""
+        mechanism and the details follow later, unless a newer request arrives."""
         number, started = int(message.get("number", 0)), time.perf_counter()
         with self._answering(number):
             self._require_newest(number)
@@ -144,7 +145,7 @@ class Session:
 
     @contextmanager
     def _answering(self, number: int) -> Iterator[None]:
-        """Context of an answer: the page learns why there is none."""
+        """Context of an answer; if there is none, the reason is sent to the page."""
         try:
             yield
         except Replaced:
@@ -181,7 +182,8 @@ class Session:
             self.send({"is": "progress", "of": "solution", "number": number, **status._asdict()}, None)
 
     def _moved(self, message: Mapping[str, Any]) -> float:
-        """Speed in rad/s; moves the state to the position of the sliders. Raises SolveError subclasses."""
+        """Set the state to the position of the sliders and return the speed in rad/s. Raises SolveError
+        subclasses."""
         texts = {str(name): str(text) for name, text in (message.get("values") or {}).items()}
         text = controls.with_speed_unit(str(message.get("speed") or self.state.speed), self.unit)
         speed, model = speed_in_si(text), self.state.model
@@ -216,7 +218,7 @@ class Session:
         return Survey.of_page(self.state.model, speed, self.unit, message)
 
     def save(self, message: Mapping[str, Any]) -> None:
-        """Save the state as a case, and send the sentence on it or the reason of the refusal."""
+        """Save the state as a case, and send a confirmation or the reason why it is refused."""
         try:
             self._moved(message)
             text = save_case(self.state, str(message.get("case")), str(message.get("file")))

@@ -20,7 +20,8 @@ from solve.units import ShownUnit, raised
 from solve.views.live.picture import shortened
 
 MOST_POINTS, MOST_ACROSS = 2000, 120
-"""Largest number of points of a sweep, and along either side of a chart: more than pixels can show."""
+"""Largest number of points of a sweep, and along either side of a chart: more than the pixels of the
+picture."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +65,11 @@ class Axis:
         return np.linspace(self.low, self.high, self.count)
 
     def own(self, unit: ShownUnit) -> Array:
-        """Values in the unit of the model, in rad/s for the speed in a display unit."""
+        """Values in the unit of the model; a speed in rad/s. unit: display unit of the speed."""
         return self.values * unit.size if self.name == SPEED else self.values
 
     def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
-        """Values for the page."""
+        """Data of the axis for the page, as a JSON object."""
         own, meaning = model.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
         shown = unit.name if self.name == SPEED else raised(own)
         label = "Ω" if self.name == SPEED else greek(self.name)
@@ -110,7 +111,7 @@ class Survey:
         return cls(model, speed, unit, x, y, of.text)
 
     def run(self) -> dict[str, Any]:
-        """Values for the page. Raises SolveError subclasses."""
+        """Result of the sweep or chart for the page, as a JSON object. Raises SolveError subclasses."""
         return self._sweep() if self.y is None else self._chart(self.y)
 
     def _sweep(self) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class Origin:
 
     @classmethod
     def of(cls, model: Model) -> "Origin":
-        """Origin of a loaded model, from the place of its generated code."""
+        """Origin of a loaded model, from the path of its generated code."""
         generated = Path(getattr(model.module, "__file__", None) or "")
         for argument in (model.name, (generated.parent.parent / generated.name).as_posix()):
             try:
@@ -113,7 +113,7 @@ class State:
         return f'import solve\n\n{load}\norbit = solve.periodic(model, "{self.speed}")\n'.replace("'", '"')
 
     def toml(self, name: str) -> str:
-        """Case of this name with every parameter, for a case file. Raises ValueOutOfBoundsError."""
+        """Text of a case with this name and all parameters, for a case file. Raises ValueOutOfBoundsError."""
         if not _NAME.fullmatch(name):
             raise ValueOutOfBoundsError(
                 f"the case is named '{name}'; allowed: up to 40 letters, digits, - and _, such as 'stiff'"
@@ -123,7 +123,7 @@ class State:
         return head + "".join(f"{line}\n" for line in self._entries())
 
     def _entries(self) -> Iterator[str]:
-        """Line per parameter, or per family of numbered parameters with one source."""
+        """Lines of the case: one per parameter, or per family of numbered parameters with the same source."""
         model, sources = self.model, self.model.parameter_sources
         rows = []
         for name, value in model.parameters.items():
@@ -142,7 +142,7 @@ class State:
 
 
 def save_case(state: State, name: str, file: str) -> str:
-    """Add a case to a case file and return the sentence that names it.
+    """Add a case to a case file and return a sentence that states its name and file.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def default_file(origin: Origin, model: Model) -> str:
 
 
 def _value(text: str) -> str:
-    """Number, or text in quotes."""
+    """Text of a TOML value: a number unchanged, other text in quotes."""
     try:
         return number(float(text))
     except ValueError:
@@ -202,7 +202,7 @@ def _base(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Text in quotes if a shell would split it, in double ones, which also Windows knows, if these suffice.
+    """Text in quotes if a shell would split it; double quotes, which Windows also accepts, if they suffice.
 
     >>> _quoted("k=3 mm"), _quoted("$x"), _quoted("k=3")
     ('"k=3 mm"', "'$x'", 'k=3')

@@ -95,7 +95,7 @@ def explore(
     speed: float | str | None = None,
     port: int = 0,
 ) -> LiveWindow:
-    """Open the live window of a model: sliders for speed and parameters, with the solution beside them.
+    """Open the live window of a model: sliders for speed and parameters, with the solution next to them.
 
     Parameters
     ----------
@@ -141,7 +141,8 @@ def _checked(model: Model) -> Model:
 
 
 def server(model: Model, origin: Origin, speed: float | str | None = None, port: int = 0) -> "LiveServer":
-    """Server of a model whose first solution is possible. Raises the exceptions of `explore`."""
+    """Server of a model, after a check that the first solution is possible. Raises the exceptions of
+    `explore`."""
     try:
         from solve.views.live.server import LiveServer
     except ModuleNotFoundError as error:
@@ -155,7 +156,8 @@ def server(model: Model, origin: Origin, speed: float | str | None = None, port:
 
 
 def run(live: "LiveServer", opens_browser: bool) -> None:
-    """Serve until Ctrl-C, or until the page ends it; print the address in one line when the page is ready."""
+    """Run the server until Ctrl-C or until the page stops it; print the address in one line when the page is
+    ready."""
 
     def ready() -> None:
         print(f"{live.model.name}: {live.address} (Ctrl-C ends)", flush=True)
@@ -168,7 +170,7 @@ def run(live: "LiveServer", opens_browser: bool) -> None:
 
 @contextmanager
 def _ended_by_interruption(stop: Callable[[], None]) -> Iterator[None]:
-    """Context in which Ctrl-C and a termination end the server in order."""
+    """Context in which Ctrl-C and a termination signal stop the server properly."""
 
     def interrupt(_: int, __: FrameType | None) -> None:
         stop()
@@ -182,7 +184,7 @@ def _ended_by_interruption(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _has_screen() -> bool:
-    """Whether a browser with a window can be opened; one for terminals would take the terminal."""
+    """Whether a browser with a window can be opened; a text browser would occupy the terminal."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

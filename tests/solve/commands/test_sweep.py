@@ -209,7 +209,10 @@ def test_over_parameters(command, tmp_path):
         assert ("k1 = 75000 N m/rad" if what == "--turn" else "k1") in drawn
     for flags, words in (
         (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "--over gives epsilon twice"),
-        (["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"], "over one varied quantity"),
+        (
+            ["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"],
+            "over one varied quantity",
+        ),
         (["--over", "epsilon=0:2:13", "--turn", "q", "--plot", "t.png"], "13 curves"),
         (["--over", "epsilon"], "write --over NAME=A:B:N"),
     ):

@@ -123,7 +123,9 @@ def test_a_planted_library_without_its_hash_is_not_loaded(own_cache):
 def test_a_folder_in_which_others_may_write_is_not_used(own_cache, mode):
     own_cache.mkdir(parents=True)
     own_cache.chmod(mode)
-    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(own_cache)
+    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(
+        own_cache
+    )
     assert list(own_cache.iterdir()) == []
 
 
@@ -134,7 +136,9 @@ def test_a_library_that_others_may_change_is_not_loaded(own_cache):
         file.chmod(0o777)
     library.library.cache_clear()
     library.trouble.cache_clear()
-    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(own_cache)
+    assert "is a symbolic link, belongs to another user or is writable by others; remove it" in refused(
+        own_cache
+    )
 
 
 @needs_compiler

@@ -126,4 +126,6 @@ def test_a_negative_stiffness_has_no_modes():
 
 def test_a_damping_ratio_above_one_raises_a_warning():
     model = solve.load(chain(), e=0.2, zeta1=0.02, zeta2=2.0, **NUMBERS)
-    assert any("above 1, modes do not oscillate" in warning for warning in solve.periodic(model, 3.0).warnings)
+    assert any(
+        "above 1, modes do not oscillate" in warning for warning in solve.periodic(model, 3.0).warnings
+    )

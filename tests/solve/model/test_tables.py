@@ -122,7 +122,12 @@ GOOD = [(x, 1.0) for x in range(0, 360, 30)]
             CaseFileError,
             "does not cover the revolution",
         ),
-        (entry("P", "Pa"), [*GOOD, (90, 2)], CaseFileError, "has the angle 90 deg twice; give each angle once"),
+        (
+            entry("P", "Pa"),
+            [*GOOD, (90, 2)],
+            CaseFileError,
+            "has the angle 90 deg twice; give each angle once",
+        ),
         (entry("P", "Pa"), [*GOOD, (390, 2)], CaseFileError, "covers 390 deg; give one revolution, 360 deg"),
         (
             entry("P", "Pa"),

@@ -92,7 +92,13 @@ def test_missing_orbit_error_reports_the_progress_of_each_strategy(chaos):
     with pytest.raises(solve.errors.NoOrbitError) as refused:
         solve.nonlinear(solve.load("cam"), "450 rpm")
     text = str(refused.value)
-    for part in ("450 rpm", "by the linear orbit", "% of the load", "turns back or ends", "periods from rest"):
+    for part in (
+        "450 rpm",
+        "by the linear orbit",
+        "% of the load",
+        "turns back or ends",
+        "periods from rest",
+    ):
         assert part in text
     low, high = (
         float(word) for word in text.split("between ")[2].split(";")[0].replace(" rpm", "").split(" and ")

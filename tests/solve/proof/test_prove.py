@@ -105,7 +105,10 @@ def test_jumps_have_the_closed_form():
 
 def test_an_undeclared_jump_is_refused():
     system = solve.load("meissner")
-    with precision(200), pytest.raises(StepsError, match=r"beyond phase 3\.1415.*declare the jump as a break"):
+    with (
+        precision(200),
+        pytest.raises(StepsError, match=r"beyond phase 3\.1415.*declare the jump as a break"),
+    ):
         turn(equation_of(system, 1.0, False), period_of(system), (), Marching(100, 24.0))
 
 

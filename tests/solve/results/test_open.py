@@ -227,7 +227,10 @@ def test_later_format_and_undefined_class_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(serialization, "FORMAT", serialization.FORMAT + 1)
     stability.save(tmp_path / "later.npz")
     monkeypatch.undo()
-    with pytest.raises(FileError, match=r"later\.npz' cannot be opened: it has format 3, and this version reads formats up to 2"):
+    with pytest.raises(
+        FileError,
+        match=r"later\.npz' cannot be opened: it has format 3, and this version reads formats up to 2",
+    ):
         solve.open(tmp_path / "later.npz")
     monkeypatch.delitem(serialization.CLASSES, "Stability")
     with pytest.raises(FileError, match=r"it holds a Stability, which no imported module defines"):
