@@ -39,7 +39,7 @@ class Family:
 
     @cached_property
     def shape(self) -> Any:
-        """Column N̂(ξ) of the shape functions, each 1 at its own freedom and 0 at the others."""
+        """Column N̂(ξ) of the shape functions, each 1 at its own degree of freedom and 0 at the others."""
         monomials: Any = sympy.Matrix([XI**power for power in range(len(self.freedoms))])
         values = [monomials.diff(XI, order).subs(XI, at).T for order, at in self.freedoms]
         return (sympy.Matrix.vstack(*values).T.inv() * monomials).applyfunc(sympy.expand)
@@ -62,18 +62,19 @@ class Family:
 
     @property
     def strains(self) -> Any:
-        """Column B̂(ξ): elongation times L, or curvature times L², for each unit freedom."""
+        """Column B̂(ξ): elongation times L, or curvature times L², for each unit degree of freedom."""
         return self.shape.diff(XI, self.strain)
 
     @property
     def loads(self) -> sympy.Matrix:
-        """Row k is ∫ N̂ᵀ ξᵏ dξ, times L and a load per length that varies as ξᵏ."""
+        """Load vectors for loads per length that vary as ξᵏ: row k is ∫ N̂ᵀ ξᵏ dξ, to be multiplied by L and
+        the load."""
         return overlap(sympy.Matrix([XI**power for power in LOADS]), self.shape)
 
 
 @dataclass(frozen=True)
 class Element:
-    """A plane beam element: a family along the axis and one across it, with common nodes."""
+    """Plane beam element: a family of shape functions along the axis and one across it, with common nodes."""
 
     name: str
     axial: Family

@@ -1,4 +1,4 @@
-"""Checks of the statement of a mechanism before the derivation."""
+"""Checks of a mechanism's statement before the derivation."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Set
@@ -26,14 +26,14 @@ class _Statement:
     what: str
     expression: sympy.Expr
     unit: str | None
-    """None for any consistent unit."""
+    """Required unit; None if any consistent unit is allowed."""
     forbidden: Set[Any] = frozenset()
     own: Mapping[Any, Dimension] = field(default_factory=dict)
-    """Dimensions of symbols that only this expression may contain."""
+    """Dimensions of the symbols that no other expression may contain."""
 
 
 def check(mechanism: MechanismStatement) -> None:
-    """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError on the first fault."""
+    """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError at the first fault."""
     if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
         statements = [_Statement(*statement) for statement in mechanism.numbers()]
@@ -163,7 +163,7 @@ def _period(mechanism: MechanismStatement) -> sympy.Expr:
 
 
 def _expression(what: str, given: Any) -> sympy.Expr:
-    """The stated value as an expression. Raises DeclarationError for text."""
+    """The given value as an expression. Raises DeclarationError for text."""
     try:
         expression = sympy.sympify(given, strict=True)
     except sympy.SympifyError:

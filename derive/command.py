@@ -95,7 +95,7 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """Derived text of the generated module; SymPy is imported here and not before.
+    """Derived text of the generated module; SymPy is imported only here, because its import is slow.
 
     report: callback for each sentence on terms of the statement that the equations ignore.
     """
@@ -123,7 +123,7 @@ def _write(sources: list[Source]) -> None:
 
 
 def _reported(sources: list[Source]) -> Iterator[Source]:
-    """The mechanisms in sequence, with progress."""
+    """Sources, one after another, with progress reports."""
     with progress.task("mechanisms", len(sources)):
         for source in sources:
             with progress.subtask("mechanisms"), progress.task(source.name):

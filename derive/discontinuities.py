@@ -1,4 +1,4 @@
-"""Steps and kinks: the phases where they lie, and tangents at the fundamental motion.
+"""Steps and kinks: the phases where they occur, and existence of tangents at the fundamental motion.
 
 The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
 phases, or lie on it throughout (friction at rest, contact without clearance).
@@ -70,7 +70,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters: clearances with different slopes on both sides are not exactly zero."""
+    """Conditions on parameters: clearances whose two sides have different slopes must not be exactly zero."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
@@ -137,7 +137,8 @@ def vanishes(expression: Any) -> bool:
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts differ on both sides of the fundamental motion, at zeros of the switch."""
+    """Whether the parts have different values on the two sides of the fundamental motion, at zeros of the
+    switch."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
@@ -225,7 +226,7 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Phases of the switches of the matrices, and of outputs whose switches depend on the phase alone.
+    """Phases of the switches of the matrices, and of those outputs whose switches depend on the phase only.
 
     Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """
@@ -289,7 +290,8 @@ def _unknown(switch: Any) -> UnsupportedExpressionError:
 
 
 def _branches(switch: Any) -> Iterator[Any]:
-    """The switch with every step, kink and piecewise function within it on every one of its branches."""
+    """Variants of a switch: every combination of the branches of the steps, kinks and piecewise functions
+    within it."""
     nodes = outermost(switch)
     for chosen in product(*map(_alternatives, nodes)):
         branch = switch.xreplace(dict(zip(nodes, chosen, strict=True)))

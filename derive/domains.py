@@ -21,7 +21,7 @@ LARGEST_EXPONENT = 709
 """Largest integer x for which exp(x) is finite in double precision: log(1.8e308) = 709.8."""
 
 Signs = Mapping[Any, Any]
-"""Symbols of known sign, by the real symbols of the mechanism."""
+"""Symbols with declared sign that replace the real symbols of the mechanism, by these."""
 
 
 class Need(NamedTuple):
@@ -172,7 +172,8 @@ PIECEWISE = (sympy.Max, sympy.Min, sympy.Piecewise, *STEPS)
 
 
 class Selected(sympy.Function):
-    """Selected(condition, value, otherwise)."""
+    """Function Selected(condition, value, otherwise): value where the condition holds, else
+    otherwise."""
 
     nargs = 3
     is_real = True
@@ -186,7 +187,8 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """The expression with pieces that may be singular replaced by selections finite on both sides."""
+    """The expression with pieces that may be singular replaced by selections that are finite on both
+    sides."""
     return _Selection(signs, True).of(sympy.sympify(expression))
 
 
@@ -304,7 +306,7 @@ class _Selection:
         return None
 
     def _extreme(self, extreme: Any) -> Any:
-        """Selection that makes singular arguments inactive unless they are the extreme one."""
+        """Selection that makes singular arguments inactive unless they are the extremum."""
         if not any(map(self._is_singular, extreme.args)):
             return extreme
         value, *others = map(self.of, sorted(extreme.args, key=sympy.default_sort_key))

@@ -58,7 +58,8 @@ TOOLS = {
 }
 
 MOST_TO_READ = 2000
-"""Largest number of operations of M, C, K and d that are printed for reading: a choice, a few pages."""
+"""Maximum number of operations of M, C, K and d with which these are printed for reading: a few pages. A
+choice."""
 
 RIGID = "a mechanism without coordinates has no equations of motion"
 
@@ -98,7 +99,7 @@ class Equations:
 
     @property
     def of_states(self) -> dict[str, dict[str, Any]]:
-        """Results at varying speed of each function of a state, by name."""
+        """Results at varying speed, by the name of the function and of the result."""
         residual = {} if self.residual is None else {"residual": {"r": self.residual}}
         return {**residual, "outputs": {output.name: output.expression for output in self.outputs}}
 
@@ -205,12 +206,12 @@ def _require_own_names(body: str) -> None:
 
 
 def _domain(demanded: Sequence[Demand]) -> list[str]:
-    """Lines of DOMAIN, none without domain conditions."""
+    """Lines of the constant DOMAIN; empty without domain conditions."""
     return tuple_lines("DOMAIN", [literal(tuple(demand[:4])) for demand in demanded]) if demanded else []
 
 
 def _reasons(equations: Equations) -> list[str]:
-    """Lines of NO_DRIVE_TORQUE and NONLINEAR, where they apply."""
+    """Lines of the constants NO_DRIVE_TORQUE and NONLINEAR, where they apply."""
     lines = []
     if equations.no_drive_torque:
         lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
@@ -230,7 +231,7 @@ def _for_reading(mechanism: MechanismStatement, equations: Equations, operations
 
 
 def equations_text(equations: Sequence[Equation], projection: Projection | None = None) -> str:
-    """Text of EQUATIONS, one MathML element each."""
+    """Text of the constant EQUATIONS: one MathML element per equation."""
     return "\n".join(tuple_lines("EQUATIONS", [*map(literal, mathml(equations, projection))]))
 
 
@@ -249,7 +250,7 @@ def functions_text(
 
 
 def _operations(counts: dict[str, int]) -> dict[str, int]:
-    """Operations of the functions evaluated at every phase."""
+    """Numbers of operations of those functions that are evaluated at every phase."""
     evaluated = {name: counts[name] for name in ("linearised", "residual", "outputs") if name in counts}
     return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
@@ -372,7 +373,7 @@ def constants(
 
 
 def _series(series: type[PeriodicFunction]) -> tuple:
-    """Entry of SERIES.
+    """Entry of a series in the constant SERIES.
 
     It contains name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds
     of coefficients, and number of harmonics.

@@ -21,7 +21,7 @@ from derive.symbols import ACCELERATION, PHASE, SPEED, Moving, counted, rate, st
 
 
 def gathered(entry: sympy.Expr) -> sympy.Expr:
-    """The sum with terms collected that vary alike with phase, speed and motion."""
+    """Sum in which terms with the same dependence on phase, speed and motion are collected."""
     factors: dict[sympy.Expr, list[sympy.Expr]] = {}
     for term in sympy.Add.make_args(sympy.expand_mul(entry)):
         factor, varying = term.as_independent(PeriodicFunction, Moving, SPEED)
@@ -31,7 +31,7 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
 
 
 def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
-    """The matrices with collected terms, or unchanged if these have fewer operations.
+    """Matrices with collected terms, or unchanged if this form has fewer operations.
 
     Collecting shortens transmission functions and lengthens kinematics that are written out.
     """
@@ -62,7 +62,8 @@ def operations(matrices: Sequence[sympy.Matrix]) -> int:
 
 
 class Energies(NamedTuple):
-    """T, V and Rayleigh's R of a mechanism, or per length."""
+    """Kinetic energy T, potential energy V and Rayleigh's dissipation function R of a mechanism, or per
+    length."""
 
     kinetic: Any
     potential: Any
@@ -78,7 +79,8 @@ def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
 
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
-    """The rows, with the terms at constant speed and those of an acceleration simplified separately."""
+    """Rows in which the terms at constant speed and those due to an acceleration are simplified
+    separately."""
     matrix = sympy.Matrix(rows)
     return simplified([steady(matrix)])[0] + simplified([accelerated(matrix)])[0]
 

@@ -23,7 +23,7 @@ from derive.units import Dimension, parse
 XI = sympy.Symbol("xi", real=True)
 MODE_I, MODE_J = sympy.symbols("i j", integer=True, positive=True)
 PARITY = {number: sympy.Symbol(f"parity_{number}") for number in (MODE_I, MODE_J)}
-"""Stand for (−1)^i and (−1)^j while sums are simplified."""
+"""Symbols that replace (−1)^i and (−1)^j while sums are simplified."""
 SEPARATE_FACTORS = {sympy.pi, *PARITY.values()}
 
 Shape = Callable[[Any, Any], Any]
@@ -32,7 +32,7 @@ Shape = Callable[[Any, Any], Any]
 
 @dataclass(frozen=True)
 class ModalIntegral:
-    """∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1; `equal` for i = j, `different` for any others."""
+    """∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1; `equal` for i = j, `different` otherwise."""
 
     different: sympy.Expr
     equal: sympy.Expr
@@ -43,7 +43,8 @@ class ModalIntegral:
 
 
 def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> ModalIntegral:
-    """Product of the derivatives a and b (with respect to ξ) of modes i and j, for numbers up to `most`.
+    """∫ ξ^power times the product of the derivatives a and b (with respect to ξ) of modes i and j, for
+    numbers up to `most`.
 
     Raises UnsupportedExpressionError where the mode functions are of another kind.
     """
@@ -53,14 +54,14 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
 
 
 def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
-    """∫ ξ^power ψ_j^(a) dξ over 0 … 1, as `modal_integral`."""
+    """∫ ξ^power ψ_j^(a) dξ over 0 … 1; see `modal_integral`."""
     return _integral(XI**power * shape(MODE_J, XI).diff(XI, a), (MODE_J,), most)
 
 
 @cache
 def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sympy.Expr:
-    """Integral over 0 … 1, for all mode numbers up to `most` that differ. Energies and outputs of all fields
-    of a shape have the same ones."""
+    """Integral over 0 … 1, for all mode numbers up to `most` that differ. Cached, because energies and
+    outputs of all fields with the same shape contain the same integrals."""
     numbers = [
         dict(zip(symbols, permutation, strict=True))
         for permutation in permutations(range(1, most + 1), len(symbols))
@@ -75,8 +76,8 @@ def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sy
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
     """Sum of powers of π and parities, each times a factored quotient of mode numbers. The integral is real:
-    imaginary terms, which cancel with those of the opposite frequency, are left out, as factors of their sum
-    are long sought."""
+    imaginary terms, which cancel with those of the opposite frequency, are omitted, because factoring their
+    sum takes long."""
     quotients: dict[sympy.Expr, sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(total)):
         imaginary = term.as_coefficient(sympy.I)
@@ -91,7 +92,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
 
 
 def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
-    """Factors of ξ^p exp(iπtξ), by p and t."""
+    """Coefficients of ξ^p exp(iπtξ) in a function, by p and t."""
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
@@ -121,7 +122,7 @@ def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
 
 
 def _end_value(half_waves: Any) -> sympy.Expr:
-    """exp(iπt) for t = ai + bj + c with whole a and b."""
+    """exp(iπt) for t = ai + bj + c with integers a and b."""
     a, b = half_waves.coeff(MODE_I), half_waves.coeff(MODE_J)
     rest = half_waves - a * MODE_I - b * MODE_J
     if not (a.is_Integer and b.is_Integer and rest.is_number):
@@ -130,7 +131,8 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Raise an error if a wave's frequency vanishes for some mode numbers only: its formula is 0/0 there."""
+    """Raise an error if the frequency of a wave vanishes for some mode numbers only, for which its formula
+    would be 0/0."""
     if half_waves == 0:
         return
     for number in numbers:
@@ -166,7 +168,7 @@ class FieldIntegral(sympy.Function):
         return super().free_symbols - self.field.local
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the integral for density and length of these dimensions."""
+        """Dimension of the integral, from those of density and length."""
         return parts[0] * parts[1]
 
 
@@ -188,7 +190,7 @@ class Field:
 
     @cached_property
     def position(self) -> sympy.Symbol:
-        """x, from 0 to the length."""
+        """Position x, from 0 to the length."""
         return sympy.Symbol(f"{self.name}_position", real=True)
 
     @cached_property
@@ -198,17 +200,17 @@ class Field:
 
     @property
     def deflection(self) -> Any:
-        """w."""
+        """Deflection w."""
         return self.derivatives[0]
 
     @property
     def slope(self) -> Any:
-        """w′."""
+        """Slope w′."""
         return self.derivatives[1]
 
     @property
     def curvature(self) -> Any:
-        """w″."""
+        """Curvature w″."""
         return self.derivatives[2]
 
     @cached_property
@@ -218,7 +220,7 @@ class Field:
 
     @cached_property
     def total_shortening(self) -> Any:
-        """u at the end: length of the link minus that of its chord."""
+        """Displacement u at the end: length of the link minus that of its chord."""
         return Moving(f"{self.name}_total_shortening")
 
     @cached_property
@@ -228,7 +230,7 @@ class Field:
 
     @cached_property
     def local(self) -> set[Any]:
-        """Symbols that are defined at one position."""
+        """Symbols that are defined only at a position of the link."""
         moving = [*self.derivatives, self.shortening]
         return {self.position, self.tension, *moving, *(each.rate for each in moving)}
 

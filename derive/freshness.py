@@ -59,7 +59,7 @@ def derive_sha256() -> str:
 
 
 def code(source: str) -> str:
-    """The source without comments and without strings that are statements, such as docstrings.
+    """Source without comments and without strings that are statements, such as docstrings.
 
     They are cut out by position, since the parser's result differs between versions of Python.
 
@@ -111,7 +111,7 @@ def staleness(text: str, source_sha256: str) -> str:
 
 
 def difference(path: Path, present: str, wanted: str) -> str:
-    """Unified diff from the file's text to the derived text."""
+    """Unified diff between the text of the file and the derived text."""
     old, new = (text.splitlines(keepends=True) for text in (present, wanted))
     return "".join(difflib.unified_diff(old, new, f"{path} (present)", f"{path} (derived)"))
 

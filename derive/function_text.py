@@ -123,7 +123,7 @@ def _varying(steady, added):
 
 
 def varying_text(name: str, given: str, options: Iterable[str]) -> str:
-    """Text of a function of a state at varying speed.
+    """Text of the variant for varying speed of a function of a state.
 
     given: text of the function's parameters; options: names of the module's options.
     """
@@ -163,7 +163,7 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
-    """Lines that convert parameters whose unit is not coherent SI."""
+    """Lines that convert parameters to SI, for those whose unit is not coherent SI."""
     sizes = {parameter.symbol.name: size(parameter.unit) for parameter in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 

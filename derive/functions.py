@@ -24,7 +24,7 @@ Order = tuple[int, ...]
 
 
 class LoopFunction(sympy.Function):
-    """An unknown of a loop: z(x, y) is the unknown, z(x, y, 1, 0) its derivative ∂z/∂x.
+    """Unknown of a loop as a function: z(x, y) is the unknown, z(x, y, 1, 0) its derivative ∂z/∂x.
 
     Each unknown of each loop has a subclass.
     """
@@ -52,7 +52,7 @@ class LoopFunction(sympy.Function):
         return self.func(*self.arguments, *order)
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the derivative for arguments of these dimensions."""
+        """Dimension of the derivative, from those of the arguments."""
         dimension = parse(self.unit)
         for part, times in zip(parts, self.order, strict=False):
             dimension /= part**times
@@ -118,7 +118,7 @@ class Loop:
 
     @property
     def parameters(self) -> list[sympy.Symbol]:
-        """Parameters of the loop besides its arguments."""
+        """Parameters in the equations of the loop, without its arguments."""
         free: set[Any] = set().union(*(part.free_symbols for part in (*self.closure, *self.start)))
         return sorted(free - {*self.unknowns, *self.given}, key=lambda symbol: symbol.name)
 
@@ -128,18 +128,18 @@ class Loop:
 
     @property
     def jacobian(self) -> sympy.Matrix:
-        """∂c/∂z."""
+        """Jacobian ∂c/∂z of the closure equations c with respect to the unknowns z."""
         return sympy.Matrix(self.closure).jacobian(self.unknowns)
 
     @property
     def newton_step(self) -> list[Any]:
-        """z after one step of Newton's method."""
+        """Unknowns z after one step of Newton's method."""
         return list(
             sympy.Matrix(self.unknowns) + _linear_solution(self.jacobian, -sympy.Matrix(self.closure))
         )
 
     def derivative(self, order: Order) -> list[Any]:
-        """Derivatives of the unknowns of this order, from those of lower orders (applied to `given`)."""
+        """Derivatives of the unknowns of one order, computed from those of lower orders."""
         functions = dict(zip(self.unknowns, self.at(self.given), strict=True))
         closed: Any = sympy.Matrix(self.closure).xreplace(functions)
         for symbol, times in zip(self.given, order, strict=True):
@@ -164,13 +164,13 @@ def _linear_solution(matrix: Any, right: Any) -> Any:
 
 
 def lower_orders(orders: Iterable[Order]) -> list[Order]:
-    """The orders and all lower ones from which the derivatives follow, lowest first."""
+    """Orders, with all lower orders from which the derivatives follow, lowest first."""
     needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
     return sorted(needed, key=lambda order: (sum(order), order))
 
 
 def at_desired_motion(expression: Any) -> Any:
-    """The expression at the fundamental motion: all moving symbols except the phase are zero."""
+    """Expression at the fundamental motion, where all moving symbols except the phase are zero."""
     moving = expression.atoms(Moving) - {PHASE}
     return substituted(expression, dict.fromkeys(moving, sympy.S.Zero))
 
@@ -207,7 +207,7 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 
 
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
-    """Conditions under which A, B, C form a triangle at every angle of the crank."""
+    """Inequalities that hold if A, B, C form a triangle at every angle of the crank."""
     crank, coupler, follower, ground = (
         at_desired_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
     )
@@ -227,7 +227,7 @@ class Series(Protocol):
 
 
 class PeriodicFunction(sympy.Function):
-    """A Fourier series: U(φ) is the function, U(φ, k) its k-th derivative.
+    """Fourier series as a function: U(φ) is its value, U(φ, k) its k-th derivative.
 
     Each declared series has a subclass with the names of its coefficients.
     """

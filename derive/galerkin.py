@@ -25,14 +25,14 @@ from derive.printer import CasadiPrinter
 from derive.symbols import PHASE, Moving, counted, steady
 
 ZERO_MATRIX, ZERO_COLUMN = sympy.symbols("zero_matrix zero_column", real=True)
-"""Zeros whose size is the number of modes."""
+"""Symbols of a zero matrix and a zero column, whose size is the number of modes."""
 
 ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
 
 @dataclass(frozen=True)
 class Moment:
-    """∫ ξ^power ψ_j^(derivative) dξ for each j."""
+    """∫ ξ^power ψ_j^(derivative) dξ for each mode j, a column."""
 
     derivative: int
     power: int
@@ -41,7 +41,7 @@ class Moment:
 
 @dataclass(frozen=True)
 class Pair:
-    """∫ ξ^power ψ_j^(first) ψ_i^(second) dξ for each row j and column i."""
+    """∫ ξ^power ψ_j^(first) ψ_i^(second) dξ for modes j (row) and i (column), a matrix."""
 
     first: int
     second: int
@@ -66,7 +66,7 @@ class Projection:
     """M, C, K, d at varying speed."""
     drive_torque: Any = sympy.S.Zero
     tension: Any = sympy.S.Zero
-    """N, a polynomial of the field's position."""
+    """Axial force N, a polynomial in the position."""
 
     @property
     def linearised(self) -> dict[str, Any]:
@@ -76,7 +76,7 @@ class Projection:
 
     @property
     def tensions(self) -> dict[Any, Any]:
-        """Tension at each declared point."""
+        """Tension at each point at which it is requested."""
         x = self.deflection.position
         return {
             point: self.tension.xreplace({x: position})
@@ -118,7 +118,7 @@ def _require_free_names(mechanism: MechanismStatement, projection: Projection) -
 
 
 def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
-    """The terms outside integrals, and the density of the integrals."""
+    """Terms of an energy outside integrals, and the density of its integrals."""
     energy = counted(sympy.sympify(energy))
     marks = {atom: sympy.Dummy() for atom in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
@@ -131,7 +131,8 @@ def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
 
 
 def _tension(mechanism: MechanismStatement, deflection: Field, whole: Energies, density: Energies) -> Any:
-    """Axial force N(x) of the straight link, from the rows of the shortening at x and at the end."""
+    """Axial force N(x) of the straight link, from Lagrange's equations for the shortening at x and at the
+    end."""
     x, length, chord = deflection.position, deflection.length, deflection.total_shortening
     straight = _zeroed(deflection.symbols)
     at_end = equation(whole, chord, mechanism.forces).xreplace(straight)
@@ -223,7 +224,7 @@ def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
-    """Coefficients of a polynomial of x, by power."""
+    """Coefficients of a polynomial in x, by power."""
     factors: dict[int, list[Any]] = {}
     for term in sympy.Add.make_args(sympy.expand(expression)):
         factor, varying = term.as_independent(x, as_Add=False)

@@ -1,4 +1,5 @@
-"""Mechanism files by name (models/NAME/mechanism.py beside this package) or by path, without imports."""
+"""Mechanism files by name (models/NAME/mechanism.py, in the folder next to this package) or by path, without
+imports."""
 
 import difflib
 import keyword
@@ -33,7 +34,7 @@ class Source:
     path: Path
     target: Path
     argument: str
-    """Name or path on the command line."""
+    """Name or path as given on the command line."""
     out: Path | None = None
 
     @property
@@ -78,7 +79,7 @@ def names() -> list[str]:
 
 
 def find(model: str, out: Path | None = None) -> Source:
-    """Source of a name or of a path ending in .py. Raises UnknownMechanismError."""
+    """Source for a name, or for a path that ends in .py. Raises UnknownMechanismError."""
     path = Path(model)
     if model.endswith(".py"):
         if not _is_file(path):
@@ -108,7 +109,7 @@ def _is_file(path: Path) -> bool:
 
 
 def require_own_name(path: Path) -> None:
-    """Raise MechanismFileError for names that are not identifiers or would shadow a Python module."""
+    """Raise MechanismFileError for file names that are not identifiers or would shadow a Python module."""
     taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
     if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
         raise MechanismFileError(
@@ -154,7 +155,7 @@ def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
 
 
 def _run(source: Source) -> object:
-    """Return value of mechanism()."""
+    """Return value of the function `mechanism` of the file."""
     namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
     try:
         exec(compile(source.text, str(source.path), "exec"), namespace)

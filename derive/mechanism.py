@@ -268,7 +268,7 @@ class MechanismStatement(Quantities):
         return declared
 
     def force(self, force: Any, along: Any) -> None:
-        """Add the virtual work `force` δ`along`.
+        """Add a force by its virtual work, `force` times the virtual displacement δ`along`.
 
         Parameters
         ----------
@@ -334,7 +334,7 @@ class MechanismStatement(Quantities):
             note(self.lines, number)
 
     def limit(self, output: str, bound: str, beyond: str) -> None:
-        """Limit an output within which the model is valid.
+        """State the bound of an output within which the model is valid.
 
         Parameters
         ----------
@@ -358,7 +358,8 @@ class MechanismStatement(Quantities):
         self.limits.append((output, bound, beyond))
 
     def trust(self, **bounds: float) -> None:
-        """Bound |coordinate| up to which the linear model is valid: `q1=0.05`. Raises DeclarationError."""
+        """State bounds of |coordinate| up to which the linear model is valid: `q1=0.05`. Raises
+        DeclarationError."""
         for name, bound in bounds.items():
             self._require_coordinate(name, "trust")
             if not (isinstance(bound, Real | sympy.Expr) and 0 < bound < float("inf")):
@@ -367,7 +368,8 @@ class MechanismStatement(Quantities):
 
     @property
     def damping_ratios(self) -> tuple[sympy.Expr, ...]:
-        """Damping ratios of the modes by rising frequency, the last for all that follow; none if all are 0.
+        """Damping ratios of the modes in order of increasing frequency, the last one for all higher modes;
+        empty if all are 0.
 
         Raises DeclarationError.
         """

@@ -1,4 +1,4 @@
-"""A first mechanism file with its case file, to be edited: `derive --new FILE`."""
+"""Template of a mechanism file and its case file, to be edited: `derive --new FILE`."""
 
 import os
 import re
@@ -90,7 +90,7 @@ F = { value = 0, unit = "N", source = "example" }
 
 
 def new_mechanism(file: str) -> tuple[Path, Path]:
-    """Write a mechanism that derives and solves as it stands, and its case file.
+    """Write a complete example mechanism, which can be derived and solved unchanged, and its case file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Text of expressions on CasADi symbols, and of calls of generated functions for series and loops."""
+"""Python text of expressions in CasADi symbols, and of calls of generated functions for series and loops."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence, Set
@@ -47,7 +47,7 @@ NODES = (
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
-    """Printer with `casadi.` or `math.` before each function; Python divides the rationals.
+    """Printer with `casadi.` or `math.` before each function; rational numbers are printed as divisions.
 
     Raises UnsupportedExpressionError where an expression has no counterpart.
     """
@@ -163,7 +163,7 @@ def series_calls(
 
 
 def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
-    """Operations of the recurrences of the values, including trigonometric calls."""
+    """Number of operations of the recurrences that evaluate series, including trigonometric calls."""
     arguments = {(type(value), value.args[0]) for value in values}
     harmonics = [len(series.first) for series, _ in arguments]
     return sum(2 + 6 * count for count in harmonics) + sum(5 * len(value.first) for value in values)
@@ -197,7 +197,8 @@ def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
 
 
 def loop_text(loop: Loop, orders: Sequence[Order]) -> tuple[str, int]:
-    """Text of the function of the unknowns' derivatives of these orders, and its number of operations."""
+    """Text of the function that returns derivatives of these orders of the unknowns, and its number of
+    operations."""
     taken = {symbol.name for symbol in (*loop.parameters, *loop.unknowns)}
     formal = {symbol: unused_symbol(symbol.name, taken) for symbol in loop.given}
     lower = lower_orders(orders)
@@ -255,7 +256,8 @@ def _inner_first(call: tuple[tuple[str, tuple[Any, ...]], Loop]) -> tuple[int, A
 
 
 def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:
-    """Newton's method with a fixed number of steps, so that the function can be differentiated and mapped."""
+    """Lines of Newton's method, with a fixed number of steps so that the function can be differentiated and
+    mapped, and the number of operations."""
     following = [sympy.Symbol(f"{symbol.name}_new", real=True) for symbol in loop.unknowns]
     step = [value.xreplace(formal) for value in loop.newton_step]
     lines, count = _lines(list(zip(following, step, strict=True)), taken)
@@ -265,7 +267,8 @@ def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str
 
 
 def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str], int]:
-    """Lines of the assignments and of their common subexpressions in order of dependence, and the operations.
+    """Lines of the assignments and of their common subexpressions in order of dependence, and the number of
+    operations.
 
     taken: names in use in the function.
     """
@@ -283,7 +286,7 @@ def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str
 
 
 def _named(loop: Loop, arguments: Sequence[Any], order: Order, taken: set[str]) -> dict[Any, sympy.Symbol]:
-    """Symbols such as phi3_1_0 of the unknowns' derivatives of this order."""
+    """Symbols, such as phi3_1_0, for the derivatives of the unknowns of one order."""
     suffix = "".join(f"_{times}" for times in order)
     functions = loop.at(arguments, order)
     return {function: unused_symbol(type(function).__name__ + suffix, taken) for function in functions}

@@ -13,7 +13,7 @@ from derive.structure import StructureStatement
 from derive.structure_text import generated_text
 
 _MAX_CACHED = 64
-"""Number of statements whose generated code is cached: a choice, some megabytes of text at most."""
+"""Number of mechanisms whose generated code is cached: at most some megabytes of text. A choice."""
 
 _cache: dict[str, str] = {}
 
@@ -105,7 +105,7 @@ def _derived(mechanism: MechanismStatement, statement: str) -> str:
 
 
 def _statement(mechanism: MechanismStatement) -> Iterator[str]:
-    """The complete statement as text, with expressions to the last digit."""
+    """Parts of the complete statement as text, with all digits of numbers."""
     yield repr(mechanism)
     if mechanism.declared_field:
         yield sympy.srepr(mechanism.declared_field.shape(*sympy.symbols("k xi")))

@@ -37,7 +37,7 @@ class Quantities:
     declared_field: Field | None = field(default=None, init=False)
     declared_loops: list[Loop] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
-    """Lines of the author's file, by the stated expression."""
+    """Lines of the author's file, by the expression that each states."""
 
     def __post_init__(self) -> None:
         # Lines are recorded from here on; the defaults of the fields have none.

@@ -25,21 +25,21 @@ from derive.symbols import PHASE, SPEED
 from derive.units import Dimension, dimension_of, parse
 
 _SHORT = 3
-"""Smallest number of operations of a named subexpression: a choice."""
+"""Smallest number of operations with which a subexpression is named. A choice."""
 
 _LONG = 300
-"""Number of operations above which nothing is expanded: a choice, for speed."""
+"""Number of operations above which expressions are not expanded, to save time. A choice."""
 
 _LETTERS = {
     "1": "eta", "m": "l", "m^2": "A", "kg": "mu", "kg m": "S", "kg m^2": "J", "N": "F", "N m": "T",
     "N/m": "k", "N s/m": "c", "N m s": "c", "m/s": "v", "1/s": "omega", "m/s^2": "a", "Pa": "p",
 }  # fmt: skip
-"""Letter of a named subexpression by its unit; sigma for all other units."""
+"""Letters for named subexpressions, by unit; sigma for all other units."""
 
 
 @dataclass(frozen=True)
 class Equation:
-    """An equation for a name, or for equal entries of a matrix.
+    """Equation that defines a named subexpression, or equal entries of a matrix.
 
     unit: unit of a named subexpression, otherwise "".
     """
@@ -59,7 +59,7 @@ def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[E
 
 
 def _each(part: Any, change: Callable[[Any], Any]) -> Any:
-    """A matrix with each entry changed, or an expression."""
+    """Matrix with each entry changed, or changed expression."""
     return part.applyfunc(change) if isinstance(part, sympy.MatrixBase) else change(part)
 
 
@@ -118,7 +118,7 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """The shorter of the expression and its expansion, in which named subexpressions may cancel."""
+    """Expression or its expansion, whichever is shorter; named subexpressions may cancel in the expansion."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)
@@ -132,8 +132,8 @@ def _symbols(dimension: Dimension) -> Iterator[sympy.Symbol]:
 
 
 def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
-    """Sums and square roots that occur at least twice and are not short, inner ones first, and the forms
-    in which they occur: with a factor and to a power."""
+    """Sums and square roots that occur at least twice and are not short, inner ones first, each with the
+    forms in which it occurs: its factors and powers."""
     times: dict[Any, int] = {}
     forms: dict[Any, dict[Any, tuple[Any, Any]]] = {}
     for expression in parts:
@@ -181,7 +181,7 @@ def _sides(printer: "_Printer", equation: Equation) -> list[str]:
 
 
 class _Printer(MathMLPresentationPrinter):
-    """Printer of the functions of derive, and of symbols with given texts."""
+    """LaTeX printer for the functions of derive and for symbols with given texts."""
 
     def __init__(self, names: Mapping[Any, str]):
         super().__init__({"mul_symbol": _TIMES})

@@ -26,16 +26,17 @@ _INDENT = "    "
 _DEEPEST = 4
 _TALL = r"\\frac|\\begin|\\sum"
 _FRACTION = r"\\frac\{((?:[^{}]|\{[^{}]*\})*)\}\{([^{} ]*)\}"
-"""A fraction with a single short factor in the denominator."""
+"""Pattern of a fraction with a single short factor in the denominator."""
 
 _BRACES = r"(\\(?:sin|cos|tan|exp)(?:\^\d)? ?|\|)\{((?:[^{}]|\{[^{}]*\})*)\}"
-"""Braces around the whole argument of a function."""
+"""Pattern of braces around the whole argument of a function."""
 
 
 def equations(
     mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float] = MappingProxyType({})
 ) -> str:
-    """LaTeX of M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, or of the properties of a structure's links.
+    """LaTeX of M, C, K, d of M q̈ + C q̇ + K q = d entry by entry, or of the properties of a structure's
+    links.
 
     numbers: values of parameters; options then have their defaults.
     """
@@ -57,7 +58,7 @@ def equations(
 
 
 def _numbered(listed: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
-    """The equations with numbers of six digits; named subexpressions with a numerical value are inserted."""
+    """Equations with numbers of six digits; named subexpressions that have a numerical value are inserted."""
     values = dict(numbers)
     if not numbers:
         yield from listed
@@ -115,7 +116,7 @@ def _modal(mechanism: MechanismStatement) -> list[str]:
 
 
 def latex(expression: Any, names: Mapping[sympy.Symbol, str] | None = None) -> str:
-    """LaTeX without superfluous braces and bracket sizes.
+    """LaTeX of an expression, without superfluous braces and bracket sizes.
 
     >>> x, y = sympy.symbols("x_1 y")
     >>> latex(sympy.sin(x + y) ** 2 / 2)
@@ -162,7 +163,8 @@ def _folded(text: str, width: int, depth: int = 0) -> list[str]:
 
 
 def _terms(text: str, depth: int) -> list[str]:
-    """The text split before each + and − between spaces that at most `depth` brackets enclose."""
+    """Parts of the text, split before each + and − between spaces that is enclosed by at most `depth`
+    brackets."""
     inside, start, terms = 0, 0, []
     for at, letter in enumerate(text):
         inside += (letter in "({") - (letter in ")}")

@@ -71,7 +71,8 @@ class Link:
 
 @dataclass(frozen=True)
 class Elastic:
-    """Springs or dashpots between a joint and the ground: along x and y, and for the rotation of links."""
+    """Springs or dashpots between a joint and the ground: along x and y, and against the rotation of
+    links."""
 
     joint: str
     links: tuple[str, ...]
@@ -82,7 +83,7 @@ class Elastic:
 
 SPRING = {"x": "N/m", "y": "N/m", "turn": "N m/rad"}
 DASHPOT = {"x": "N s/m", "y": "N s/m", "turn": "N m s/rad"}
-"""Units of springs and dashpots to the ground."""
+"""Units of the coefficients of springs and dashpots to the ground, by axis."""
 
 
 @dataclass(slots=True)
@@ -185,7 +186,8 @@ class StructureStatement(MechanismStatement):
         self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
-        """Springs or dashpots by degree of freedom. Raises DeclarationError for one that is fixed rigidly."""
+        """Springs or dashpots by degree of freedom. Raises DeclarationError for a degree of freedom that is
+        fixed rigidly."""
         by_freedom: dict[str, Any] = {}
         for elastic in declared:
             links = {name: self.rotation(self.links[name], elastic.joint) for name in elastic.links}
@@ -211,7 +213,7 @@ class StructureStatement(MechanismStatement):
         return sympy.Add(*(mass for at, mass in self.declared_masses if at == joint))
 
     def rotation(self, link: Link, joint: str) -> str:
-        """Name of the rotational freedom of a link's end: shared if welded, "" if clamped."""
+        """Name of the rotational degree of freedom at the end of a link: shared if welded, "" if clamped."""
         together = next(
             (names for at, names in self.welded if at == joint and link.name in names), (link.name,)
         )
@@ -266,7 +268,7 @@ class StructureStatement(MechanismStatement):
             )
 
     def _require_own_freedoms(self) -> None:
-        """Raise DeclarationError if two freedoms have the same name.
+        """Raise DeclarationError if two degrees of freedom have the same name.
 
         Names are "knee" of a joint, "arm_knee" of a link's end, and "arm_1" of a node within a link.
         """

@@ -109,7 +109,7 @@ def generated_text(
     command: str,
     report: Callable[[str], object] = lambda _: None,
 ) -> str:
-    """Complete text of the generated module of a mechanism or a structure, as `module_text`."""
+    """Complete text of the generated module of a mechanism or a structure; see `module_text`."""
     if isinstance(mechanism, StructureStatement):
         return structure_text(mechanism, source_sha256, command)
     return module_text(mechanism, source_sha256, command, report)

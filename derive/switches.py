@@ -1,4 +1,5 @@
-"""Functions with switches (steps, kinks, pieces): derivatives beside the switches, and discontinuities there.
+"""Functions with switches (steps, kinks, pieces): derivatives next to the switches, and discontinuities at
+them.
 
 The derivative of a discontinuity is an impulse, which matrices and forces cannot contain. Derivatives are
 therefore taken beside the switches, and a discontinuous function raises an error.
@@ -25,7 +26,8 @@ It is far above the round-off of `_DIGITS` digits and far below any change of a 
 """
 
 _SCAN = sorted([k / 45 for k in range(-316, 317)] + [s * 10.0**k for k in range(-6, 7) for s in (-1, 1)])
-"""Values of a symbol between which a sign change of a switch is searched: ±7 by 1/45, and powers of ten."""
+"""Values of a symbol between which a sign change of a switch is searched: −7 … 7 in steps of 1/45, and powers
+of ten."""
 
 _STEPS = {
     "Heaviside": lambda x, _=None: int(x > 0),
@@ -36,7 +38,7 @@ _AWAY = mpmath.mpf("0.1")
 """Distance from a switch at which the magnitude of an expression is evaluated."""
 
 _JUMP = 1e-9
-"""Smallest relative difference between both sides that is a discontinuity: a choice."""
+"""Smallest relative difference between both sides that counts as a discontinuity. A choice.."""
 
 
 class Wrapped(sympy.Function):
@@ -125,7 +127,8 @@ STEPPING = (sympy.Piecewise, sympy.Heaviside, sympy.sign, sympy.Abs, sympy.Max, 
 
 
 def switches(expression: Any, by: Iterable[Any]) -> list[Any]:
-    """Expressions of some of the symbols at whose zeros the given expression has a step or kink."""
+    """Switches of an expression: expressions in some of the symbols `by` at whose zeros it has a step or
+    kink."""
     moving, zeros = set(by), set()
     for node in sympy.preorder_traversal(expression):
         zeros |= {g for g in _switching(node) if g.free_symbols & moving and -g not in zeros}
@@ -167,14 +170,14 @@ def outermost(expression: Any) -> list[Any]:
 
 
 def slope(expression: Any, by: Any) -> Any:
-    """Derivative with respect to a symbol beside the switches. Raises ImpulseError for a discontinuity by
-    this symbol."""
+    """Derivative with respect to a symbol, next to the switches. Raises ImpulseError if the expression is
+    discontinuous as a function of this symbol."""
     require_no_jump(expression, (by,))
     return beside(known_real(sympy.sympify(expression)).diff(by))
 
 
 def known_real(expression: Any) -> Any:
-    """The expression with moduli and signs of possibly complex arguments replaced by Max and Heaviside.
+    """Expression with moduli and signs of possibly complex arguments replaced by Max and Heaviside.
 
     SymPy differentiates these.
     """
@@ -187,7 +190,8 @@ def known_real(expression: Any) -> Any:
 
 
 def beside(derivative: Any) -> Any:
-    """A derivative without terms that vanish beside the switches; powers of a step become the step."""
+    """Derivative without terms that vanish next to the switches; powers of a step are replaced by the
+    step."""
     if not derivative.has(sympy.DiracDelta, sympy.Heaviside):
         return derivative
     without = derivative.replace(sympy.DiracDelta, lambda *_: sympy.S.Zero)
@@ -226,7 +230,7 @@ def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
 
 
 def places(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[Any, Any]]:
-    """Values of all symbols at zeros of the switch along one of them."""
+    """Values of all symbols at points where the switch is zero, found by varying one symbol."""
     for point, roots in zip(arbitrary_points(symbols), _roots(switch, moving), strict=True):
         for root in roots:
             yield {**point, moving: root}
@@ -242,7 +246,8 @@ class Numbers:
     """Values of expressions; None if one is undefined."""
 
     def __init__(self, expressions: Iterable[Any], symbols: Sequence[Any], exact: bool = True):
-        """exact: to `_DIGITS` digits, otherwise in floating point, which is faster."""
+        """exact: whether values are computed to `_DIGITS` digits; otherwise in floating point, which is
+        faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
         made = [_stood_in(sympy.sympify(expression)) for expression in expressions]
         self._undefined = any(each.has(sympy.zoo, sympy.nan) for each in made)
@@ -264,7 +269,8 @@ class Numbers:
 
 
 def differ(one: list[Any] | None, other: list[Any] | None, *alike: list[Any] | None) -> bool:
-    """Whether numbers on both sides differ, relative to the largest of these and of further ones."""
+    """Whether values on the two sides of a switch differ, relative to the largest of these and of further
+    values."""
     if one is None or other is None:
         return False
     size = max(abs(x) for numbers in (one, other, *alike) for x in numbers or [0])

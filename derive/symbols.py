@@ -84,7 +84,8 @@ def steady(expression: Any) -> Any:
 
 
 def counted(expression: Any) -> Any:
-    """The expression with the phase modulo 2π in steps, kinks and pieces that depend on the phase itself.
+    """Expression in which steps, kinks and pieces that depend on the phase itself contain the phase modulo
+    2π.
 
     Periodic functions of the phase stay. Raises DeclarationError if coordinates shift the phase there.
     """
@@ -108,7 +109,7 @@ def _compared(expression: Any) -> Iterable[Any]:
 
 
 def _whole_phase(expression: Any) -> bool:
-    """Whether the expression contains the unbounded phase, outside periodic functions."""
+    """Whether the expression contains the phase outside of periodic functions, so that it is unbounded."""
     return expression == PHASE or any(map(_whole_phase, _parts(expression)))
 
 
@@ -121,13 +122,13 @@ def _wrapped(expression: Any) -> Any:
 
 
 def _repeats(expression: Any) -> bool:
-    """Whether a sine or cosine has the period 2π in the phase."""
+    """Whether the value of a sine or cosine repeats after 2π in the phase."""
     turning = isinstance(expression, sympy.sin | sympy.cos | sympy.tan)
     return turning and bool(sympy.diff(expression.args[0], PHASE).is_Integer)
 
 
 def _parts(expression: Any) -> tuple[Any, ...]:
-    """The arguments, except those of periodic functions."""
+    """Arguments of an expression; empty for periodic functions."""
     repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_own(expression)
     return () if repeats else expression.args
 

@@ -1,4 +1,4 @@
-"""Dimensions and sizes of units, and the dimension of an expression."""
+"""Dimensions of units and expressions, and sizes of units in SI."""
 
 import re
 from collections.abc import Mapping
@@ -64,10 +64,10 @@ SECOND = UNITS["s"]
 
 
 _LONGEST = 80
-"""Largest number of characters of a unit, and of an expression in a message: a choice."""
+"""Maximum number of characters of a unit, and of an expression in a message. A choice."""
 
 _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))")
-"""A power other than a number of at most two digits before and after the decimal point."""
+"""Pattern of a power that is not a number with at most two digits before and after the decimal point."""
 
 
 @runtime_checkable
@@ -142,7 +142,8 @@ def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.S
 
 
 def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Dimension of an expression by walking its tree; UnitError names terms that cannot be added."""
+    """Dimension of an expression, determined from its subexpressions. Raises UnitError, which names terms
+    that cannot be added."""
     if isinstance(expression, sympy.Symbol):
         return known[expression]
     if isinstance(expression, sympy.Piecewise):

@@ -22,8 +22,7 @@ from derive.units import cut, short
 
 
 class Demand(NamedTuple):
-    """Domain condition of a function in the mechanism: `margin` must satisfy `relation`; both also as
-    text."""
+    """Domain condition of a function in the mechanism, `margin` must satisfy `relation`, and its text."""
 
     what: str
     function: str
@@ -76,7 +75,8 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Names and expressions evaluated along the fundamental motion, and whether each is a motion."""
+    """Descriptions and expressions that are evaluated along the fundamental motion, and whether each
+    expression is a motion."""
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):
@@ -111,14 +111,15 @@ def _sentence(node: Any) -> str:
 
 
 def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
-    """A sentence for each parameter, series and function of coordinates that M, C, K, d omit."""
+    """Sentences, one for each parameter, series and function of coordinates that M, C, K and d do not
+    contain."""
     kept = _names(mechanism, linearised)
     lost = [name for name in _names(mechanism, residual) if name not in kept]
     return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
 
 
 def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
-    """A sentence for each parameter and series of the energies that no result contains."""
+    """Sentences, one for each parameter and series in the energies that no result contains."""
     used = _names(mechanism, results)
     return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
 

@@ -1,4 +1,4 @@
-"""The cam's equations as chapter 4.1 has them, by hand, with the misprints of (52) and (61) named.
+"""Hand-coded equations of the cam from chapter 4.1, with the misprints of (52) and (61).
 
 Parameters come as a mapping of names to floats in SI units; a1 …, b1 … are the coefficients of U′.
 `phase` is an array of shape (m,), `speed` a float in rad/s.
@@ -26,7 +26,7 @@ def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Ar
 
 
 def force(phase: Array, p: Mapping[str, float]) -> Array:
-    """Load F at an array of phases; the chapter's is constant, here with six harmonics."""
+    """Load F at an array of phases; constant in the chapter, here with six harmonics."""
     total = np.full_like(phase, p["F"])
     for k in range(1, 7):
         total += p[f"Fa{k}"] * np.cos(k * phase) + p[f"Fb{k}"] * np.sin(k * phase)
@@ -79,7 +79,8 @@ def residual(
     p: Mapping[str, float],
     as_printed: bool = False,
 ) -> Array:
-    """Left minus right side of Eqs. (52)–(54), shape (m, 3); φ1 = φ + q1; q, qd, qdd of shape (m, 3).
+    """Left-hand side minus right-hand side of Eqs. (52)–(54), shape (m, 3); φ1 = φ + q1; q, qd, qdd of shape
+    (m, 3).
 
     As printed, (52) has U″ in place of U′ before q̈2 and q̈3.
     """

@@ -18,7 +18,7 @@ def command(
         float | None, Flag("Factor of the deflection; by default a round number that fits.", "M")
     ] = None,
 ) -> None:
-    """Draw the vibrating coupler at several crank positions, its deflection magnified."""
+    """Draw the vibrating coupler at several crank positions, with magnified deflection."""
     (file, _) = Results(plot=plot).files()
     model = numbers.of("coupler")
     omega = speed.omega(model)

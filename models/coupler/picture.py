@@ -18,15 +18,16 @@ from solve.views.panels import titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
-"""Largest number of positions: a choice that fits on a page."""
+"""Maximum number of positions: as many as fit on a page. A choice."""
 
 _COLUMNS = 4
 _TURN_POINTS = 720
 _DRAWN = 0.2
-"""Largest deflection in the figure over the coupler's length, for the automatic magnification: a choice."""
+"""Largest deflection in the figure with automatic magnification, as a fraction of the coupler's length. A
+choice."""
 
 _MARGIN = 0.14
-"""Margin around the linkage over its larger extent."""
+"""Margin around the linkage, as a fraction of its larger extent."""
 
 _LABELS = 0.8
 """Width of the axes' labels, inches."""
@@ -77,7 +78,8 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
-    """Largest of 1, 2, 5, 10, 20, … with a drawn deflection up to a fifth of the length; at least 1."""
+    """Largest of 1, 2, 5, 10, 20, … with which the drawn deflection is at most a fifth of the length; at
+    least 1."""
     turn = np.arange(_TURN_POINTS) * (orbit.system.period / _TURN_POINTS)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)

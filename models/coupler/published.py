@@ -1,4 +1,5 @@
-"""The flexible coupler of a four-bar linkage by hand, from the paper's Eqs. (22), (24)–(28), (33)–(37).
+"""Hand-coded equations of the flexible coupler of a four-bar linkage, from the paper's Eqs. (22), (24)–(28),
+(33)–(37).
 
 Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the paper is a named
 `Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
@@ -44,11 +45,12 @@ TABLE_1: dict[str, float] = {
     "g": 9.81,
     "Me": 0.0,
 }
-"""Paper Table 1 as printed, SI (its F is `A`); g and M_e, which it leaves out, as 9.81 m/s² and 0.
-The mass per length is ρA; the printed m3 enters nothing."""
+"""Paper Table 1 as printed, in SI units (its F is `A` here), with g = 9.81 m/s² and M_e = 0, which it omits.
+The mass per length is ρA; the printed m3 is not used."""
 
 TABLE_2: dict[str, float] = TABLE_1 | {"rho": 7800.0, "I": 45e-9}
-"""The parameters that give paper Table 2: a 20 × 30 mm section, the density of the printed m3."""
+"""Parameters that reproduce paper Table 2: a section of 20 × 30 mm, and the density that follows from the
+printed m3."""
 
 BRANCHES = {"open": 1.0, "crossed": -1.0}
 
@@ -67,7 +69,7 @@ class Misprint(Enum):
 
 CORRECTED: frozenset[Misprint] = frozenset()
 AS_PRINTED = frozenset(Misprint) - {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM_ODD}
-"""The misprints of the final equations, (24)–(28) and (33)–(37); those of (32) alone are left out."""
+"""The misprints of the final equations, (24)–(28) and (33)–(37); those that only (32) has are omitted."""
 
 
 class LinkAngles(NamedTuple):
@@ -99,7 +101,8 @@ class LinkageCannotTurnError(ValueError):
 def link_angles(
     phase: ArrayLike, speed: float, parameters: Mapping[str, float], branch: str = "open"
 ) -> LinkAngles:
-    """Rigid linkage from loop (22) in closed form, at phases (m,) in rad and constant speed in rad/s.
+    """Angles of the rigid linkage from the loop equation (22) in closed form, at phases (m,) in rad and
+    constant speed in rad/s.
 
     Raises `LinkageCannotTurnError` where the loop opens at some crank angle.
     """
@@ -137,7 +140,8 @@ def load_functions(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> LoadFunctions:
-    """f0 … f4 of (24)–(28) in 1/m³, 1/m⁴, 1/m⁴, 1/m³, 1/m²; EI f4 is the axial force at A, + is tension."""
+    """f0 … f4 of (24)–(28) in 1/m³, 1/m⁴, 1/m⁴, 1/m³, 1/m²; EI f4 is the axial force at A, tension
+    positive."""
     p, length, EI = parameters, parameters["l3"], parameters["E"] * parameters["I"]
     mu, rim = p["rho"] * p["A"], p["l2"] * speed
     motion = link_angles(phase, speed, p, branch)
@@ -211,7 +215,8 @@ def matrices(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> tuple[Array, Array, Array, Array]:
-    """The same as `paper_matrices` in the units of the modal forces: kg, N s/m, N/m and N (times EI l/2)."""
+    """Matrices of `paper_matrices` multiplied by EI l/2, in the units of modal forces: kg, N s/m, N/m and
+    N."""
     scale = parameters["E"] * parameters["I"] * parameters["l3"] / 2
     M, B, C, h = paper_matrices(phase, speed, parameters, modes, branch, misprints)
     return scale * M, scale * B, scale * C, scale * h

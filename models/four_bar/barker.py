@@ -1,4 +1,4 @@
-"""Mobility, Grashof's condition and Barker's fourteen classes of planar four-bars (thesis 3.2, 3.4).
+"""Mobility, Grashof's condition and Barker's fourteen classes of planar four-bar linkages (thesis 3.2, 3.4).
 
 C. R. Barker, A complete classification of planar four-bar linkages, Mech. Mach. Theory 20 (1985)
 535-554. His solution space has the coordinates λ2, λ3, λ4: lengths of coupler, follower and ground
@@ -64,11 +64,11 @@ REGIONS = {
     (-1, +1, -1): "RRR4",
     (-1, -1, +1): "RRR1",
 }
-"""The class by the signs of u2, u3, u4."""
+"""Classes by the signs of u2, u3, u4."""
 
 
 def classify(linkage: Linkage) -> BarkerClass:
-    """Class of a linkage; sums of lengths are equal within round-off.
+    """Class of a linkage; sums of lengths that differ by round-off count as equal.
 
     With one sign zero the class is that of the adjacent Grashof region.
 
@@ -92,7 +92,7 @@ def satisfies_grashof(linkage: Linkage) -> bool:
 
 
 def solution_space(linkage: Linkage) -> tuple[float, float, float]:
-    """λ2, λ3, λ4."""
+    """Coordinates λ2, λ3, λ4 in Barker's solution space."""
     return linkage.L2 / linkage.L1, linkage.L3 / linkage.L1, linkage.L4 / linkage.L1
 
 

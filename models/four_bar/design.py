@@ -1,4 +1,4 @@
-"""The design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and its outcome.
+"""Design method for high speed (thesis 7.5): critical speeds, quiet bands, run-up plan and simulated run-ups.
 
 Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
@@ -20,19 +20,21 @@ from solve.results.contents import Column, Columns, digits, speeds_of
 from solve.results.serialization import Serializable, serializable, stored_property
 
 RESERVE = 0.03
-"""Reserve of the ratio at the default target speed: a choice."""
+"""Margin of the stress ratio below 1 at the default target speed. A choice."""
 
 _MARGIN_FRACTION = 0.75
-"""Fraction of the largest possible margin that a plan keeps: a choice; a full margin needs more bends."""
+"""Fraction of the largest possible margin of stress that a plan keeps. A choice: a full margin needs more
+bends."""
 
 _WORTHWHILE = 0.98
-"""Ratio with L4 moving over that with L4 fixed, below which moving L4 is reported as useful: a choice."""
+"""Stress ratio with moving L4, relative to that with fixed L4, below which moving L4 is reported as useful. A
+choice."""
 
 _DAMPING_STEP = 0.1
-"""Relative change of ζ to either side in the central difference of the effect of damping: a choice."""
+"""Relative step of ζ in the central difference for the effect of damping. A choice."""
 
 _ROUNDED = 0.01
-"""Interval of speeds, over the target speed, in which corners of a plan are rounded: a choice."""
+"""Interval of speeds in which corners of a plan are rounded, relative to the target speed. A choice."""
 
 
 class Band(NamedTuple):
@@ -45,7 +47,8 @@ class Band(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """A critical speed (rad/s) at the mechanism's own L4, the ratio there, and its link."""
+    """Critical speed (rad/s) at the mechanism's own L4, with the stress ratio and the link of the largest
+    stress."""
 
     speed: float
     ratio: float
@@ -65,14 +68,14 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Relative change of the largest stress of each link over that of ζ, at a speed (rad/s)."""
+    """Relative change of the largest stress of each link per relative change of ζ, at a speed (rad/s)."""
 
     speed: float
     sensitivity: Mapping[str, float]
 
 
 class NeededRatios(NamedTuple):
-    """Smallest possible value of the largest ratio on a path from the lowest speed to each speed (P,).
+    """Smallest possible value of the largest stress ratio on a path from the lowest speed to each speed (P,).
 
     L4 keeps the mechanism's own length (`fixed`), ends at any length (`moving`), or ends at the mechanism's
     own length (`returning`).
@@ -85,7 +88,7 @@ class NeededRatios(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """Speeds that a four-bar can reach under allowable stresses.
+    """Speeds that a four-bar linkage can reach with given allowable stresses.
 
     peaks: critical speeds at the mechanism's own L4. quiet: bands there; the first begins at rest, the others
     lie above critical speeds that exceed the allowable stress. quiet_of: bands of each link alone.
@@ -107,7 +110,8 @@ class Design:
 
     @property
     def rate(self) -> float:
-        """Largest change of L4 with speed (m per rad/s): its range within a tenth of the speeds, a choice."""
+        """Largest change of L4 with speed (m per rad/s): its whole range within a tenth of the range of
+        speeds. A choice.."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
@@ -143,7 +147,7 @@ def _peaks(stresses: DesignMap) -> list[Peak]:
 
 
 def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
-    """Speed and value of the maximum of the parabola through the logarithms of three points."""
+    """Speed and value of the maximum of a parabola through the logarithms of the ratios at three points."""
     x, y = (np.log(values / values[1]) for values in (speeds, ratio))
     square, slope, _ = np.polyfit(x, y, 2)
     shift = -slope / (2 * square)
@@ -151,7 +155,7 @@ def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
 
 
 def quiet_bands(speeds: Array, ratio: Array) -> list[Band]:
-    """Bands of rising speeds (P,) with a ratio (P,) below 1; the first begins at rest."""
+    """Bands, among ascending speeds (P,), with a stress ratio (P,) below 1; the first begins at rest."""
     edges = [0.0]
     for at in np.flatnonzero((ratio[:-1] <= 1) != (ratio[1:] <= 1)):
         fraction = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
@@ -217,7 +221,7 @@ def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """Smallest ratio without return, where L4 may change at constant speed."""
+    """Smallest ratio without return of L4 if L4 may also change at constant speed."""
     return float(arrival(until.ratio)[-1].min())
 
 
@@ -233,7 +237,8 @@ def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
 
 
 def ratios_along(until: DesignMap, plan: Plan) -> Array:
-    """Steady ratios (k, links) along a plan at the speeds (k,) of a map that ends at its target."""
+    """Stress ratios (k, links) of steady motion along a plan at the speeds (k,) of a map that ends at its
+    target."""
     rows = zip(plan(until.speeds), until.stress, strict=True)
     stress = [[np.interp(L4, until.L4, of_link) for of_link in row.T] for L4, row in rows]
     return np.array(stress) / until.allowable
@@ -249,7 +254,8 @@ for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan,
 @serializable
 @dataclass(frozen=True)
 class Trial:
-    """A simulated run-up; ratio (turns, links): largest stress over the allowable one in each revolution."""
+    """A simulated run-up; ratio (turns, links): ratio of the largest to the allowable stress in each
+    revolution."""
 
     run_up: RunUp
     simulated: Simulated
@@ -362,7 +368,7 @@ class Outcome(Serializable):
 
     @property
     def trial_columns(self) -> Columns:
-        """A row a simulated run-up."""
+        """Columns of the table, with one row per simulated run-up."""
         trials, unit = self.trials, self.map.model.speed_unit.per_second
         durations = [trial.run_up.duration for trial in trials]
         accelerations = [trial.run_up.acceleration for trial in trials]

@@ -20,22 +20,23 @@ from solve.errors import MissingValueError, SolveError, UnknownNameError, ValueO
 from solve.results.serialization import NOT_STORED, Serializable, stored_property
 
 _TOLERANCE = 0.01
-"""Tolerance of the interpolated stress, above which an interval of speeds is halved: a choice."""
+"""Tolerance of the interpolated stress, above which an interval of speeds is bisected. A choice.."""
 
 _SHORTEST = 0.25
-"""Smallest interval that is halved, in relative length over ζ. The half-power width of a peak is 2ζ."""
+"""Smallest relative length of an interval that is bisected, divided by ζ: the relative half-power width of a
+peak is 2ζ."""
 
 _MOST_HALVINGS = 8
 """Largest number of passes of the refinement: a choice."""
 
 
 class DesignError(SolveError):
-    """A length or speed that is impossible for this mechanism at any stress."""
+    """The mechanism does not permit this length or speed, whatever the stress."""
 
 
 @dataclass(frozen=True)
 class DesignMap(Serializable):
-    """Steady stresses of a four-bar at P rising speeds (rad/s) and g ground links L4 (m).
+    """Steady stresses of a four-bar at P ascending speeds (rad/s) and g ground links L4 (m).
 
     The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
     a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`, the latter for the worst L4.
@@ -68,7 +69,7 @@ class DesignMap(Serializable):
 
     @cached_property
     def ratios(self) -> Array:
-        """Ratio of each link (P, g, links)."""
+        """Ratio of stress to allowable stress of each link (P, g, links)."""
         return self.stress / self.allowable
 
     @cached_property
@@ -112,7 +113,7 @@ def design_map(
     lengths: tuple[float, float],
     count: int = 48,
 ) -> DesignMap:
-    """Map of a mechanism with allowable stresses (Pa) by link, over L4 between two lengths (m).
+    """Map of a mechanism over L4 between two lengths (m), for allowable stresses (Pa) by link.
 
     speeds: initial ones; intervals are halved until the interpolation meets the tolerance. count: number of
     lengths besides the mechanism's own. Raises DesignError for impossible lengths or speeds.
@@ -138,7 +139,7 @@ def design_map(
 
 
 def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:
-    """Raise DesignError without damping, or if L4 cannot vary about the mechanism's own."""
+    """Raise DesignError if there is no damping, or if L4 cannot vary about the mechanism's own value."""
     low, high = lengths
     if model.parameters["zeta"] <= 0:
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
@@ -153,7 +154,7 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
 
 
 def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]:
-    """Fields of a map by speed, at speeds (P,)."""
+    """Values of those fields of a map that depend on the speed, at speeds (P,)."""
     peaks = stress_map.peaks(speeds, L4)
     return {
         "speeds": speeds,
@@ -188,7 +189,8 @@ def _refined(stresses: DesignMap) -> DesignMap:
 
 
 def allowed_lengths(linkage: Linkage) -> tuple[float, float]:
-    """Least and greatest L4 (m) with a full revolution and an advised transmission angle (thesis 3.3).
+    """Smallest and largest L4 (m) with which the crank turns fully and the transmission angle is advisable
+    (thesis 3.3).
 
     Raises DesignError if there is none.
     """

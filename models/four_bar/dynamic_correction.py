@@ -1,13 +1,14 @@
-"""Few elements per link, corrected by dynamic stiffness at the lowest frequency (thesis 7.4.1).
+"""Correction of models with few elements per link by the dynamic stiffness at the lowest frequency (thesis
+7.4.1).
 
 At every position M and K of the cubic elements are replaced by the exact ones at the lowest frequency ω1:
 M(ω1) = −∂D/∂(ω²) and K(ω1) = D(ω1) + ω1² M(ω1). The thesis iterates towards ω1 from the cubic elements'
 frequency; the algorithm of Wittrick and Williams gives it directly. The first mode is exact, the others are
 approximate, as the matrices are valid at ω1.
 
-The shape functions at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia load.
-This is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of vibration at ω1 and a_r is
-linear along a link. It contains the secant of D over ω², where M(ω1) is the tangent.
+The shape functions at ω1 do not contain rigid motions, so that −M(ω1) q̈_r is not the consistent inertia
+load. This is −∫ ρA N(ω1)ᵀ a_r dx = [D(ω1) − D(0)] q̈_r/ω1², as N solves the equation of vibration at ω1 and
+a_r is linear along a link. It contains the secant of D over ω², where M(ω1) is the tangent.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,14 +30,14 @@ LOADS = ("consistent", "nodal")
 """Inertia loads: ∫ ρA N(ω1)ᵀ a_r dx, and M(ω1) q̈_r as in the thesis."""
 
 _KINDS = ("deflection", "stress_plus", "stress_minus", "strain_energy")
-"""Kinds of outputs that are corrected; joint forces are not."""
+"""Kinds of outputs that are corrected; joint forces are not corrected."""
 
 _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 """Options of the model that the correction requires."""
 
 
 class Corrected(PeriodicSystem):
-    """The four-bar with the cubic elements of a model corrected at ω1.
+    """Four-bar linkage whose cubic elements are corrected at ω1.
 
     load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
     UnknownNameError for another load, or a model with other options than the correction requires.
@@ -74,7 +75,7 @@ class Corrected(PeriodicSystem):
         return M, self._damping(phase), K, d[..., 0]
 
     def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array, Array]:
-        """ω1² (m, 1, 1); D, M and K (m, n, n) at ω1."""
+        """ω1² (m, 1, 1), and D, M and K (m, n, n) at ω1."""
         positions, omega = self._exact.at_positions(phase), self.lowest(phase)
         indices, squared = np.arange(len(omega)), (omega**2)[:, None, None]
         D, M = positions.dynamic_stiffness(indices, omega), positions.dynamic_mass(indices, omega)
@@ -82,7 +83,7 @@ class Corrected(PeriodicSystem):
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Damping matrix with the ratio ζ of every mode at every position."""
+        """Damping matrix with the damping ratio ζ of every mode at every position."""
 
         def at_positions(phase: Array) -> Array:
             _, _, M, K = self._at_lowest(phase)

@@ -23,14 +23,15 @@ _ACTING = (
     (2, 3, +1, 0),
     (2, 2, +1, 1),
 )
-"""Where the unknowns F01, F12, F23, F03 act, with links counted from 0; F_ji = -F_ij."""
+"""Joints and links at which the unknowns F01, F12, F23, F03 act, with links counted from 0; F_ji = -F_ij."""
 
 JOINTS = {"O": "F01", "A": "F12", "B": "F23", "C": "F03"}
-"""Force that each joint transmits, by the name of the joint."""
+"""Names of the forces that the joints transmit, by joint."""
 
 LINKS = ("crank", "coupler", "follower")
 _STRESS_POINTS = 65
-"""Equidistant points along a link at which the stress is evaluated: a choice, 1/64 of the length apart."""
+"""Number of equidistant points along a link at which the stress is evaluated, 1/64 of the length apart. A
+choice."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def joint_forces(motion: Motion, bodies: Sequence[Body], load: ArrayLike = 0.0) 
 
 
 def kinetic_energy(motion: Motion, bodies: Sequence[Body]) -> Array:
-    """T (J) of all links."""
+    """Kinetic energy T (J) of all links."""
     energy = np.zeros(motion.t.shape[1:])
     for link, body in enumerate(bodies, start=1):
         velocity = np.abs(motion.velocity(link, body.centre))
@@ -116,7 +117,7 @@ def kinetic_energy(motion: Motion, bodies: Sequence[Body]) -> Array:
 
 
 def inertial_power(motion: Motion, bodies: Sequence[Body]) -> Array:
-    """dT/dt (W), the power of drive and load together."""
+    """Power dT/dt (W), which equals the power of drive and load together."""
     power = np.zeros(motion.t.shape[1:])
     for link, body in enumerate(bodies, start=1):
         velocity = motion.velocity(link, body.centre)

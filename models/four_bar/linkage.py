@@ -37,7 +37,7 @@ class LinkageError(SolveError):
 
 
 class Extremes(NamedTuple):
-    """Least and greatest value over a revolution, and their crank angles."""
+    """Smallest and largest value over a revolution, and the crank angles at which they occur."""
 
     min: float
     min_position: float
@@ -61,7 +61,7 @@ class Linkage:
 
     @classmethod
     def of(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
-        """Linkage with the lengths among the parameters of a model."""
+        """Linkage with the lengths from the parameters of a model."""
         return cls(*(parameters[name] for name in _LENGTHS), branch=branch)
 
     def __post_init__(self) -> None:
@@ -81,7 +81,7 @@ class Linkage:
 
     @property
     def lengths(self) -> tuple[float, float, float, float]:
-        """L1, L2, L3, L4."""
+        """Lengths L1, L2, L3, L4."""
         return self.L1, self.L2, self.L3, self.L4
 
     @property
@@ -91,7 +91,7 @@ class Linkage:
 
     @property
     def crank_range(self) -> tuple[float, float]:
-        """Least and greatest |t1| within 0 … π at which the linkage closes; 0 and π for a full revolution.
+        """Smallest and largest |t1| within 0 … π at which the linkage closes; 0 and π for a full revolution.
 
         At any other end coupler and follower are in line and the crank turns back.
         """
@@ -103,14 +103,15 @@ class Linkage:
 
     @property
     def _stops(self) -> tuple[bool, bool]:
-        """Whether coupler and follower are in line: folded at the least |t1|, stretched at the greatest."""
+        """Whether coupler and follower are in line: folded at the smallest |t1|, stretched at the largest."""
         L1, L2, L3, L4 = self.lengths
         fold_gap, stretch_gap = abs(L1 - L4) - abs(L2 - L3), (L2 + L3) - (L1 + L4)
         return fold_gap <= self.slack, stretch_gap <= self.slack
 
     @property
     def slack(self) -> float:
-        """Difference (m) within which two sums of lengths are equal: far above their round-off, 1e-16."""
+        """Difference (m) up to which two sums of lengths count as equal, far above their relative round-off
+        of 1e-16."""
         return 1e-12 * sum(self.lengths)
 
     @property
@@ -142,7 +143,8 @@ class Linkage:
         )
 
     def transmission_angle(self, t1: ArrayLike) -> Array:
-        """γ between coupler and follower, 0 … π (thesis (3.9)). Raises LinkageError if out of reach."""
+        """Transmission angle γ between coupler and follower, 0 … π (thesis (3.9)). Raises LinkageError at
+        crank angles that the linkage cannot reach."""
         return np.angle(self._coupler_to_follower(np.asarray(t1, dtype=float)))
 
     def transmission_extremes(self) -> Extremes:
@@ -155,7 +157,8 @@ class Linkage:
         return Extremes(float(least), 0.0, float(greatest), math.pi)
 
     def mechanical_advantage(self, t1: ArrayLike) -> Array:
-        """T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), β from coupler to crank; infinite at dead points.
+        """Mechanical advantage T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), with the angle β from coupler to crank;
+        infinite at dead points.
 
         T1 drives the crank, and the follower delivers T3, without friction and inertia. The sign is positive
         if both rotate in the same direction. Thesis (3.1) prints L4 sin β for L1 sin β.
@@ -191,7 +194,7 @@ class Linkage:
         )
 
     def _coupler_to_follower(self, t1: Array) -> Plane:
-        """exp(iγ), γ the angle at B of the triangle ABC."""
+        """exp(iγ), where γ is the angle at B in the triangle ABC."""
         L2, L3 = self.L2, self.L3
         d = np.abs(self.L4 - self.L1 * np.exp(1j * t1))
         stretch, fold = L2 + L3 - d, d - abs(L2 - L3)
@@ -232,8 +235,8 @@ class Linkage:
 
 @dataclass(frozen=True)
 class Motion:
-    """Angles t, angular velocities omega and accelerations alpha of the links 1, 2, 3: arrays (3, …)
-    over the crank angles, link 1 first.
+    """Angles t, angular velocities omega and accelerations alpha of links 1, 2, 3: arrays (3, …) over the
+    crank angles.
 
     A point of a link is the complex number X + iY (m) in the link's frame: X along it from its first
     joint (O of the crank, A of the coupler, C of the follower), Y at +90°. Arrays of points broadcast
@@ -286,7 +289,7 @@ def within_advised(least: float, greatest: float) -> bool:
 
 
 def transmission_warnings(linkage: Linkage) -> list[str]:
-    """Warning of a transmission angle outside the advised range.
+    """Warning if the transmission angle leaves the advised range; otherwise empty.
 
     A crank that cannot turn fully always has one: coupler and follower are in line at its ends.
     """

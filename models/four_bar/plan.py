@@ -13,10 +13,11 @@ from scipy.optimize import linprog
 from solve.arrays import Array
 
 _BENDING = 0.005
-"""Weight of the bends of a plan against its distance from the mechanism's own L4: a choice."""
+"""Weight of the bends of a plan relative to its distance from the mechanism's own L4. A choice."""
 
 _STRAIGHT, _CLOSE = 1e-4, 1e-12
-"""Bend over the rate below which points are collinear; difference (m) below which lengths are equal.
+"""Bend, relative to the rate, below which points count as collinear; difference (m) below which lengths count
+as equal.
 
 Both are above the round-off of the linear program and below any change of practical interest.
 """
@@ -24,7 +25,7 @@ Both are above the round-off of the linear program and below any change of pract
 
 @dataclass(frozen=True)
 class Plan:
-    """Piecewise linear L4 (m) over rising speeds (rad/s), constant below and above.
+    """Piecewise linear L4 (m) over ascending speeds (rad/s), constant below the first and above the last.
 
     lead (rad/s): corners are rounded by the mean of L4 from each speed to `lead` above it. The velocity of
     the pivot is then continuous, and it is at rest at the last speed.
@@ -78,7 +79,8 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Lowest and highest L4 (P,) at every speed between which the ratio does not exceed the cap.
+    """Smallest and largest L4 (P,) at every speed between which the ratio does not exceed the cap; None if
+    there is no such corridor.
 
     Each range overlaps the next, and the last contains the length with index `final`, if given. None if no
     such ranges exist.
@@ -133,8 +135,8 @@ def _edge(L4: Array, ratio: Array, cap: float, inner: int, outer: int) -> float:
 def least_change(
     speeds: Array, low: Array, high: Array, own: float, rate: float, ends: tuple[float | None, float | None]
 ) -> Plan | None:
-    """Plan within a corridor with the least distance from the own L4 (m) and the least bends, by linear
-    programming.
+    """Plan within a corridor, by linear programming, that minimises the distance from the mechanism's own L4
+    (m) and the bends.
 
     rate: largest change of L4 (m per rad/s). ends: L4 at the first and last speed, or None. Returns None if
     no plan exists.
@@ -177,7 +179,8 @@ def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
 def plan_below(
     speeds: Array, L4: Array, ratio: Array, cap: float, own: int, rate: float, returns: bool
 ) -> Plan | None:
-    """Plan from the lowest to the highest speed with ratios up to the cap, from the L4 of index `own`.
+    """Plan from the lowest to the highest speed with ratios up to the cap, starting at the L4 with index
+    `own`.
 
     returns: whether L4 must be able to return there at the highest speed. None if no such plan exists.
     """

@@ -1,4 +1,4 @@
-"""Element matrices and frequency functions of the thesis by hand, Chapters 4 and 5, Appendices A and B.
+"""Hand-coded element matrices and frequency functions of the thesis, Chapters 4 and 5, Appendices A and B.
 
 Reference for tests: NumPy only, without derivation by machine. Each wrong entry of the thesis is a named
 `Misprint` that can be selected individually. Without misprints the equations are correct, with `AS_PRINTED`
@@ -77,7 +77,7 @@ _CURVATURE_STIFFNESS = (
 
 
 def crank_second_moment(misprints: Set[Misprint] = CORRECTED) -> float:
-    """Second moment of area of the crank, m⁴: of Table 3.2's section, or as Table 4.1 prints it."""
+    """Second moment of area of the crank, m⁴: from the section of Table 3.2, or as printed in Table 4.1."""
     width, thickness = CRANK_SECTION
     return 520.47e-12 if Misprint.CRANK_SECOND_MOMENT in misprints else width * thickness**3 / 12
 
@@ -93,8 +93,8 @@ def axial_stiffness(L: float) -> Array:
 
 
 def internal_shapes() -> tuple[Array, Array]:
-    """Coefficients of ζ⁰ … ζ⁵ in N (A.1) and of ζ⁰ … ζ³ in L²B (A.2), rows v, θ of the three nodes (θ: over
-    L). The printed ones are true."""
+    """Coefficients of ζ⁰ … ζ⁵ in N (A.1) and of ζ⁰ … ζ³ in L²B (A.2), with rows v, θ of the three nodes (θ
+    divided by L). The printed coefficients are correct."""
     return np.array(_INTERNAL_SHAPES, dtype=float), np.array(_INTERNAL_CURVATURES, dtype=float)
 
 
@@ -108,7 +108,8 @@ def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[A
 
 
 def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
-    """M/ρA and K/EI of the element with end curvatures: v, θ, κ at 0 and L. Printed: A.1's again."""
+    """M/ρA and K/EI of the element with end curvatures: v, θ, κ at 0 and L. The thesis prints the matrices of
+    (A.1)–(A.4) again."""
     if Misprint.CURVATURE_ELEMENT in misprints:
         return internal_matrices(L, misprints)
     orders = (0, 1, 2, 0, 1, 2)
@@ -118,7 +119,7 @@ def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[
 def stiffness_functions(
     wave: ArrayLike, axial: ArrayLike, L: float, misprints: Set[Misprint] = CORRECTED
 ) -> Array:
-    """F1 … F8 (B.1)–(B.9) at λ and β, stacked first."""
+    """F1 … F8 (B.1)–(B.9) at λ and β, along a new first axis."""
     lam, beta = np.asarray(wave, dtype=float), np.asarray(axial, dtype=float)
     argument = lam if Misprint.ARGUMENTS in misprints else lam * L
     S, C, s, c = np.sinh(argument), np.cosh(argument), np.sin(argument), np.cos(argument)
@@ -141,7 +142,8 @@ def stiffness_functions(
 def mass_functions(
     wave: ArrayLike, axial: ArrayLike, L: float, misprints: Set[Misprint] = CORRECTED
 ) -> Array:
-    """G1 … G8 (B.10)–(B.17) at λ and β, stacked first; the mass matrix holds ρA times each."""
+    """G1 … G8 (B.10)–(B.17) at λ and β, along a new first axis; entries of the mass matrix are ρA times
+    these."""
     lam, beta = np.asarray(wave, dtype=float), np.asarray(axial, dtype=float)
     F1, F2, F3, F4, F5, F6 = stiffness_functions(lam, beta, L, misprints)[:6]
     a = 1.0 if Misprint.PRODUCTS in misprints else L
@@ -170,7 +172,8 @@ def dynamic_stiffness(F: Array, EI: float, EA: float) -> Array:
 
 
 def _scaled(upper: str, orders: tuple[int, ...], L: float) -> Array:
-    """A symmetric matrix from the rows of its upper triangle, times L to the freedoms' orders."""
+    """A symmetric matrix from the rows of its upper triangle, multiplied by L to the power of the orders of
+    the degrees of freedom."""
     n = len(orders)
     matrix = np.zeros((n, n))
     for i, row in enumerate(upper.split(" / ")):

@@ -28,8 +28,8 @@ _STEPS, _SAMPLES = 64, 8
 
 
 class Drive(NamedTuple):
-    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with two derivatives with respect to time,
-    all (k,)."""
+    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with its first two derivatives with respect
+    to time, all (k,)."""
 
     time: Array
     speed: Array
@@ -70,7 +70,7 @@ class RunUp:
 
     @property
     def _arrival(self) -> float:
-        """φ at which the last speed is reached."""
+        """Crank angle φ at which the last speed is reached."""
         return (self.target + self.start) / 2 * self.duration
 
     def __call__(self, phi: Array) -> Drive:
@@ -166,7 +166,8 @@ class _Moving:
         return np.concatenate((q, np.zeros_like(q)))
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
-        """State and acceleration by φ at the end of revolution `number`, and the largest |stress| (links,).
+        """State and acceleration (derivatives with respect to φ) at the end of revolution `number`, and the
+        largest |stress| (links,).
 
         x, last: state and acceleration at its start.
         """
@@ -193,7 +194,7 @@ class _Moving:
         return self._map.by_link(np.abs(stress).sum(axis=0).max(axis=1), np.max)
 
     def _kinematics(self, phi: Array) -> tuple[Array, Array, Array]:
-        """Angles (k, links) of the links with two derivatives with respect to time."""
+        """Angles (k, links) of the links with their first two derivatives with respect to time."""
         return kinematics(self._model, phi, self._drive(phi))
 
     def _damping(self, phi: Array) -> Array:
@@ -202,13 +203,13 @@ class _Moving:
 
     @cached_property
     def _damping_at_nodes(self) -> Array:
-        """C (nodes, k, n, n) at the stages, for the lengths of the map."""
+        """Damping matrix C (nodes, k, n, n) at the stages, for the interpolation nodes L4 of the map."""
         return np.stack([length.model.at(self._stages, 0.0)[1] for length in self._map.lengths])
 
 
 def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, Array, Array]:
-    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with two derivatives with respect
-    to time.
+    """Angles (k, 3) of crank, coupler and follower at crank angles φ (k,), with their first two derivatives
+    with respect to time.
 
     The ground pivot C moves along the x axis: thesis (3.3) and (3.11) with the rates of L4.
     """
@@ -233,6 +234,6 @@ def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, 
 
 
 def _components(first: Array, second: Array, vector: Array) -> tuple[Array, Array]:
-    """Real a, b with a·first + b·second = vector in the plane."""
+    """Real numbers a, b with a·first + b·second = vector in the complex plane."""
     area = np.imag(np.conj(first) * second)
     return np.imag(np.conj(vector) * second) / area, np.imag(np.conj(first) * vector) / area

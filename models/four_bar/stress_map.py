@@ -20,7 +20,7 @@ from solve.beams.structure import StructureModel
 from solve.terminal import progress
 
 METHOD = Radau(order=9)
-"""An L-stable method, as the steps do not resolve the axial modes."""
+"""Method of the map, L-stable because the steps do not resolve the axial modes."""
 
 _STEPS, _SAMPLES = 96, 4
 """Steps per revolution, and crank angles per step at which the stress is evaluated.
@@ -29,7 +29,7 @@ Choices; `Peaks.error` measures their effect.
 """
 
 _TOGETHER = 8
-"""Speeds whose stresses are in memory together: a choice."""
+"""Number of speeds whose stresses are in memory together. A choice."""
 
 _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 """Barlow points of a cubic element, at which its curvature is most accurate: the Gauss points of order 2."""
@@ -66,7 +66,7 @@ def places(beams: Beams) -> list[Array]:
 
 
 def stress_rows(beams: Beams, angle: Array) -> Array:
-    """Rows (k, 2, S, n) of axial stress and of bending stress at the + surface, Pa, per coordinate.
+    """Axial stress, and bending stress at the + surface, in Pa per unit of each coordinate: (k, 2, S, n).
 
     S: positions on all links in sequence; angle (k, links): of the links.
     """
@@ -133,7 +133,7 @@ class StressMap:
         return Peaks(stress, place, phase, error, np.stack([bound for _, _, bound in solved], axis=1))
 
     def _tail(self, values: Array) -> float:
-        """Largest contribution of the last two Chebyshev polynomials, relative to the largest stress."""
+        """Largest coefficient of the last two Chebyshev polynomials, relative to the largest stress."""
         count = len(values)
         if count < 3:
             return 0.0
@@ -153,7 +153,8 @@ class OneLength:
         self._curves = PeriodicCurves(model, METHOD, _STEPS, _SAMPLES)
 
     def stresses(self, speeds: Array) -> tuple[Array, Array, Array]:
-        """Axial and bending stresses (P, 2, S, k) in Pa, error (P,) and bound (P,) of the spectral radius.
+        """Axial and bending stresses (P, 2, S, k) in Pa, relative error (P,), and bound (P,) on the spectral
+        radius.
 
         The error is the relative change with half the steps. Values are infinite without a periodic solution.
         """

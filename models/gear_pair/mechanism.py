@@ -4,7 +4,8 @@ from derive import Mechanism, cos, pi, rate, sin, sqrt, tanh
 
 
 def mechanism() -> Mechanism:
-    """Pinion and wheel, Eqs. (66)–(74) of the chapter: uniform rotation plus fractions of q.
+    """Mechanism of pinion and wheel, Eqs. (66)–(74) of the chapter; their rotations are uniform plus
+    fractions of q.
 
     The fractions satisfy r_b1 φ1 + r_b2 φ2 = q, Eq. (68), and decouple q from the uniform rotation.
     """

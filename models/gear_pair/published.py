@@ -1,4 +1,4 @@
-"""The gear pair's equation as chapter 4.2 has it, by hand.
+"""Hand-coded equation of the gear pair from chapter 4.2.
 
 Parameters come as a mapping of names to floats in SI units. `phase` is the pinion's angle, an
 array of shape (m,), `speed` a float in rad/s.

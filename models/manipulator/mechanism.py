@@ -4,7 +4,8 @@ from derive import Mechanism, cos, rate, sin
 
 
 def mechanism() -> Mechanism:
-    """The energies behind Eq. (77) of the chapter; the cam turns by φ1 = φ + q1."""
+    """Mechanism with the energies from which Eq. (77) of the chapter follows; the cam rotates by φ1 = φ +
+    q1."""
     press = Mechanism("manipulator", "Transport manipulator of a forging press (chapter 4.3)")
     q1, q2 = press.coordinates(
         q1=("rad", "twist of the driving shaft"),

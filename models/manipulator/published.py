@@ -1,4 +1,4 @@
-"""The manipulator's equations as chapter 4.3 has them, by hand; Eq. (77) is printed correctly.
+"""Hand-coded equations of the manipulator from chapter 4.3; Eq. (77) is printed correctly.
 
 Parameters come as a mapping of names to floats in SI units; a1 …, b1 … are the coefficients of U′.
 `phase` is an array of shape (m,), `speed` a float in rad/s.

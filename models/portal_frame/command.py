@@ -1,4 +1,5 @@
-"""`python -m models.portal_frame`: figure of the determinant whose zeros miss a natural frequency."""
+"""`python -m models.portal_frame`: figure of a determinant whose zeros do not include all natural
+frequencies."""
 
 import sys
 from typing import Annotated
@@ -17,7 +18,7 @@ def command(
     numbers: Numbers,
     most: Annotated[float, Flag("Largest frequency in rad/s.", "W")] = _MOST,
 ) -> None:
-    """Draw the determinant of the frame's dynamic stiffness, with one and with two exact elements a bar."""
+    """Draw the determinant of the frame's dynamic stiffness, with one and with two exact elements per bar."""
     (file, _) = Results(plot=plot).files()
     model = numbers.of("portal_frame", still=True)
     if not 1.0 <= most <= 1e5:

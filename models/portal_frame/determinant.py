@@ -18,7 +18,7 @@ _POINTS = 2000
 """Number of frequencies in the figure."""
 
 _ELEMENTS = 1, 2
-"""Elements per bar of the compared determinants."""
+"""Numbers of elements per bar for which determinants are compared."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def determinants(model: StructureModel, most: float) -> Determinants:
 
 
 def determinants_figure(result: Determinants, title: str) -> Figure:
-    """A curve for each number of elements, with the natural frequencies as vertical lines."""
+    """Figure with a curve for each number of elements, with the natural frequencies as vertical lines."""
     with page(3.4, title) as figure:
         axes = figure.subplots()
         for value in result.found:

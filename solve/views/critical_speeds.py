@@ -193,7 +193,7 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
 
 
 def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
-    """Draw the real part of the dominant multiplier on a scale of signed square roots, on which small values
+    """Draw the real part of the dominant multiplier on a scale of signed fourth roots, on which small values
     are visible."""
     power = 0.25
 

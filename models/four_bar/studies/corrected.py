@@ -29,7 +29,7 @@ from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
 
 _SAMPLES = 721
-"""Phases over the revolution, both ends included: every half degree."""
+"""Number of phases over the revolution, including both ends: every half degree."""
 
 REFERENCE = "reference"
 _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
@@ -55,7 +55,8 @@ class OneModel:
 
 @dataclass(frozen=True)
 class Corrections(Result):
-    """A quantity at a speed (rad/s) by several models of one mechanism, by their labels."""
+    """Values of a quantity at a speed (rad/s), computed by several models of one mechanism, by label of the
+    model."""
 
     _rows: ClassVar[str] = "models"
 
@@ -79,7 +80,7 @@ class Corrections(Result):
 
     @property
     def columns(self) -> Columns:
-        """A row a model."""
+        """Columns of the table, with one row per model."""
         models, reference = list(self.models.values()), self.reference.figures.max_abs
         unit = self.system.units.get(self.reference.drawn, "")
         figures = [model.figures for model in models]
@@ -99,7 +100,8 @@ class Corrections(Result):
         }
 
     def file_contents(self) -> FileContents:
-        """Quantity over the revolution, a column a model; the rows are metadata."""
+        """Contents with the quantity over the revolution, one column per model; the rows of the table are
+        metadata."""
         unit = self.system.units.get(self.reference.drawn, "")
         columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
         for label, model in self.models.items():
@@ -111,7 +113,8 @@ class Corrections(Result):
         return np.linspace(0.0, self.system.period, _SAMPLES)
 
     def plot(self) -> Figure:
-        """Quantity over the revolution, a curve a model; the reference is a wide line behind the others."""
+        """Figure of the quantity over the revolution, one curve per model; the reference is a wide line
+        behind the others."""
         curves = {label: model.values for label, model in self.models.items()}
         return curves_figure(
             self.system,
@@ -133,7 +136,8 @@ def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
 def corrections(
     model: StructureModel, speed: float, of: str, elements: Sequence[str], rtol: float = 1e-6
 ) -> Corrections:
-    """A quantity at a speed (rad/s) by the reference, cubic elements and one corrected element per link.
+    """Values of a quantity at a speed (rad/s), computed with the reference, with cubic elements and with one
+    corrected element per link.
 
     of: a coordinate or output, or the common name of several, of which the largest is taken. elements:
     numbers of cubic elements per link. The corrected element is solved with both loads. Raises SolveError
@@ -155,7 +159,7 @@ def corrections(
 
 
 def _solved(system: PeriodicSystem, speed: float, of: str, drawn: str | None, rtol: float) -> OneModel:
-    """Result of one model; drawn: output to sample, by default the largest."""
+    """Result of one model. drawn: output to sample; by default the one with the largest value."""
     orbit = solve.periodic(system, speed, rtol=rtol)
     figures = {name: orbit.statistics(name) for name in system.parts(of)}
     largest = max(figures, key=lambda name: figures[name].max_abs)

@@ -22,16 +22,16 @@ from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of
 
 _SAMPLES = 721
-"""Phases over the revolution, both ends included: every half degree."""
+"""Number of phases over the revolution, including both ends: every half degree."""
 
 _DRAWN = 0.1
-"""Largest deviation in the figure over the size of the path, for the automatic magnification."""
+"""Largest deviation in the figure with automatic magnification, as a fraction of the size of the path."""
 
 
 @serializable
 @dataclass(frozen=True)
 class CouplerCurve:
-    """Positions x + iy (m) of a point at phases (k,): of the rigid and of the flexible linkage, (k,) each."""
+    """Positions x + iy (m) of a point at phases (k,): on the rigid and on the flexible linkage, (k,) each."""
 
     phase: Array
     rigid: Array
@@ -140,7 +140,7 @@ def curve_of_point(
 
 
 def _magnification(curve: CouplerCurve) -> float:
-    """Factor that limits the drawn deviation to `_DRAWN` of the path's larger extent."""
+    """Magnification with which the drawn deviation is at most `_DRAWN` of the path's larger extent."""
     size = max(float(np.ptp(np.real(curve.rigid))), float(np.ptp(np.imag(curve.rigid))))
     return round_magnification(_DRAWN * size / (float(np.abs(curve.deviation).max()) or np.inf))
 

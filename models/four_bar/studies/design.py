@@ -54,19 +54,20 @@ from solve.views.show import printout
 from solve.views.style import Figure
 
 _HALVINGS = 6
-"""Largest number of simulated run-ups, each half as long as the one before: a choice."""
+"""Maximum number of simulated run-ups, each of half the duration of the previous one. A choice."""
 
 _RETURN_FRACTION = 0.2
-"""Duration of the return of the pivot over that of the run-up: a choice."""
+"""Duration of the return of the pivot, relative to that of the run-up. A choice."""
 
 _FIRST, _LAST, _RATIO = 1 / 32, 2 / 7, 1.04
-"""Default speeds of the map over the mean lowest frequency, and ratio of neighbours: choices.
+"""First and last default speed of the map, relative to the mean lowest frequency, and ratio of neighbouring
+speeds. Choices.
 
 The frequency is then 32 to 3.5 times the speed, so the map contains the superharmonics of orders 4 to 32.
 """
 
 _FEWEST_SPEEDS, _LENGTHS, _MOST_LENGTHS = 5, 48, 200
-"""Fewest speeds of a map; default and largest number of lengths L4: choices."""
+"""Smallest number of speeds of a map; default and largest number of lengths L4. Choices."""
 
 _RANGE = re.compile(r"(?P<low>[^:\s]+):(?P<high>[^:\s]+)(:(?P<count>\d+))?\s+(?P<unit>\S.*)")
 
@@ -81,7 +82,7 @@ class DesignResult(Outcome, Result):
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        """SI units; ratios are of stress to allowable stress."""
+        """Values of the result in SI units; ratios are those of stress to allowable stress."""
         design, stresses, links = self.design, self.map, self.map.links
         smallest = self.least[0] * stresses.allowable
         return {
@@ -177,7 +178,7 @@ def carry_out(design: Design, target: float | None = None, duration: float = 60.
 
 
 def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
-    """Raise DesignError for a target (rad/s) outside the rising speeds of a map."""
+    """Raise DesignError for a target (rad/s) outside the range of the speeds of a map."""
     if not speeds[0] < target <= speeds[-1]:
         raise DesignError(
             f"the target, {unit.text(target, '.4g')}, is not between "
@@ -186,7 +187,8 @@ def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
 
 
 def _simulated(stresses: DesignMap, plan: Plan, returns: bool, duration: float) -> list[Trial]:
-    """Simulations of the plan within the duration (s), half of it, and so on until the stress is too high."""
+    """Simulations of the plan with the given duration (s), half of it and so on, until the stress is too
+    high."""
     trials: list[Trial] = []
     start, home = float(plan.speed[0]) / 10, stresses.own_L4 if returns else None
     for halving in range(_HALVINGS):
@@ -264,7 +266,7 @@ def _quantity(flag: str, text: str, unit: str, example: str) -> float:
 
 
 def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
-    """First speeds (rad/s) of the map, rising."""
+    """Initial speeds (rad/s) of the map, in ascending order."""
     if text is None:
         phase = np.linspace(0.0, model.period, 36, endpoint=False)
         mean = float(lowest_frequencies(*model.at_positions(phase).matrices(), 1).mean())
@@ -279,7 +281,7 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 
 
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
-    """Least and greatest L4 (m), and number of lengths. Raises LinkageError where the crank cannot turn."""
+    """Smallest and largest L4 (m), and number of lengths. Raises LinkageError where the crank cannot turn."""
     linkage = Linkage.of(model.parameters, str(model.options["branch"]))
     if text is None:
         return allowed_lengths(linkage), _LENGTHS

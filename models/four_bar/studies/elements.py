@@ -22,7 +22,8 @@ from solve.views.style import MANY, Figure, page
 from solve.views.tables import RenderableType, table
 
 _MOST_COUNT, _MOST_TURN = 9, 3600
-"""Largest number of frequencies and of crank positions: choices that keep figure and run time moderate."""
+"""Maximum number of frequencies and of crank positions. Choices that limit the size of the figure and the run
+time."""
 
 _KINDS = "cubic:1,cubic:2,cubic:3,internal:1,curvature:1,dynamic:1"
 
@@ -54,7 +55,7 @@ class ElementKinds(Result):
 
     @property
     def columns(self) -> Columns:
-        """A row a position, a column an element type and frequency."""
+        """Columns of the table: one row per position, one column per element type and frequency."""
         columns = {"position": Column(self.positions, "rad", "crank angle", axes=("position",))}
         for kind, values in zip(self.kinds, self.values, strict=True):
             for k, column in enumerate(values.T, start=1):
@@ -71,7 +72,7 @@ class ElementKinds(Result):
         return {"positions": self.positions, "kinds": kinds}
 
     def plot(self) -> Figure:
-        """A panel a frequency, a curve an element type."""
+        """Figure with a panel per frequency and a curve per element type."""
         return _figure(self)
 
 
@@ -90,7 +91,8 @@ def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
 def element_kinds(
     model: StructureModel, kinds: Sequence[str], count: int = 4, turn: int = 36
 ) -> ElementKinds:
-    """Lowest `count` frequencies at `turn` positions for element types with their number per link: "cubic:3".
+    """Lowest `count` frequencies at `turn` positions for element types given with their number per link, such
+    as "cubic:3".
 
     Raises ValueOutOfBoundsError for another form and for numbers out of bounds, UnknownNameError for an
     unknown element type.

@@ -78,7 +78,7 @@ class RigidMotion(Result):
 
     @cached_property
     def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
-        """Everything about the linkage; without a full revolution only the keys of one position."""
+        """All values of the result; if the crank cannot turn fully, only those at one position."""
         linkage = self.linkage
         record: dict[str, Any] = {**_classification(linkage), "speed": self.speed}
         if self.position is None:
@@ -104,7 +104,8 @@ class RigidMotion(Result):
 
     @property
     def columns(self) -> Columns:
-        """The revolution by degrees, or the position where the crank cannot turn fully."""
+        """Columns over the revolution in steps of one degree, or at the position if the crank cannot turn
+        fully."""
         turns = self.linkage.turns_fully
         t1 = np.linspace(0.0, TURN, _CURVE_POINTS + 1) if turns else np.array([self.position])
         motion = self.linkage.motion(t1)
@@ -135,7 +136,7 @@ class RigidMotion(Result):
         return to_json({**self.model_info, **self.summary_values})
 
     def plot(self) -> Figure:
-        """Positions with coupler curves, and the revolution.
+        """Figure of positions with coupler curves, and of quantities over the revolution.
 
         Raises LinkageError for a crank that cannot turn fully.
         """
@@ -144,7 +145,7 @@ class RigidMotion(Result):
         return linkage_figure(self.linkage, self.bodies, self.speed, self.points, self.position)
 
     def base_planes(self) -> Figure:
-        """Barker's base planes with the linkage in them."""
+        """Figure of Barker's base planes with the linkage in them."""
         from models.four_bar.views.base_planes import base_planes_figure
 
         return base_planes_figure(self.linkage)
@@ -188,7 +189,7 @@ class RigidMotion(Result):
         }
 
     def _at_position(self, t1: float) -> dict[str, Any]:
-        """The same quantities at one crank angle."""
+        """Quantities of `_over_turn` at one crank angle."""
         linkage, motion = self.linkage, self.linkage.motion(t1)
         record = {
             "t": motion.t,

@@ -23,21 +23,22 @@ from solve.views.style import Figure
 from solve.views.tables import RenderableType, table_of
 
 _UNCOUPLED_STEPS = 720
-"""Steps per revolution of the uncoupled solution; more leave its error unchanged."""
+"""Steps per revolution of the uncoupled solution; with more steps, its error remains the same."""
 
 serializable(Contributions)
 
 
 @dataclass(frozen=True)
 class Modes(AtOneSpeed):
-    """Contributions of the modes, and the output (k,) at the same phases without coupling of the modes."""
+    """Contributions of the modes to an output, and the output (k,) without coupling of the modes at the same
+    phases."""
 
     contributions: Contributions
     uncoupled: Array | None = None
 
     @property
     def error(self) -> float:
-        """Largest error of the uncoupled solution over the largest modulus of the output."""
+        """Largest error of the uncoupled solution, relative to the largest modulus of the output."""
         assert self.uncoupled is not None
         total = self.contributions.total
         return float(np.abs(self.uncoupled - total).max() / np.abs(total).max())
@@ -79,7 +80,7 @@ class Modes(AtOneSpeed):
 
 @tables.register(Modes)
 def modes_tables(result: Modes) -> Sequence[RenderableType]:
-    """Mean frequency and largest contribution, a row a mode."""
+    """Table of mean frequencies and largest contributions, one row per mode."""
     shares, caption = result.contributions, None
     curves = {**{str(k): values for k, values in enumerate(shares.values, 1)}, "all": shares.total}
     if result.uncoupled is not None:

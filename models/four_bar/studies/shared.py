@@ -20,7 +20,8 @@ class FourBar(Numbers):
     """Case, parameters and options of the four-bar."""
 
     def loaded(self) -> StructureModel:
-        """Model of the four-bar. Raises SolveError subclasses for invalid input."""
+        """Model of the four-bar linkage with these arguments. Raises SolveError subclasses for invalid
+        input."""
         model = StructureModel.of(self.setup("four_bar"))
         model.require_motion()
         return model

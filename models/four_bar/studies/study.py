@@ -58,7 +58,8 @@ def study(
 def _systems(
     model: StructureModel, over: str | None, corrected: bool
 ) -> tuple[str, dict[str, PeriodicSystem]]:
-    """Heading of the varied quantity, and the systems by its values. Raises SolveError subclasses."""
+    """Heading with the varied quantity, and systems by the values of the quantity. Raises SolveError
+    subclasses."""
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:

@@ -19,17 +19,17 @@ from solve.arrays import Array
 from solve.views.style import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILION, new_figure, styled
 
 _TYPICAL = (1.05, math.sqrt(3), 3.2)
-"""λ of the drawn planes, one of each kind of division."""
+"""Values of λ of the drawn planes, one for each kind of division into classes."""
 
 _CORNERS = np.exp(1j * np.radians([90, 210, 330]))
-"""Corners of the drawn triangle: λ2, λ3 or λ4 alone is not zero."""
+"""Corners of the drawn triangle, at which only λ2, λ3 or λ4 is not zero."""
 
 _MARKED = {"1": ("frame", ORANGE), "2": ("input", BLUE), "3": ("coupler", GREEN), "4": ("output", VERMILION)}
 _STRONG, _PALE = 0.65, 0.2
 """Opacity of Grashof and of non-Grashof regions."""
 
 _LEAST_ROOM = 0.045
-"""Smallest width of a labelled region over the size of its plane: a choice by appearance."""
+"""Smallest width of a labelled region relative to the size of its plane. A choice by appearance.."""
 
 _EXPLAINED = (
     "Strong: Grashof, by the shortest link; pale: non-Grashof, by the longest. Lines: change points,\n"
@@ -75,7 +75,7 @@ def _draw_plane(axes: Axes, distance: float, unnamed: str = "") -> None:
 
 
 def _label_edge(axes: Axes, link: int, value: float, total: float, size: float) -> None:
-    """Label outside the edge on which one of the λ has this value."""
+    """Write a label outside the edge on which one of the λ has this value."""
     middle = np.full((1, 3), (total - value) / 2)
     middle[0, link] = value
     outward = _CORNERS[link] if value > 0 else -_CORNERS[link]
@@ -100,7 +100,7 @@ def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
 
 
 def _draw_linkage(axes: Axes, linkage: Linkage) -> None:
-    """Plane of the linkage; its class is in the title, where the dot does not hide it."""
+    """Draw the plane of the linkage; its class is in the title, where the dot does not hide it."""
     symbol, distance = classify(linkage).symbol, base_plane(linkage)
     _draw_plane(axes, distance, unnamed=symbol)
     place = _flat(np.array([solution_space(linkage)]))

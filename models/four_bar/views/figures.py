@@ -21,22 +21,22 @@ from solve.views.panels import title_of
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILION, new_figure, styled
 
 _POSITIONS = 12
-"""Positions drawn pale: one per 30 degrees of the crank."""
+"""Number of positions drawn in pale colour: one per 30 degrees of the crank."""
 
 _SAMPLES = 721
-"""Phases over the revolution, both ends included: every half degree."""
+"""Number of phases over the revolution, including both ends: every half degree."""
 
 _SHOWN = math.radians(120)
 """Default crank angle of the position that is drawn in full."""
 
 _ROWS = 3
-"""Entries per column of the legend of coupler points."""
+"""Number of entries per column in the legend of coupler points."""
 
 _PATHS = (VERMILION, PURPLE, ORANGE, GREEN)
 _LINKS = {1: BLACK, 2: BLUE, 3: GREEN}
 
 _LEVELS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0, 1.1, 1.25, 1.5, 2.0, 3.0, 5.0)
-"""Contour levels of stress over allowable stress."""
+"""Contour levels of the ratio of stress to allowable stress."""
 
 _TICKS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
@@ -48,7 +48,8 @@ def linkage_figure(
     points: Sequence[complex],
     position: float | None = None,
 ) -> Figure:
-    """Positions with coupler curves, transmission angle, ratios; with a speed also torque and joint forces.
+    """Figure of positions with coupler curves, transmission angle, ratios; with a speed also torque and joint
+    forces.
 
     speed: rad/s; position: crank angle (rad) drawn in full. Raises LinkageError for a crank that cannot turn
     fully.
@@ -85,7 +86,7 @@ def linkage_figure(
 
 
 def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], shown: float) -> None:
-    """Paths of the joints and coupler points, pale positions, and one position in full."""
+    """Draw the paths of joints and coupler points, pale positions, and one position in full colour."""
     turn = linkage.motion(np.linspace(0.0, TURN, _SAMPLES))
     for path in _joints(turn)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
@@ -103,7 +104,7 @@ def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], sho
 
 
 def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -> None:
-    """Class, lengths and transmission angle as text, and the legend of the positions beside it."""
+    """Write class, lengths and transmission angle as text, with the legend of the positions next to it."""
     kind, gamma = classify(linkage), linkage.transmission_extremes()
     lines = [
         kind.name,
@@ -126,13 +127,13 @@ def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -
 
 
 def _joints(motion: Motion) -> Plane:
-    """O, A, B, C (4, …)."""
+    """Positions of the joints O, A, B, C: (4, …)."""
     A, B = motion.position(1, motion.linkage.L1), motion.position(3, motion.linkage.L3)
     return np.stack((0 * A, A, B, 0 * A + motion.linkage.L4))
 
 
 def _draw_linkage(axes: Axes, motion: Motion, points: Sequence[complex]) -> None:
-    """One position in full: links, joints with their letters, ground, coupler points."""
+    """Draw one position in full colour: links, joints with their letters, ground, coupler points."""
     joints = _joints(motion)
     for k, point in enumerate(points):
         place = motion.position(2, point)
@@ -195,7 +196,7 @@ def _label(axes: Axes, title: str, quantity: str) -> None:
 
 
 def _legend_on_top(axes: Axes) -> None:
-    """Legend in one row inside the frame, above all curves."""
+    """Add a legend in one row inside the frame, above all curves."""
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.34 * (high - low))
     axes.legend(
@@ -205,7 +206,7 @@ def _legend_on_top(axes: Axes) -> None:
 
 
 def design_figure(result: Outcome) -> Figure:
-    """Map of stress over allowable stress, ratio needed to reach each speed, and simulated stresses."""
+    """Figure of the map of stress ratios, ratio needed to reach each speed, and simulated stresses."""
     rows = 3 if result.trials else 2
     with styled():
         figure = new_figure(3.3 + 1.9 * (rows - 1))

@@ -26,7 +26,7 @@ _GRASHOF = {"Grashof": "s + l < p + q", "change point": "s + l = p + q", "non-Gr
 
 
 def linkage_report(record: Mapping[str, Any]) -> RenderableType:
-    """Record of the rigid motion, except its warnings; angles in degrees."""
+    """Printout of the record of a rigid motion without its warnings; angles in degrees."""
     parts: list[RenderableType] = [_linkage_heading(record)]
     if "transmission_angle" in record:
         parts += [_extremes(record), *map(Text, _remarks(record))]
@@ -99,7 +99,7 @@ def _remarks(record: Mapping[str, Any]) -> list[str]:
 
 
 def _forces(record: Mapping[str, Any]) -> list[RenderableType]:
-    """Peaks of the joint forces, energy balance, and preliminary stresses."""
+    """Tables of peaks of the joint forces, energy balance and preliminary stresses."""
     forces = table("Joint forces", "joint", "force", "unit", "peak", "at t1", left=3)
     for joint, peak in record["joint_forces"].items():
         factor, unit = prefixed("N", peak["peak"])
@@ -154,7 +154,7 @@ def _degrees(angle: float) -> str:
 
 
 def design_report(result: Outcome, choices: Sequence[str] = ()) -> RenderableType:
-    """Critical speeds, quiet bands, effect of damping, plan and simulations; stresses in MPa."""
+    """Printout of critical speeds, quiet bands, effect of damping, plan and simulations; stresses in MPa."""
     parts: list[RenderableType] = [_design_heading(result, choices), *_critical(result)]
     if result.design.quiet:
         parts.append(_quiet(result))
@@ -192,7 +192,8 @@ def _numbers(values: Sequence[float], heading: str) -> Column:
 
 
 def _damping(result: Outcome, speeds: Sequence[float]) -> Columns:
-    """Effect of damping on the stress at these speeds, a column a link; empty where it was not computed."""
+    """Effect of damping on the stress at these speeds, one column per link; empty where it was not
+    computed."""
     effects = {effect.speed: effect.sensitivity for effect in result.damping}
     known = [effects.get(speed) for speed in speeds]
     return {
