@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "3586729caa5b3d9f2e2fb5433be3ed0638cd86c4045691e4f4109a7710109203"
+MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
 DERIVE_SHA256 = "914850e04ddc4147bc3c5e40b86191116bc037f1a46943a89ea86e069a481981"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "40da9185c5a384f2201ed9b189d987eb0f0bbb4395c4883cffffa077f396bb99"
+FILE_SHA256 = "8b2024f03bcb585ac51aae19cf881197a37a1122ae1d4cf430d127a82dc4fa08"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

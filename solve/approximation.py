@@ -1,4 +1,4 @@
-"""Trigonometric interpolation of periodic functions, and derivatives by extrapolated differences."""
+"""Trigonometric interpolation of periodic functions, and derivatives from extrapolated differences."""
 
 import math
 from collections.abc import Callable
@@ -14,13 +14,13 @@ _FIRST_SAMPLES, _MAX_SAMPLES = 64, 1024
 choice."""
 
 _MIDPOINT_ERROR = 1e-8
-"""Relative error at the midpoints below which twice as many samples are exact up to round-off: the error of a
-smooth function decreases geometrically, so that it squares when the samples double."""
+"""Relative error at the midpoints below which twice as many samples are exact up to round-off: the error for
+a smooth function decreases geometrically, so that doubling the samples squares it."""
 
 _ABOVE_ROUNDOFF = 4.0
 """Harmonics above this multiple of the largest of the last eighth are retained. The last eighth is round-off:
-where half of the samples agree to 1e-8, geometric decay leaves 1e-14 there. Measured on the damping of the
-four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
+if half as many samples agree to 1e-8, geometric decay reduces these harmonics to 1e-14. Measured on the
+damping of the four-bar with 9 to 198 coordinates: 51 to 68 of 129 harmonics are retained."""
 
 _RELATIVE_STEP = 1e-2
 """Largest difference step relative to the argument. Four levels of extrapolation leave an error of the order
@@ -31,7 +31,7 @@ _LEVELS = 4
 
 
 class Trigonometric:
-    """Trigonometric interpolant of samples (k, …) on a uniform grid over a period without its end point.
+    """Trigonometric interpolant of samples (k, …) on a uniform grid over a period, without the end point.
 
     k samples resolve harmonics below k/2. With `chopped`, the harmonics behind the last one above round-off
     are dropped.
@@ -62,7 +62,7 @@ class Trigonometric:
         return (waves.view(float) @ self._amplitudes).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
-        """Values at a symbolic phase, without harmonics that are round-off."""
+        """Values at a symbolic phase, without the harmonics that are only round-off."""
         cosines, sines = self._amplitudes[::2], self._amplitudes[1::2]
         significant = np.maximum(np.abs(cosines), np.abs(sines)).max(axis=1) > EPS * np.abs(cosines).max()
         values: list[Any] = [0.0] * cosines.shape[1]
@@ -119,8 +119,8 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
 def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
-    """Derivative as by `slope`, and the extrapolation without the smallest step, which has a larger
-    truncation error and less round-off: their difference estimates the error."""
+    """Derivative as in `slope`, and an extrapolation without the smallest step, which has a larger truncation
+    error and less round-off. The difference between the two estimates the error."""
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]
     estimates = [(function(x + step) - function(x - step)) / (2 * step) for step in steps]

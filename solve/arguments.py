@@ -13,14 +13,14 @@ import numpy as np
 from solve.errors import SolveError, StepsError, ValueOutOfBoundsError
 
 MOST = 2**26
-"""Default limit on the numbers held in memory at once: half a gigabyte of float64. A choice."""
+"""Default limit on the number of values in memory at once: half a gigabyte of float64. A choice."""
 
 SMALL = 40
-"""Largest number of coordinates of a small system. Up to it compiled lanes are faster than BLAS, points are
-solved in batches and BLAS uses one thread; tables of larger systems would fill the memory."""
+"""Largest number of coordinates of a small system. For small systems compiled code is faster than BLAS,
+points are solved in batches, and BLAS uses one thread; tables of larger systems would fill the memory."""
 
 NUMBERS_A_POINT = 64
-"""Estimate of the numbers stored per point: statistics, multipliers and warnings. A choice."""
+"""Estimated number of values stored per point: statistics, multipliers and warnings. A choice."""
 
 _numbers_limit: ContextVar[float] = ContextVar("numbers_limit", default=MOST)
 
@@ -73,19 +73,19 @@ def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:
 def require_integer(
     name: str, value: object, least: int = 1, hint: str = "", error: type[SolveError] = ValueOutOfBoundsError
 ) -> None:
-    """Raise `error` unless the value is an integer of at least `least`; `hint` extends the message."""
+    """Raise `error` unless the value is an integer >= `least`. hint: addition to the message."""
     if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= least):
         raise error(f"{name} is {value!r}; allowed: whole numbers of at least {least}{hint}")
 
 
 def require_steps(steps: object, least: int = 1) -> None:
-    """Raise StepsError unless `steps` is an integer of at least `least`."""
+    """Raise StepsError unless `steps` is an integer >= `least`."""
     require_integer("steps", steps, least, "; leave steps out to have their number chosen", StepsError)
 
 
 @contextmanager
 def limited(limit: float | None) -> Iterator[None]:
-    """Context with a limit on the numbers held in memory at once; None keeps the current limit. Raises
+    """Context with a limit on the number of values in memory at once; None keeps the current limit. Raises
     ValueOutOfBoundsError outside 1 … 1e15."""
     if limit is not None and not 1 <= limit <= 1e15:
         raise ValueOutOfBoundsError(f"limit is {limit:g}; allowed: 1 … 1e15 numbers, such as {MOST}")
@@ -97,7 +97,7 @@ def limited(limit: float | None) -> Iterator[None]:
 
 
 def most_numbers() -> float:
-    """Limit on the numbers held in memory at once."""
+    """Limit on the number of values in memory at once."""
     return _numbers_limit.get()
 
 

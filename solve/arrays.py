@@ -51,7 +51,7 @@ def others(count: int, positions: Sequence[int]) -> Array:
 
 
 def runs(flags: Array) -> Array:
-    """First and last positions (r, 2) of runs of true among flags (k,).
+    """First and last positions (r, 2) of runs of true values among flags (k,).
 
     >>> runs(np.array([True, False, True, True])).tolist()
     [[0, 0], [2, 3]]
@@ -61,7 +61,7 @@ def runs(flags: Array) -> Array:
 
 
 _MANY_ROWS = 256
-"""Number of rows from which `across` reduces column by column: NumPy's reduction over a short last axis is
+"""Number of rows above which `across` reduces column by column: NumPy's reduction over a short last axis is
 slow for many rows."""
 
 
@@ -83,7 +83,7 @@ def solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Array function of phases that caches its latest values, up to a number of bytes.
+    """Function of phases, with array values, that caches its latest results up to a number of bytes.
 
     The next solution uses the phases of the same grid. Cached values must not be modified.
     """
@@ -108,7 +108,7 @@ class Recent:
 
 
 class Latest(Generic[Value]):
-    """Function of phases (m,) that caches its last value, since the same grid is used at successive speeds.
+    """Function of phases (m,) that caches its last value, because successive speeds use the same grid.
 
     The value must not be modified.
     """

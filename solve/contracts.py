@@ -10,7 +10,7 @@ Matrices = tuple[Array, Array, Array, Array]
 
 
 class Statistics(NamedTuple):
-    """Statistics of a quantity over a period, those of the continuous curve.
+    """Statistics over a period of the continuous curve of a quantity.
 
     Attributes
     ----------
@@ -66,8 +66,8 @@ class DrawnLink(NamedTuple):
 
 
 class Formulas(NamedTuple):
-    """C function `void formulas(const lane *const *in, lane *out)` with the names and values of its
-    parameters.
+    """C function `void formulas(const lane *const *in, lane *out)` of a model, with the names and values of
+    its parameters.
 
     text: source. outputs: number of outputs. names, values (p,), or (P, p) at many points: the parameters,
     its last input. The other inputs are phase, speed and, for the outputs of a model, q, q̇, q̈. `lane` is a
@@ -114,7 +114,8 @@ class Dependence(Protocol):
 
     @property
     def less_accurate(self) -> "Dependence":
-        """The same by differences of lower order, for error estimates; itself where derivatives are exact."""
+        """Derivatives from differences of lower order, for error estimates; the object itself if derivatives
+        are exact."""
         ...
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
@@ -122,7 +123,7 @@ class Dependence(Protocol):
         ...
 
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        """Sums (r, c) of these over phases and rows, with weights (k, n, c)."""
+        """Sums (r, c) of the derivatives of `residual` over phases and rows, with weights (k, n, c)."""
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
@@ -170,14 +171,14 @@ class Structure(Protocol):
         ...
 
     def pinned_frequencies(self) -> dict[str, float]:
-        """Lowest bending frequency (rad/s) of each link by itself, pinned at both ends."""
+        """Lowest bending frequency (rad/s) of each link alone, pinned at both ends."""
         ...
 
 
 def driven(s: Any, first: Any, last: Any, period: float) -> tuple[Any, Any, Any]:
     """Phase within a period, speed and acceleration (rad, rad/s, rad/s²) of a drive whose speed changes
-    linearly in time from `first` to `last`. s, from 0 to the period: time multiplied by the mean speed. Takes
-    symbols as well."""
+    linearly in time from `first` to `last`. s: time multiplied by the mean speed, from 0 to the period; may
+    be a symbol."""
     mean, slope = (first + last) / 2, (last - first) / period
     return (first * s + slope * s**2 / 2) / mean, first + slope * s, slope * mean
 
@@ -221,13 +222,14 @@ class Reduction(Protocol):
     def enriched(self) -> Any: ...
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array) -> Any:
-        """State with all coordinates, as `q` (full_coordinates, k), at phases (k,) for q, q̇, q̈ (n, k)."""
+        """State with all coordinates, whose `q` has the shape (full_coordinates, k), at phases (k,), from q,
+        q̇, q̈ (n, k)."""
         ...
 
 
 class Events(NamedTuple):
-    """Phases (rad) at which a motion passes switches of the equations, such as stops, and at which it touches
-    one without passing clearly."""
+    """Phases (rad) at which a motion passes switches of the equations, such as stops, and phases at which it
+    touches a switch without clearly passing it."""
 
     phases: tuple[float, ...] = ()
     grazing: tuple[float, ...] = ()

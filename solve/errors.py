@@ -37,7 +37,7 @@ class UnitError(SolveError):
 
 
 class MissingValueError(SolveError):
-    """Value that the case lacks: a parameter or the speed."""
+    """Missing value that the case does not state: a parameter or the speed."""
 
 
 class CaseFileError(SolveError):
@@ -105,7 +105,7 @@ class TransientError(SolveError):
 
 
 class NoResultError(SolveError):
-    """Failure of all of many points."""
+    """Failure of all points of a study."""
 
 
 class WorkersError(SolveError):

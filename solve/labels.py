@@ -1,4 +1,4 @@
-"""Labels of a system: names, numbers, units and meanings, as results show them."""
+"""Labels of a system: names, parameter values, units and meanings, as results show them."""
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
@@ -11,29 +11,29 @@ from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si, unit_given
 
 SPEED = "speed"
-"""The name under which the speed Ω (rad/s) varies like a parameter."""
+"""Name of the speed Ω (rad/s) where it varies like a parameter."""
 
 
 class Labels:
-    """Names, numbers, units and meanings of a system, without its equations."""
+    """Names, parameter values, units and meanings of a system, without its equations."""
 
     name: str = "system"
     title: str = ""
     """Description in one line."""
     case: str | None = None
-    """Case of the model with the numbers; `case_speed` is its speed with unit."""
+    """Name of the case; `case_speed` is its speed with unit."""
     case_speed: str | None = None
     model_hash: str | None = None
     """Hash of the generated code of the equations."""
     solvable: bool = True
-    """Whether it has equations; a system read from a file of results has labels only."""
+    """Whether the system has equations; one read from a file of results has labels only."""
     options: Mapping[str, Any] = MappingProxyType({})
     parameters: Mapping[str, float] = MappingProxyType({})
     """Parameters that can be varied, in the units declared by the model."""
     parameter_labels: Mapping[str, tuple[str, str]] = MappingProxyType({})
     """Unit and meaning of each parameter."""
     parameter_sources: Mapping[str, str] = MappingProxyType({})
-    """Sources of values stated by the case; parameters set otherwise are absent."""
+    """Sources of values stated by the case; parameters set by other means are absent."""
     equations: tuple[str, ...] = ()
     """Equations as HTML elements with MathML."""
     links: tuple[DrawnLink, ...] = ()
@@ -50,7 +50,7 @@ class Labels:
     outputs: tuple[str, ...] = ()
     """Names of the quantities computed from the state; `units` and `meanings` contain theirs too."""
     outputs_apart: bool = False
-    """Whether outputs are computed individually on access, rather than all at once."""
+    """Whether outputs are computed individually on access, rather than all together."""
     equation_warnings: tuple[str, ...] = ()
     """Warnings about the equations that hold at any speed: neglected terms, errors of fitted series."""
     largest_of: Mapping[str, tuple[str, ...]] = MappingProxyType({})
@@ -79,7 +79,7 @@ class Labels:
         return 2 * self.n - self.first_order
 
     def shown_in(self, speed: float) -> Self:
-        """The same system with the unit of a given speed, if any, as display unit."""
+        """Copy of the system whose display unit is the unit of a given speed, if it has one."""
         unit = unit_given(speed, self.speed_unit)
         if unit == self.speed_unit:
             return self
@@ -118,7 +118,7 @@ class Labels:
         return in_unit(value, unit or "1", name)
 
     def bounds_in_own_unit(self, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
-        """Lower and upper bound of a parameter in its declared unit, which hold its value. Raises
+        """Lower and upper bound of a parameter in its declared unit, which must contain its value. Raises
         UnknownNameError, UnitError, ValueOutOfBoundsError."""
         require_name(f"parameter of {self.name}", name, self.parameters)
         low, high = (self.in_own_unit(name, end) for end in ends)
@@ -140,15 +140,15 @@ class Labels:
         return names
 
     def parts(self, quantity: str) -> tuple[str, ...]:
-        """Coordinates or outputs of a quantity: itself, or those of which it is the largest. Raises
-        UnknownNameError."""
+        """Coordinates or outputs of a quantity: the quantity itself, or the quantities of which it is the
+        largest. Raises UnknownNameError."""
         allowed = (*self.coordinates, *self.outputs, *self.largest_of)
         require_name(f"coordinate or output of {self.name}", quantity, allowed)
         return self.largest_of.get(quantity, (quantity,))
 
     def speed_or_usual(self, speed: float | str | None) -> float:
-        """Ω in rad/s of a speed (rad/s, or a text with unit), by default that of the case. Raises
-        MissingValueError without either, UnitError, ValueOutOfBoundsError."""
+        """Ω in rad/s from a speed (rad/s, or a text with unit), by default that of the case. Raises
+        MissingValueError if neither is given, UnitError, ValueOutOfBoundsError."""
         chosen = self.case_speed if speed is None else speed
         if chosen is None:
             where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"

@@ -123,7 +123,7 @@ def setup_of(
 
 
 def model_of(setup: Setup) -> Model:
-    """Model of a setup, of the kind of its generated module."""
+    """Model of a setup, whose class depends on the kind of the generated module."""
     if kind_of(setup.module) == EQUATIONS:
         return Model.of(setup) if setup.module.COORDINATES else RigidModel.of(setup)
     from solve.beams.reduced import ReducedStructure
@@ -157,7 +157,7 @@ def case_numbers(
     cases: str | None = None,
     parameters: Mapping[str, float | str] | None = None,
 ) -> Case:
-    """Read the numbers of a model's case.
+    """Read the parameter values of a model's case.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ _ROUNDOFF = 64 * EPS
 """Round-off of an entry relative to the largest term of the equations. A choice."""
 
 _SINGULAR = 0.1 / EPS
-"""Condition number of the scaled M above which it is singular: all digits but one are lost."""
+"""Condition number of the scaled M above which it counts as singular: only one digit remains accurate."""
 
 
 def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]:
@@ -41,8 +41,8 @@ def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) 
 
 
 def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]], names: str) -> None:
-    """Raise MatricesError unless arrays at some phases have the shapes (m, …) by their symbols. names: of the
-    coordinates, for the message."""
+    """Raise MatricesError unless arrays at some phases have the shapes (m, …) by their symbols. names: names
+    of the coordinates, for the message."""
     for symbol, array in arrays.items():
         if array.shape != shapes[symbol]:
             raise MatricesError(
@@ -52,7 +52,7 @@ def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, 
 
 
 def split_entries(entries: Array, n: int) -> Matrices:
-    """M, C, K (…, n, n) and d (…, n) of entries (…, 3n² + n), concatenated by rows."""
+    """M, C, K (…, n, n) and d (…, n) from entries (…, 3n² + n), concatenated by rows."""
     M, C, K = (entries[..., k * n**2 : (k + 1) * n**2].reshape(*entries.shape[:-1], n, n) for k in range(3))
     return M, C, K, entries[..., 3 * n**2 :]
 
@@ -70,8 +70,8 @@ def leading(M: Array, C: Array, first_order: int) -> Array:
 
 
 def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Array, Array]:
-    """M, C and K (…, n, n) with the last `first_order` coordinates taken as rates: their columns of C are
-    those of M, and their columns of K those of C.
+    """M, C and K (…, n, n) with the last `first_order` coordinates replaced by their rates: the columns of C
+    become those of M, and the columns of K those of C.
 
     λ²M + λC + K has the eigenvalues of the given matrices, and a zero for each of these coordinates.
     """
@@ -92,14 +92,14 @@ def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:
-    """Phases (k,), those about a period later, and phases next to the first (3k,), at a distance of the
-    round-off of the period."""
+    """Phases (3k,): the given ones (k,), those about a period later, and neighbours of the given ones at a
+    distance of the round-off of the period."""
     distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
     return np.concatenate((phase, later, phase + distance))
 
 
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
-    """Symbols of the matrices that differ between phases and those a period later, and the differences.
+    """Symbols of the matrices that differ between phases and phases a period later, with the differences.
 
     matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences count beyond 1e-9 of the size
     of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to that), and
@@ -124,8 +124,8 @@ def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
 
 
 def _negligible(matrices: Sequence[Array]) -> list[Array]:
-    """Changes of M, C, K and d, in the same unit, that are negligible: 1e-9 of their size and the round-off
-    of the whole equation."""
+    """Negligible changes of M, C, K and d, converted to the same unit: 1e-9 of their size plus the round-off
+    of the entire equation."""
     inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
     unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
     scales = [unit[:, None] * unit] * 3 + [unit]

@@ -18,17 +18,19 @@ _SAME_AZIMUTH = 1e-9
 
 _MAX_CONDITION = 30.0
 """Condition number of the fit of a series to azimuths that are not uniform, above which fewer harmonics are
-fitted. It multiplies errors of the samples, and unresolved harmonics. A choice: uniform azimuths have √2."""
+fitted. It multiplies the errors of the samples and the unresolved harmonics. A choice: uniform azimuths have
+√2."""
 
 _FLATTENING = 0.7
-"""Ratio of the logarithmic decay in the last quarter of the harmonics to that before, below which it
-flattens: 1 for geometric decay, below 0.6 for powers. A choice."""
+"""Ratio of the logarithmic decay in the last quarter of the harmonics to that in the quarter before, below
+which the decay counts as flattening: it is 1 for geometric decay and below 0.6 for powers. A choice."""
 
 _FEWEST_FOR_POWER = 8
-"""Number of harmonics from which each quarter has two, so that flattening is seen. A choice."""
+"""Smallest number of harmonics for which flattening is tested: each quarter then has two harmonics. A
+choice."""
 
 _SIGNIFICANT = 64 * EPS
-"""Amplitude of a harmonic relative to the largest entry of its matrix, above which it is no round-off. A
+"""Amplitude of a harmonic relative to the largest entry of its matrix, above which it is not round-off. A
 choice: some ten operations above the unit round-off."""
 
 
@@ -96,7 +98,7 @@ class Samples:
 
     @property
     def resolved(self) -> int:
-        """Highest harmonic of which the azimuths determine cosine and sine."""
+        """Highest harmonic whose cosine and sine coefficients the azimuths determine."""
         return (len(self.arrays[0]) - 1) // 2
 
     @cached_property
@@ -111,7 +113,7 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Harmonics (h,) above 0, of any entry, that are no round-off."""
+        """Harmonics (h,) above 0 that are not round-off in some entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
@@ -137,8 +139,8 @@ class Samples:
         return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
 
     def shifted(self) -> "Samples":
-        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the
-        last quarter of the harmonics."""
+        """Samples with all entries shifted by the amplitude that is aliased to the mean, extrapolated from
+        the last quarter of the harmonics."""
         most = len(self.envelope) - 1
         ratio = self.decay(3 / 4 * most, self.azimuths)
         arrays = []
@@ -154,7 +156,8 @@ class Samples:
 
     @property
     def ends(self) -> bool:
-        """Whether the harmonics are seen to end: the next multiple of their spacing is resolved and zero."""
+        """Whether the harmonics end within the resolved ones: the next multiple of their spacing is resolved
+        and zero."""
         last = int(self.significant.max(initial=0))
         return last == 0 or last + self.spacing <= self.resolved
 
@@ -168,7 +171,8 @@ class Samples:
 
     def truncated(self, harmonics: int) -> "Samples":
         """Samples of the interpolants without higher harmonics; if azimuths are not uniform, of interpolants
-        through fewer azimuths, which have errors of the same kind: higher harmonics alias to all lower ones.
+        through fewer azimuths, whose errors are of the same kind, because higher harmonics are aliased to all
+        lower ones.
         """
         if self.given is not None:
             azimuths, arrays = self.given
@@ -247,7 +251,7 @@ def sampled(
 
 
 def checked_period(period: float) -> float:
-    """The period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
+    """Checked period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
     if isinstance(period, str) or not (math.isfinite(period) and period > 0):
         raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
     return float(period)

@@ -148,8 +148,8 @@ def floquet(
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
-    """Request for the solution of points by engine COMPILED or NUMPY, with the methods that check the
-    results of others. Raises ValueOutOfBoundsError."""
+    """Request for the solution of points by engine COMPILED or NUMPY, and the methods that check results of
+    other methods. Raises ValueOutOfBoundsError."""
     return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 

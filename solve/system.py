@@ -45,7 +45,7 @@ from solve.matrices import (
 from solve.samples import Samples, checked_period, sampled
 
 _LOAD_PHASES = 128
-"""Phases per period at which a load is sampled to find out whether it is zero. A choice."""
+"""Phases per period at which a load is sampled to determine whether it is zero. A choice."""
 
 _INSET = 1e-12
 """Fraction of the period by which phases next to a jump are moved away from it. A choice."""
@@ -86,7 +86,7 @@ class PeriodicSystem(Labels):
     """
 
     events: Events = Events()
-    """Phases at which the motion passes switches; of systems linearised about a motion."""
+    """Phases at which the motion passes switches, for systems linearised about a motion."""
 
     reduction: Reduction | None = None
     """Reduction from a larger system; None for a full system."""
@@ -164,7 +164,7 @@ class PeriodicSystem(Labels):
         return cls(samples.function, coordinates, samples.period).from_interpolant(samples)
 
     def from_interpolant(self, samples: Samples) -> Self:
-        """The same system with other samples of its matrices."""
+        """Copy of the system with other samples of its matrices."""
         made = copy(self)
         made._matrices, made.samples = samples.function, samples
         return made
@@ -178,8 +178,8 @@ class PeriodicSystem(Labels):
         return M, C, K, d
 
     def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:
-        """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector: names
-        of those of shape (m, n, n) and (m, n). Raises MatricesError."""
+        """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector:
+        symbols of the arrays of shape (m, n, n) and (m, n). Raises MatricesError."""
         # A function of the user may modify its argument.
         argument = phase if phase.flags.writeable else phase.copy()
         try:
@@ -204,8 +204,8 @@ class PeriodicSystem(Labels):
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,), a speed, one or (k,), in rad/s, and states q, q̇, q̈ (n, k),
-        derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
+        """Outputs (k,) by name at phases (k,), a speed in rad/s, a number or (k,), and states q, q̇, q̈ (n,
+        k), derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
         return {}
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
@@ -271,7 +271,8 @@ class PeriodicSystem(Labels):
         return entries
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
-        """Columns (m, R) of the entries that may differ from zero, and their numbers (R,), ascending."""
+        """Columns (m, R) of the entries that may differ from zero, and the indices (R,) of these entries,
+        ascending."""
         return self.entries(phase, speed), np.arange(3 * self.n**2 + self.n)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
@@ -304,11 +305,12 @@ class PeriodicSystem(Labels):
         )
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> "PeriodicSystem":
-        """The same; phases at which the motion passes switches, at a speed in rad/s, are breaks."""
+        """System as from `along`, whose breaks include the phases at which the motion passes switches at a
+        speed in rad/s."""
         return self.along(motion, compiled)
 
     def meet(self, events: Events) -> None:
-        """Take the phases at which the motion passes switches as breaks."""
+        """Add the phases at which the motion passes switches to the breaks."""
         self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
@@ -325,9 +327,9 @@ class PeriodicSystem(Labels):
         )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
-        """Period after period of the equations of motion from any state, `count` states a period; sizes (n,)
-        of the coordinates, to which rtol is relative. Raises TransientError for systems without generated
-        code."""
+        """Integrator of the equations of motion, period after period from any state, with `count` states per
+        period. sizes (n,): sizes of the coordinates, to which rtol is relative. Raises TransientError for
+        systems without generated code."""
         raise TransientError(
             f"{self.name} has no generated equations of motion that can be integrated in time; state "
             "it as a mechanism and derive it"
@@ -407,7 +409,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
+    """Raise NoLoadError if d is zero over the entire period, so that the periodic vibration is zero."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.name} has no load: its periodic vibration is zero at every speed")

@@ -16,7 +16,7 @@ Value = TypeVar("Value")
 
 _lock = threading.Lock()
 _active_calls: list[Any] = []
-"""Active calls of `one_thread`: the limiter of the first, None for each of the others."""
+"""Active calls of `one_thread`: the limiter for the first call, None for each further call."""
 
 
 @contextmanager
@@ -58,8 +58,8 @@ def _libraries(loaded: tuple[bool, ...]) -> Any:
 
 
 def interruptible(work: Callable[[], Value]) -> Value:
-    """Result of `work`, run in a thread while this one waits, so that an interruption takes effect before a
-    long LAPACK call returns.
+    """Result of `work`, run in a separate thread while the current one waits, so that an interruption takes
+    effect before a long LAPACK call returns.
 
     After an interruption the call continues in the background. A regular exit of the process waits for it,
     because the libraries in use must not be unloaded earlier."""

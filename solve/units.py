@@ -1,4 +1,4 @@
-"""Conversion of numbers with units: speeds, and parameters in units of another size."""
+"""Conversion of values with units: speeds, and parameters given in other units."""
 
 import math
 import re
@@ -23,8 +23,8 @@ _NAME = rf"(1|%|[^\W\d]\w*{_POWER})"
 _PRODUCT = rf"{_NAME}((\s*[*/]\s*|\s+){_NAME})*+"
 _FACTOR = rf"({_NAME}|\({_PRODUCT}\){_POWER})"
 _UNIT = re.compile(rf"{_FACTOR}((\s*[*/]\s*|\s+){_FACTOR})*+")
-"""Products and quotients of names with small powers and at most one level of groups; nothing else is
-evaluated."""
+"""Pattern of units: products and quotients of names with small powers and at most one level of groups;
+nothing else is evaluated."""
 
 _PREFIXES = {"G": 9, "M": 6, "k": 3, "c": -2, "m": -3, "u": -6, "µ": -6, "n": -9}
 _DECIMAL = re.compile(rf"(?P<prefix>[{''.join(_PREFIXES)}])(?P<base>m|s|N|Pa|J|W)(?P<power>\^[2-4])?")
@@ -78,7 +78,8 @@ class ShownUnit(NamedTuple):
         return f"{self.of(low):{form}} {word} {self.text(high, form)}"
 
     def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
-        """Text of ranges of numbers in SI units, at most a few; a range with equal ends is one number.
+        """Text of ranges of numbers in SI units, at most a few; a range with equal ends is written as one
+        number.
 
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
         'from 30 to 60 rpm, at 90 rpm'
@@ -97,7 +98,8 @@ RPM, RAD_PER_S, _ = USUAL
 
 
 _SAME_SPEED = 1e-9
-"""Difference of two speeds, relative to the larger, below which they form no range. A choice."""
+"""Difference of two speeds, relative to the larger, below which they count as equal and form no range. A
+choice."""
 
 
 class GivenSpeed(float):
@@ -125,7 +127,7 @@ def raised(unit: str) -> str:
 
 
 def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
-    """Unit in which a speed was given, otherwise the default."""
+    """Unit in which a speed was given; `otherwise` if it was given without unit."""
     return getattr(speed, "unit", None) or otherwise
 
 
@@ -154,8 +156,8 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
 
 
 def require_size_of_number(what: str, value: float) -> None:
-    """Raise ValueOutOfBoundsError for a finite number, in SI units, that is too large or too small for
-    computations."""
+    """Raise ValueOutOfBoundsError for a finite number, in SI units, whose magnitude is too large or too small
+    for computations."""
     if math.isfinite(value) and value != 0 and not 1 / LARGEST <= abs(value) <= LARGEST:
         raise ValueOutOfBoundsError(
             f"{what} is {value:g}; allowed: 0, or {1 / LARGEST:g} … {LARGEST:g} in magnitude, in SI units"
@@ -186,7 +188,8 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
 
 
 def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[GivenSpeed]:
-    """Distinct speeds in rad/s, ascending. `what` requires two; raises ValueOutOfBoundsError."""
+    """Distinct speeds in rad/s, ascending. Raises ValueOutOfBoundsError for fewer than two. what: what
+    requires two speeds, for the message."""
     distinct = sorted(set(speeds_given(speeds)))
     if len(distinct) < 2:
         raise ValueOutOfBoundsError(f"{what} need at least two speeds; give a range such as '100:900:81 rpm'")
@@ -283,7 +286,7 @@ def in_unit(value: float | str, unit: str, name: str) -> float:
 
 
 def apart(text: str) -> str:
-    """Insert a space between a number and its unit.
+    """Text with a space inserted between a number and its unit.
 
     >>> apart("30mm"), apart("1e3 rpm"), apart("1e3N/m^2")
     ('30 mm', '1e3 rpm', '1e3 N/m^2')

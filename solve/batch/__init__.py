@@ -1,1 +1,2 @@
-"""Batch solution of many points: systems that differ in numbers only, with shared tables and grids."""
+"""Batch solution of many points: systems that differ in parameter values only, with shared tables and
+grids."""

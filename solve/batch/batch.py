@@ -76,8 +76,8 @@ class Batch:
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
-        """Reason of failure of a point (v,): that of its system if it fails by itself, otherwise the given
-        one."""
+        """Reason why a point (v,) failed: the error of its own system if that raises one, otherwise the given
+        reason."""
         single = self._single(point[None], 0)
         return single.reason if isinstance(single, Failed) else reason
 
@@ -168,7 +168,8 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Positions whose entries the terms represent, with their points; returns the other positions."""
+    """Yield positions whose entries are represented by the terms, with their points; return the other
+    positions."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

@@ -110,7 +110,7 @@ class _ResultWriter:
             self.write_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
-        """System and speed (rad/s) of each of these points."""
+        """Function that returns the system and the speed (rad/s) of each of these points."""
         return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _write_warnings(self, found: Certified) -> None:

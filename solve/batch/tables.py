@@ -1,4 +1,5 @@
-"""Separation of the entries of M, C, K, d: short sums of functions of the phase times numbers of the point.
+"""Separation of the entries of M, C, K, d: short sums of functions of the phase multiplied by coefficients of
+the point.
 
 Speeds and most parameters, such as powers of Ω, masses and stiffnesses, are factors of functions of the
 phase. An entry is then a fixed combination of its values at a few phases, so that a point is sampled only
@@ -16,7 +17,7 @@ from solve.period.grid import pieces
 from solve.period.points import Tables
 
 _MAX_TERMS = 10
-"""Number of terms per entry from which sampling every point at every phase costs less. A choice."""
+"""Number of terms per entry above which sampling every point at every phase costs less. A choice."""
 
 _TRAINING_POINTS, _TRAINING_PHASES = 16, 64
 """Numbers of points and phases from which the terms are computed. A choice."""

@@ -38,7 +38,7 @@ states it leaves a quarter of the 768 factors and changes no multiplier by more 
 steps resolve by more than 1e-12."""
 
 _MEMORY = 2**29
-"""Bytes of the steps that are solved at a time."""
+"""Size, in bytes, of the steps that are solved together."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Spectrum:
 
     @property
     def values(self) -> Array:
-        """ρ (N,), complex: 0 below the range of numbers, NaN without a digit."""
+        """ρ (N,), complex: 0 below the range of floating-point numbers, NaN if not accurate to one digit."""
         if self.refined is not None:
             return exponential(self.logarithms)
         small = exponential(self._logarithms_and_errors[0])
@@ -78,12 +78,12 @@ class Spectrum:
 
     @property
     def logarithms(self) -> Array:
-        """log ρ (N,), the principal branch: -inf for an exact zero, NaN without a digit."""
+        """log ρ (N,), the principal branch: -inf for an exact zero, NaN if not accurate to one digit."""
         return self._with_rigid(self._logarithms_and_errors[0], 0.0)
 
     @property
     def errors(self) -> Array:
-        """Estimated relative error of each ρ (N,); NaN without a digit."""
+        """Estimated relative error of each ρ (N,); NaN if not accurate to one digit."""
         return self._with_rigid(self._logarithms_and_errors[1], 0.0)
 
     @property
@@ -108,12 +108,13 @@ class Spectrum:
 
     @property
     def unresolved(self) -> int:
-        """Number of multipliers without a digit."""
+        """Number of multipliers that are not accurate to even one digit."""
         return int(np.isnan(self.errors).sum())
 
     @cached_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Mode of each multiplier; without its harmonic if it has no digit, or the method no step maps."""
+        """Mode of each multiplier; without its harmonic if the multiplier is not accurate to one digit, or if
+        the method has no step maps."""
         rotation = 2 * math.pi * self.point.speed / self.point.period
         angles = np.imag(self.logarithms) * rotation / (2 * math.pi)
         modes = [FloquetMode(float(angle)) for angle in angles]
@@ -187,8 +188,8 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions whose step maps give the modes, and the multipliers without a digit in the monodromy
-        matrix."""
+        """Solutions whose step maps give the modes, and the multipliers that the monodromy matrix does not
+        give to one digit."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
             steps = self.refined.steps
@@ -219,7 +220,7 @@ class Spectrum:
 
     @cached_property
     def _has_digit(self) -> Array:
-        """Whether the monodromy matrix has a digit of multipliers (N,)."""
+        """Whether the monodromy matrix gives each multiplier (N,) to at least one digit."""
         return self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
 
     @property

@@ -80,7 +80,7 @@ class ReductionError(NamedTuple):
 
     @property
     def parts(self) -> list[str]:
-        """The errors as phrases; of the outputs the largest."""
+        """Phrases that state the errors; of the errors of outputs, only the largest."""
         phrases = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
         phrases.append(f"multipliers {self.multipliers:.1e}")
         if self.outputs:

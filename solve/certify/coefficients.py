@@ -1,4 +1,4 @@
-"""Variation of M, C, K and d over the period that the samples of a grid do not resolve."""
+"""Variation of M, C, K and d over the period that is not resolved by the samples of a grid."""
 
 import weakref
 from collections.abc import Callable

@@ -26,7 +26,7 @@ damping ratio of 0.5 %."""
 
 
 class Comparison(ABC):
-    """A solution and a better one on a related grid; their difference is the error of the first.
+    """A solution and a better one on a related grid; their difference estimates the error of the first.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class Comparison(ABC):
         return min(self.solver.max_steps, self.better_solver.max_steps // self.step_ratio)
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
-        """The positions, split so that both solutions fit into memory."""
+        """Chunks of the positions, split so that both solutions fit into memory."""
         return self.better_solver.chunks(steps * self.step_ratio, positions)
 
     def solve(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:

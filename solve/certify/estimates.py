@@ -22,7 +22,7 @@ PHASES_PER_STEP = 4
 both populations remain honest with the same verdicts."""
 
 NO_DIGIT = 0.1
-"""Relative error above which a number has no correct digit."""
+"""Relative error above which a number is not accurate to even one digit."""
 
 ROUND_OFF = 64 * EPS
 """Relative size below which a value is the round-off of its computation: a choice, some ten operations above
@@ -74,7 +74,7 @@ def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
 
 
 def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
-    """Scales (P, n) of the errors of coordinates: their `largest` moduli, unless these are round-off.
+    """Scales (P, n) of the errors of coordinates: their `largest` moduli, unless the moduli are round-off.
 
     If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
     coordinate. The `roundoff` (P,) is then relative to the coordinate, which has a digit if it is below

@@ -36,14 +36,14 @@ _FASTEST = 1e-3
 difference may vanish by chance."""
 
 _FEWEST = 2
-"""Number of azimuths above which they determine a harmonic."""
+"""Number of azimuths above which a harmonic can be determined."""
 
 _FLAT = 0.9
-"""Ratio of the effects of successive multiples above which the harmonics do not fall: a choice. It takes 22
-multiples for a digit."""
+"""Ratio of the effects of successive multiples above which the harmonics count as not decaying. A choice: at
+this ratio one digit takes 22 multiples."""
 
 _MOST_AZIMUTHS = 100_000
-"""Number of azimuths above which none is recommended: the harmonics hardly fall. A choice."""
+"""Number of azimuths above which none is recommended: the harmonics hardly decay. A choice."""
 
 
 class _Effect(NamedTuple):
@@ -56,7 +56,7 @@ class _Effect(NamedTuple):
 def with_interpolation_errors(
     result: Certified, system_at: Callable[[int], tuple[PeriodicSystem, float]]
 ) -> Certified:
-    """Points whose errors contain those of the interpolation of their samples.
+    """Solved points whose error estimates include the interpolation of their samples.
 
     Points of systems that are not sampled remain unchanged. system_at: system and speed (rad/s) of one of
     them."""
@@ -157,7 +157,7 @@ def _ratios(effects: list[_Effect]) -> Array:
 
 
 def _sufficient(ratios: Array, excess: Array, spacing: int, azimuths: int) -> int | None:
-    """Number of azimuths with which the errors meet the tolerance; None if the harmonics hardly fall.
+    """Number of azimuths with which the errors meet the tolerance; None if the harmonics hardly decay.
 
     ratios (2,): of the effects of successive multiples of the spacing. excess (2,): errors over tolerance."""
     missed = excess > 1

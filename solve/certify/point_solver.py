@@ -58,12 +58,13 @@ class PointSolver:
 
     @cached_property
     def modes(self) -> FrozenModes:
-        """FrozenModes modes of all points."""
+        """Frozen modes of all points."""
         return frozen(self.points, engine=self.request.engine)
 
     @cached_property
     def free(self) -> Free | None:
-        """Rigid-body modes of the points; None without, or if the method determines those of an orbit."""
+        """Rigid-body modes of the points; None if there are none, or if the method determines them along an
+        orbit."""
         return free(self.points, self.modes) if self.method.linear else None
 
     def rigid_body_modes(self, positions: Array) -> Free | None:
@@ -120,7 +121,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
-        """The positions, split so that each chunk fits into memory and can be interrupted after it."""
+        """Chunks of the positions, split so that each chunk fits into memory and can be interrupted after
+        it."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         n, stages = self.points.n, self.method.stages

@@ -167,7 +167,7 @@ class _Refinement:
     def _refine_on(
         self, steps: int, chunk: Array, pending: dict[int, list[Array]]
     ) -> Iterator[Certified | Failed]:
-        """Solve points on one grid; those that are not accepted are added to the `pending` ones of their next
+        """Solve points on one grid; points that are not accepted are added to `pending` for their next
         grids."""
         is_given = self.request.steps is not None
         solutions, better = self.comparison.solve(steps, chunk)

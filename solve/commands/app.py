@@ -1,4 +1,4 @@
-"""Programs with commands: `solve`, and `python -m models.NAME` with a model's own commands."""
+"""Programs with commands: `solve`, and `python -m models.NAME` for the commands of a model."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class Program(NamedTuple):
-    """Program with commands.
+    """Program with several commands.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Program(NamedTuple):
         command_line.main(self.name, self._run_command, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
-        """Commands for Typer. Of several commands, only the one that is called is loaded."""
+        """Commands as a Typer application. If there are several, only the one that is called is loaded."""
         # Imported here, so that an interruption during the import is handled.
         from solve.commands.reading import application
 

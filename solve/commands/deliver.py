@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class ContradictionError(Exception):
-    """Contradiction of a proof and the ordinary verdict: an internal error."""
+    """Contradiction between a proof and the ordinary verdict: an internal error."""
 
 
 def deliver_result(

@@ -47,7 +47,7 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
-    """Add the numbers of --set to errors that name no parameter."""
+    """Context that adds the values of --set to the messages of errors that do not name a parameter."""
     try:
         yield
     except (MatricesError, DesiredMotionError) as error:

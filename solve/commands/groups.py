@@ -58,7 +58,7 @@ class Flag(NamedTuple):
 
 
 def _contains(kind: Any, wanted: type) -> bool:
-    """Whether a type is the wanted one or has it among its arguments."""
+    """Whether a type is the given one or contains it among its arguments."""
     return kind is wanted or any(_contains(argument, wanted) for argument in get_args(kind))
 
 
@@ -69,13 +69,13 @@ _NONE: Varied = MappingProxyType({})
 _NO_VALUES: Mapping[str, float | str] = MappingProxyType({})
 
 _MOST_TRIALS = 4096
-"""Largest number of combinations of varied parameters that are tried as the values of the model: a choice,
-which limits the time until a study is refused."""
+"""Maximum number of combinations of varied parameters that are tried as values of the model; limits the time
+until a study is refused. A choice."""
 
 
 @dataclass(frozen=True)
 class CaseNumbers:
-    """Numbers of a model that the command itself names."""
+    """Case and parameter values, for commands whose model is fixed."""
 
     case: Annotated[str | None, Flag("Case of the case file; the first by default.", "NAME")] = None
     cases: Annotated[str | None, Flag("Another case file (.toml).", "FILE")] = None
@@ -84,18 +84,18 @@ class CaseNumbers:
     ] = None
 
     def case_of(self, model: str) -> Case:
-        """Case with its numbers. Raises SolveError subclasses for bad input."""
+        """Case with its parameter values. Raises SolveError subclasses for bad input."""
         return case_numbers(model, self.case, self.cases, self.parameters)
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """Numbers of --set, or texts with unit. Raises ValueOutOfBoundsError."""
+        """Values of --set by name: numbers, or texts with unit. Raises ValueOutOfBoundsError."""
         return quantities("--set", self.set or [])
 
 
 @dataclass(frozen=True)
 class Numbers(CaseNumbers):
-    """Numbers and options of a model that the command itself names."""
+    """Case, parameter values and options, for commands whose model is fixed."""
 
     option: Annotated[list[str] | None, Flag("Choose an option of the model; repeatable.", "NAME=VALUE")] = (
         None
@@ -113,8 +113,8 @@ class Numbers(CaseNumbers):
         return model
 
     def _first_model(self, name: str, varied: Varied) -> Model:
-        """Model with the first values of the varied parameters that it allows. Raises the error of the first
-        values if it allows none."""
+        """Model with the first combination of values of the varied parameters that its bounds allow. If none
+        is allowed, raises the error of the first combination."""
         try:
             return model_of(self.setup(name, {each: values[0] for each, values in varied.items()}))
         except (ValueOutOfBoundsError, DesiredMotionError):
@@ -130,8 +130,8 @@ class Numbers(CaseNumbers):
         return missing_parameters(name, self.case, self.cases, self.parameters)
 
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
-        """Setup of the model of that name; values: of parameters that neither the case nor --set gives.
-        Raises SolveError subclasses for bad input."""
+        """Setup of the model of that name; values: values of parameters that neither the case nor --set
+        gives. Raises SolveError subclasses for bad input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
@@ -176,8 +176,8 @@ class Problem(Numbers):
         return read(self.model)
 
     def numbers_set(self) -> str:
-        """Numbers of --set in the model's units, with the case's units where these differ; empty if the model
-        needs further numbers."""
+        """Text with the values of --set in the model's units, and in the case's units where these differ;
+        empty if the model needs further values."""
         if is_matrix_file(self.model):
             return ""
         try:
@@ -196,7 +196,7 @@ class Problem(Numbers):
 
 @dataclass(frozen=True)
 class Speed:
-    """Speed of rotation."""
+    """Flag for one speed of rotation."""
 
     speed: Annotated[
         str | None, Flag("Speed with unit (rpm, rad/s, Hz); by default that of the case.", '"600 rpm"')
@@ -209,7 +209,7 @@ class Speed:
 
 @dataclass(frozen=True)
 class Speeds:
-    """Several speeds of rotation."""
+    """Flag for several speeds of rotation."""
 
     speeds: Annotated[
         str | None, Flag('N speeds from A to B, or a list: "600 900 1200 rpm".', '"A:B:N unit"')
@@ -224,7 +224,7 @@ class Speeds:
 
 @dataclass(frozen=True)
 class Settings:
-    """Settings of some methods."""
+    """Flags for settings that only some methods have."""
 
     gamma: Annotated[float | None, Flag("newmark: γ, 1/2 by default.", "G")] = None
     beta: Annotated[float | None, Flag("newmark: β, 1/4 by default.", "B")] = None
@@ -238,7 +238,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Accuracy(Settings):
-    """Method and tolerance."""
+    """Flags for method and tolerance."""
 
     method: Annotated[str, Flag("Method; auto selects one.", "NAME")] = "auto"
     rtol: Annotated[float, Flag("Relative tolerance of orbit and multipliers.", "R")] = 1e-8
@@ -251,25 +251,25 @@ class Accuracy(Settings):
 
 @dataclass(frozen=True)
 class Steps(Accuracy):
-    """Method, tolerance and steps."""
+    """Flags for method, tolerance and steps."""
 
     steps: Annotated[int | None, Flag("Steps per period; by default as many as --rtol requires.", "N")] = None
 
 
 @dataclass(frozen=True)
 class OnePoint(Steps):
-    """Method, tolerance and steps at a single speed."""
+    """Flags for method, tolerance and steps at a single speed."""
 
     all_multipliers: Annotated[bool, Flag("Apply --rtol to each multiplier individually.")] = False
 
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
-        """Result of a function such as `solve.periodic`."""
+        """Result of a function such as `solve.periodic`, called with these settings."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
 
 
 @dataclass(frozen=True)
 class Proving:
-    """Proof of the verdict at a single speed."""
+    """Flags for the proof of a verdict at a single speed."""
 
     prove: Annotated[bool, Flag("Prove verdict and bounds by ball arithmetic; requires python-flint.")] = (
         False
@@ -313,7 +313,7 @@ class Proving:
 
 @dataclass(frozen=True)
 class Moved:
-    """Parameters by which derivatives of computed speeds are requested."""
+    """Parameters with respect to which derivatives of computed speeds are requested."""
 
     by: Annotated[
         list[str] | None,
@@ -321,7 +321,7 @@ class Moved:
     ] = None
 
     def require_known(self, model: "Model") -> None:
-        """Raise SolveError subclasses, before the calculation, for other names."""
+        """Raise SolveError subclasses, before the calculation, for names that are not parameters."""
         if self.by:
             from solve.studies.sensitivities import moving_parameters
 
@@ -338,7 +338,7 @@ class Moved:
 
 @dataclass(frozen=True)
 class Places:
-    """Processes that solve many points, and the folder of finished points."""
+    """Flags for many points: the processes that solve them, and the folder of finished points."""
 
     store: Annotated[
         str | None, Flag("Folder of finished points, from which the same command resumes.", "DIR")
@@ -372,14 +372,14 @@ class Places:
 
 @dataclass(frozen=True)
 class Results:
-    """Output of a result."""
+    """Flags for the output of a result."""
 
     plot: Annotated[str | None, Flag("Picture of the result: .png, .pdf or .svg.", "FILE")] = None
     save: Annotated[str | None, Flag("Data of the result: .npz, .csv, .mat or .nc.", "FILE")] = None
     json: Annotated[bool, Flag("Print one JSON object instead of tables.")] = False
 
     def __post_init__(self) -> None:
-        """Raise FileError before the calculation."""
+        """Check the files. Raises FileError before the calculation."""
         self.files()
 
     def files(self) -> tuple[Path | None, Path | None]:

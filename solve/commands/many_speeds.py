@@ -73,8 +73,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s of --speeds or --speed; None stands for the case's speed if parameters vary. Raises
-    MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Speeds in rad/s of --speeds or --speed; None, which stands for the speed of the case, if only
+    parameters vary. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
@@ -118,7 +118,8 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figure:
-    """Figure with a curve per point that has a result. Raises ValueOutOfBoundsError if none has."""
+    """Figure with a curve per point that has a result. Raises ValueOutOfBoundsError if no point has a
+    result."""
     orbits, varying = {}, moving(sweep.varied)
     labels = labelled_by(model, {name: sweep.varied[name] for name in varying})
     for label, point in zip(labels, sweep.points, strict=True):

@@ -25,7 +25,7 @@ def number(text: str) -> float:
 
 
 def fraction(text: str) -> float:
-    """Fraction from the text of a flag, a number or in per cent, for Typer.
+    """Fraction from the text of a flag (a number or a percentage), for Typer.
 
     >>> fraction("5%")
     0.05
@@ -78,7 +78,7 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
 
 
 def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
-    """Name and N numbers from A to B, both included, from a text NAME=A:B:N; texts if a unit follows.
+    """Name and N numbers from A to B, both included, from a text NAME=A:B:N; as texts if a unit follows.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])
@@ -88,7 +88,8 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
 
 
 def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
-    """Combinations of values by name, up to `most`: in order for one name, spread over all for several.
+    """Combinations of values by name, up to `most`: in order for one name, and distributed over all
+    combinations for several names.
 
     >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
     [{'x': 0, 'y': 0}, {'x': 1, 'y': 1}, {'x': 0, 'y': 1}]
@@ -120,7 +121,7 @@ def figure_kept(text: str) -> str:
 
 
 def harmonic_count(count: int | None) -> int:
-    """The number of harmonics, 60 by default. Raises ValueOutOfBoundsError outside 1 … 10000."""
+    """Checked number of harmonics, 60 by default. Raises ValueOutOfBoundsError outside 1 … 10000."""
     if count is None:
         return 60
     if not 1 <= count <= 10_000:

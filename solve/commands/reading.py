@@ -1,4 +1,4 @@
-"""Reading of a program's command lines by Typer."""
+"""Parsing of a program's command lines with Typer."""
 
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +11,7 @@ from solve.terminal import progress
 from solve.terminal.command_line import UniqueOptions
 
 _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
-"""Usage error of the Click that Typer includes or depends on."""
+"""Usage error of Click, whether Typer includes Click or depends on it."""
 
 
 class _Command(UniqueOptions, TyperCommand):
@@ -26,8 +26,8 @@ def application(
     example: str,
     called: str | None,
 ) -> typer.Typer:
-    """Commands of a program. Of several commands, only the one that is called has its flags; a single command
-    needs no name on the command line."""
+    """Typer application of a program. If it has several commands, only the one that is called is given its
+    flags; a single command needs no name on the command line."""
     epilog, single = f"For example: {program} {example}", len(listed) == 1
     app = typer.Typer(
         name=program,
@@ -51,7 +51,7 @@ def _with_flags(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _placeholder(description: str) -> Callable[..., None]:
-    """Function that stands for a command in the list of `--help`."""
+    """Function that represents a command in the list of `--help`."""
 
     def placeholder() -> None: ...
 
@@ -81,7 +81,7 @@ def _command_in(arguments: Sequence[str]) -> str | None:
 
 
 def _add_hint(error: Any) -> None:
-    """Add to the error of an unknown flag how options and parameters of the model are given."""
+    """Extend the message about an unknown flag by how options and parameters of the model are set."""
     unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
     if unknown and any("--option" in parameter.opts for parameter in error.ctx.command.params):
         name = unknown.lstrip("-")

@@ -1,4 +1,4 @@
-"""Derivatives of figures of coordinates and outputs: extrema, means, root mean squares, harmonics.
+"""Derivatives of statistics of coordinates and outputs: extrema, means, root mean squares, harmonics.
 
 The derivative of an extremum is that of the quantity at a fixed phase, since the derivative with respect to
 the phase is zero there (envelope theorem). An extremum in a corner of an output, at a jump of the matrices,
@@ -20,15 +20,16 @@ from solve.period.quantities import enough_samples
 
 _EQUAL, _SAME_DERIVATIVE = 1e-9, 1e-6
 """Relative difference of two extrema up to which either may be the largest; and difference of their
-derivatives, relative to the derivative over the period, up to which it does not matter which of them is."""
+derivatives, relative to the derivative over the period, up to which the choice between them does not
+matter."""
 
 _OTHERS = np.array([0.118, 0.382, 0.618, 0.882])
-"""Further phases, in periods after an extremum, at which the size of the derivative over the period is
-sampled: at fractions by the golden section, no common multiples of low harmonics."""
+"""Additional phases, as fractions of a period after an extremum, at which the size of the derivative is
+sampled: multiples of the golden section, so that they do not coincide with low harmonics."""
 
 _CANDIDATE_RANGE = 1e-3
-"""Distance of other local maxima of samples below the largest, relative to the range of the quantity, within
-which they may be the global maximum. A choice."""
+"""Distance below the largest sample, relative to the range of the quantity, within which other local maxima
+of samples may be the global maximum. A choice."""
 
 _NEWTON_STEPS, _MAX_EXTREMA = 3, 64
 """Newton steps that refine the phase of an extremum, and maximum number of candidates. Choices."""
@@ -41,15 +42,15 @@ _FIRST_DERIVATIVE, _SECOND_DERIVATIVE = np.array([1, -8, 0, 8, -1]) / 12, np.arr
 """Weights of five values in the first and second difference of fourth order."""
 
 _EXTRAPOLATION = np.array([[3, -3, 1], [-5 / 2, 4, -3 / 2]])
-"""Weights of the values at one, two and three spacings from a place in the quadratic extrapolation of value
-and derivative to it."""
+"""Weights of the values at one, two and three spacings from a point, in the quadratic extrapolation of value
+and derivative to this point."""
 
 _SIDE = 2e-12
-"""Distance from a jump of the matrices, relative to the period, at which its sides are evaluated. A choice:
-far above round-off of the phase."""
+"""Distance from a jump of the matrices, relative to the period, at which quantities on both sides of the jump
+are evaluated. A choice: far above round-off of the phase."""
 
 _SIGNS = {"max": (1.0,), "min": (-1.0,), "max_abs": (1.0, -1.0)}
-"""Signs of the values whose largest is sought."""
+"""Signs with which an extremum becomes a maximum, by statistic."""
 
 Starts = dict[tuple[str, str], tuple[Array, Array]]
 
@@ -63,9 +64,9 @@ class _Quadrature(NamedTuple):
 
 
 class Figures:
-    """Figures of an orbit as weighted sums. starts: approximate phases of extrema and their signs, by name
-    and figure, from another grid or filled in. nodes (m, r): derivatives of the starts of steps with respect
-    to the quantities θ."""
+    """Statistics of an orbit as weighted sums. starts: approximate phases of extrema and their signs, by name
+    and statistic; taken from another grid, or filled in here. nodes (m, r): derivatives of the starts of
+    steps with respect to the quantities θ."""
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
         self.orbit, self._starts, self._nodes = orbit, starts, nodes
@@ -80,7 +81,7 @@ class Figures:
         return cache(partial(self._of_even, self._even))
 
     def sums(self, quantity: Named) -> WeightedSums:
-        """Weighted sums of a figure. Raises NoDerivativeError."""
+        """Weighted sums of a statistic. Raises NoDerivativeError."""
         name, figure = quantity.subject, quantity.figure
         self.find_extrema([quantity])
         if not ((name, figure) in self._extrema if figure in _SIGNS else self._finite(name)):
@@ -99,7 +100,7 @@ class Figures:
         return WeightedSums(name, phases, weights[:, None], _first, fractions)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, WeightedSums]:
-        """Complex amplitude A exp(iψ) of a harmonic of a coordinate or output, the mean for number 0."""
+        """Complex amplitude A exp(iψ) of a harmonic of a coordinate or output, or its mean if number is 0."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         is_sampled = count == self.orbit.samples
         even = self._even if is_sampled else self._quadrature(count)
@@ -110,7 +111,7 @@ class Figures:
         return complex(wave @ values), WeightedSums(name, phases, both, _complex, fractions)
 
     def _of_even(self, even: _Quadrature, name: str) -> Array:
-        """Values (k,) of a coordinate or output."""
+        """Values (k,) of a coordinate or output at the phases of a quadrature."""
         if name not in self.orbit.system.coordinates:
             return self.orbit.signal(name)(even.phases)
         row = self.orbit.system.coordinates.index(name)
@@ -136,7 +137,7 @@ class Figures:
         return bool(np.isfinite(self._sampled(name)).all())
 
     def find_extrema(self, quantities: Sequence[Named]) -> None:
-        """Find all extrema among the requested figures together."""
+        """Find all extrema among the requested statistics in one computation."""
         wanted = dict.fromkeys(
             (quantity.subject, quantity.figure) for quantity in quantities if quantity.figure in _SIGNS
         )
@@ -170,8 +171,8 @@ class Figures:
             self._starts.setdefault(pair, found[:2])
 
     def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
-        """Phases (k,) of extrema. Extrema of outputs with a corner, or a one-sided limit, at a jump of the
-        matrices are moved to the jump."""
+        """Phases (k,) of extrema. Phases next to a jump of the matrices are moved to the jump if the output
+        has a corner or a one-sided extremum there."""
         breaks, distance = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
         near = np.flatnonzero((np.abs(distance) < width) & ~np.isin(names, self.orbit.system.coordinates))
@@ -190,8 +191,8 @@ class Figures:
         return found
 
     def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
-        """Steps that start at the jumps of the matrices nearest to phases (k,), and distances of the phases
-        behind these jumps, infinite without jumps."""
+        """Steps that start at the jumps of the matrices nearest to phases (k,), and distances by which the
+        phases lie behind these jumps; infinite without jumps."""
         grid, period = self.orbit.problem.grid, self.orbit.system.period
         steps = np.flatnonzero(grid.at_break)
         if not len(steps):
@@ -236,9 +237,9 @@ class Figures:
         return self._even.phases[np.concatenate(maxima)], np.repeat(signs, counts)
 
     def _of_extremum(self, quantity: Named) -> WeightedSums:
-        """Weighted sums of an extremum, whose derivatives are NaN if equally large extrema change
-        differently. The phase is a zero of the derivative: the largest of nearly equal values would give half
-        the digits."""
+        """Weighted sums of an extremum, with NaN derivatives if equally large extrema have different
+        derivatives. The phase is found as a zero of the derivative, because a comparison of nearly equal
+        values would give only half the digits."""
         name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
         largest = values >= values.max() - _EQUAL * np.abs(values).max()

@@ -42,7 +42,7 @@ def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
 @dataclass(frozen=True, eq=False)
 class GridDerivatives:
     """Derivatives on one grid with respect to quantities by name. adjoint: whether derivatives of the orbit
-    use adjoint problems; starts: see `Figures`."""
+    are computed by adjoint problems; starts: see `Figures`."""
 
     solved: Stability
     rule: Collocated
@@ -71,7 +71,7 @@ class GridDerivatives:
         return PeriodicProblem(problem.point, self.rule, problem.grid, self.solved.certified.request.engine)
 
     def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
-        """Periodic solution on a grid, if it is known or quickly solved for."""
+        """Periodic solution on a grid, if it is known or quickly computed."""
         solutions = self.solved.certified.solutions
         if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
             if engine != COMPILED:
@@ -126,7 +126,7 @@ class GridDerivatives:
 
     @cached_property
     def figures(self) -> Figures:
-        """Figures of the orbit on this grid."""
+        """Statistics of the orbit on this grid."""
         return Figures(self.orbit, self.starts, self.nodes)
 
     @cached_property
@@ -220,7 +220,7 @@ def multiplier_position(solved: Stability, quantity: Named) -> int:
 
 
 def _multipliers(solved: Stability, at: int) -> Array:
-    """The leading multipliers, or all of them if the index is beyond."""
+    """Leading multipliers, or all multipliers if the index lies beyond the leading ones."""
     leading = solved.spectrum.leading
     return leading if at < len(leading) else solved.multipliers
 

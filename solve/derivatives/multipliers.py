@@ -26,15 +26,15 @@ lose half their digits."""
 
 _LEADING = 0.1
 """Modulus, relative to the spectral radius, above which the vectors of a multiplier are computed from Φ. A
-choice: they lose one digit there."""
+choice: at this modulus they lose one digit."""
 
 _PERIODIC, _NEARLY_PERIODIC = 1e-11, 1e-6
-"""Relative difference up to which a vector is the same after a period; the second applies where the product
-of the steps does not separate it from another, as near the double +1 of a rigid-body mode: derivatives then
-have about six digits."""
+"""Relative difference up to which a vector counts as unchanged after a period. The second value applies if
+the product of the steps does not separate the vector from another, as near the double +1 of a rigid-body
+mode: derivatives are then accurate to about six digits."""
 
 _MIN_MODULUS = 1e-100
-"""Modulus below which numbers may underflow within the period."""
+"""Modulus of a multiplier below which numbers may underflow within the period."""
 
 
 class Vectors(NamedTuple):
@@ -67,7 +67,7 @@ class GridMultipliers:
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
-        in those of real and imaginary part of log ρ, with the unit of each."""
+        in those of the real and imaginary parts of log ρ, each with its unit (1 or i)."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))
@@ -82,7 +82,8 @@ class GridMultipliers:
         return -complex(y @ self._problem.rate_jump(node) @ x) / complex(y @ x)
 
     def _leading(self, rho: complex, accuracy: float) -> Vectors | None:
-        """Vectors of a multiplier from Φ; None if they are not the same after a period to this accuracy."""
+        """Vectors of a multiplier from Φ; None if the vectors are not unchanged after a period to this
+        accuracy."""
         values, right, left = self._eigenvectors
         at = int(np.abs(values - rho).argmin())
         value, vectors = values[at], []
@@ -99,7 +100,7 @@ class GridMultipliers:
 
     @cached_property
     def _eigenvectors(self) -> tuple[Array, Array, Array]:
-        """Multipliers (N,) of Φ with right and left vectors (N, N), a column each."""
+        """Multipliers (N,) of Φ with right and left vectors, the columns of (N, N)."""
         Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
         # The inverse of the right vectors is inaccurate for all left ones if two others are nearly parallel.
@@ -119,7 +120,7 @@ class GridMultipliers:
 
     @property
     def _known(self) -> Array:
-        """log ρ (N,)."""
+        """Logarithms (N,) of the known multipliers."""
         return np.nan_to_num(self._spectrum.logarithms, nan=-np.inf)
 
     @cached_property
@@ -132,7 +133,7 @@ class GridMultipliers:
 
     @cached_property
     def _places(self) -> Array:
-        """Positions of the known multipliers among those of this grid."""
+        """Indices of the known multipliers among those of this grid."""
         return matched_logarithms(self._known, self._eigenvalues.logarithms[0])
 
     @cached_property

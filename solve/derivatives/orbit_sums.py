@@ -60,9 +60,9 @@ class GridOrbit(PeriodicMotion):
 
 
 class WeightedSums(NamedTuple):
-    """Figure as a function of sums with weights (k, c) over the values of a coordinate or output at phases
-    (k,). combine: derivatives of the figure from those (r, c) of the sums. fractions: of every step at which
-    the phases lie, if they are the same in all."""
+    """Statistic as a function of sums, with weights (k, c), over the values of a coordinate or output at
+    phases (k,). combine: function that returns the derivatives of the statistic from those (r, c) of the
+    sums. fractions: positions of the phases within every step, if these are the same in all steps."""
 
     name: str
     phase: Array
@@ -73,9 +73,9 @@ class WeightedSums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward derivatives of the orbit with respect to r quantities θ, for many figures. nodes (m, r): shift
-    of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times this shift.
-    level: derivatives of the means along rigid-body modes, see `PeriodicProblem.solve`."""
+    """Forward derivatives of the orbit with respect to r quantities θ, for many statistics. nodes (m, r):
+    shift of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times this
+    shift. level: derivatives of the means along rigid-body modes, see `PeriodicProblem.solve`."""
 
     orbit: GridOrbit
     dependence: Dependence
@@ -114,7 +114,7 @@ class Forward:
         ).T
 
     def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
+        """Derivatives (r,) of statistics, or the sizes of the terms that add up to them."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
@@ -141,7 +141,7 @@ class Adjoint:
     dependence: Dependence
 
     def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of figures, or the sizes of the terms of which they are sums."""
+        """Derivatives (r,) of statistics, or the sizes of the terms that add up to them."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)
@@ -166,7 +166,7 @@ def _combined(figures: Sequence[WeightedSums], sums: Sequence[Array], sizes: boo
 
 
 def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
-    """Sums (r, c) of each figure, from all sums (r, …)."""
+    """Sums (r, c) of each statistic, from all sums (r, …)."""
     return np.split(sums, np.cumsum([figure.weights.shape[1] for figure in figures])[:-1], axis=1)
 
 
@@ -174,7 +174,7 @@ def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
     """Derivatives (r, c) of all sums with respect to θ at a fixed orbit, or 0, and weights (m, 2 + k, n, c)
-    of the data of the orbit's curve. term: the modulus of terms, or the terms themselves."""
+    of the data of the orbit's curve. term: function applied to each term: the modulus, or the identity."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}

@@ -1,4 +1,4 @@
-"""A linear periodic problem on one grid, its stage systems factorised once, for any number of loads.
+"""A linear periodic problem on one grid, with stage systems that are factorised once for any number of loads.
 
 ∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages
 with the states of the method. The result is the derivative of the numerical solution on this grid (A.
@@ -90,7 +90,8 @@ class PeriodicProblem:
         return self._systems.maps
 
     def propagate(self, start: Array, backwards: bool = False) -> Array:
-        """States (m+1, 2n, r), without loads, from the first (2n, r); by the transposed maps if backwards."""
+        """States (m+1, 2n, r), without loads, from the first state (2n, r); with the transposed maps if
+        backwards."""
         A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
         return propagate(A, start, self._engine)
 
@@ -112,7 +113,7 @@ class PeriodicProblem:
 
     @property
     def stages(self) -> slice:
-        """Positions of the stages among the k phases of a step."""
+        """Indices of the stages among the k phases of a step."""
         return slice(1, 1 + len(self.rule.c))
 
     @cached_property
@@ -155,8 +156,8 @@ class PeriodicProblem:
         return curve if drift is None else replace(curve, drift=drift[:, 0])
 
     def solve(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
-        """Periodic solutions under loads (m, l, n, r) at the phases where they act, with jumps (m, 2n, r) of
-        the states at the starts of steps where the matrices jump. level (modes, r): means along rigid-body
+        """Periodic solutions under loads (m, l, n, r) at the phases at which loads act, with jumps (m, 2n, r)
+        of the states at the starts of steps where the matrices jump. level (modes, r): means along rigid-body
         modes, zero by default. Raises ResonanceError."""
         motions, drift = self._solve(loads, jumps), None
         if self._anchored is None:
@@ -212,7 +213,7 @@ class PeriodicProblem:
         return Motions(x, motions.accelerations + by_state[:, :, 0], compute_states, velocities)
 
     def _repeated(self, motions: Motions) -> tuple[Anchored, Free]:
-        """The anchored system and its rigid-body modes, repeated for each of the motions."""
+        """Anchored system and rigid-body modes, repeated once per motion."""
         assert self._anchored is not None
         assert self.free is not None
         rows = np.zeros(motions.x.shape[-1], dtype=int)
@@ -228,7 +229,7 @@ class PeriodicProblem:
 
     @property
     def _ends_apart(self) -> bool:
-        """Whether the ends of steps are not stages."""
+        """Whether the ends of the steps are phases other than the stages."""
         return self.phases.shape[1] > len(self.rule.c) + 1
 
     def _states(self, x: Array, ends: Array, a: Array) -> Array:
@@ -276,7 +277,8 @@ class PeriodicProblem:
         return np.concatenate((q[:, None], (h * v)[:, None], a), axis=1)
 
     def at(self, data: Array, phase: Array, order: int = 0) -> Array:
-        """Derivatives (p, …) of an order of the curves defined by data (m, 2 + k, …), at phases (p,)."""
+        """Derivatives (p, …), of the given order, at phases (p,), of the curves defined by data (m, 2 + k,
+        …)."""
         step, weights = self._basis(phase, order)
         here = data[step]
         return (weights[:, None] @ here.reshape(*here.shape[:2], -1)).reshape(len(step), *here.shape[2:])
@@ -308,7 +310,7 @@ class PeriodicProblem:
         return sums
 
     def _groups(self, phase: Array) -> tuple[Any, Array]:
-        """Order that sorts phases by steps, and the first position of each step in it."""
+        """Permutation that sorts phases by steps, and the index of the first phase of each step in it."""
         key = phase.tobytes(), -1
         if key not in self._cache:
             step = self._basis(phase, 0)[0]

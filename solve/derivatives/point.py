@@ -1,5 +1,5 @@
-"""Sensitivities of one point: derivatives of quantities of an orbit, or of its stability, on the grid that
-solved it, with errors estimated from one stage more."""
+"""Sensitivities of one point: derivatives of quantities of an orbit, or of its stability, on the grid of its
+solution, with errors estimated by a method with one stage more."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -23,13 +23,13 @@ from solve.system import PeriodicSystem, derivatives_of, of_system
 from solve.threads import one_thread
 
 _SAFETY = 2.0
-"""Factor on the difference of derivatives to those with one stage more, as of solutions."""
+"""Safety factor on the difference between derivatives and those with one stage more, as for solutions."""
 
 _COARSENING = 4
 """Ratio of the steps to those of the grid that estimates the sizes of the terms of derivatives. A choice."""
 
 _PARAMETERS_PER_ADJOINT = 2
-"""Number of parameters whose forward problems cost as much as the adjoint problem of a figure."""
+"""Number of parameters whose forward problems cost as much as the adjoint problem of one statistic."""
 
 _ROUNDOFF = 1e-13
 """Round-off error of a derivative relative to the sum of the moduli of its terms. A choice, a few hundred
@@ -124,8 +124,8 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
 def quantities_by(
     system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
 ) -> tuple[list[Named], list[str]]:
-    """Requested quantities and the names to differentiate by, without duplicates. Raises UnknownNameError,
-    ValueOutOfBoundsError, NoDerivativeError."""
+    """Requested quantities and the names of the parameters to differentiate with respect to, without
+    duplicates. Raises UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
     quantities = [Named.of(system, text) for text in texts]
     derivatives_of(system).by(names)
@@ -133,8 +133,8 @@ def quantities_by(
 
 
 def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[str]) -> Sensitivities:
-    """Sensitivities of a known solution, an orbit if quantities need one. Raises ValueOutOfBoundsError for
-    methods without stages."""
+    """Sensitivities of a known solution, which must be an orbit if the quantities require one. Raises
+    ValueOutOfBoundsError for methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(f"method is {rule.name}; sensitivities support radau, gauss and auto")
@@ -180,7 +180,7 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
 
 def _multiplier_error(solved: Stability, quantity: Named) -> float:
     """Relative error of the multiplier by which the derivative of its logarithm is multiplied; 0 for other
-    quantities. It is the same for every number of stages."""
+    quantities. A difference between numbers of stages does not show this error."""
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
     at = multiplier_position(solved, quantity)
@@ -196,8 +196,8 @@ def _with_errors(
     grid: GridDerivatives,
     coarse: GridDerivatives,
 ) -> dict[str, Sensitivity]:
-    """Sensitivity of each quantity, with errors from the derivatives by the method and with one stage more.
-    Round-off is estimated on a coarse grid."""
+    """Sensitivity of each quantity, with errors estimated from the derivatives of the method and of one with
+    one stage more. Round-off is estimated on a coarse grid."""
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):

@@ -31,7 +31,7 @@ class StageSystems(Protocol):
 
 
 class InvertedStageSystems:
-    """Stage systems by their inverses, (m, s n, s n)."""
+    """Stage systems stored as their inverses, (m, s n, s n)."""
 
     def __init__(self, rule: Collocation, h: Array, entries: Array, n: int):
         m, s, _ = entries.shape
@@ -63,8 +63,8 @@ class ScaledStageSystems:
 
 
 def stage_systems(rule: Collocation, h: Array, tables: Tables, at: slice, engine: str) -> StageSystems:
-    """Stage systems of steps of lengths h (m,), from tables at the same number of phases in each, of which
-    the positions `at` are the stages. Raises MemoryError."""
+    """Stage systems of steps of lengths h (m,), from tables at the same number of phases in each step; the
+    indices `at` are those of the stages. Raises MemoryError."""
     some = tables.table[..., entry_phases(tables.table.shape[-2]), :]
     factors = FrozenModes(replace(tables, table=some), float(h.sum())).equation_factors()
     if factors is None:
@@ -92,7 +92,7 @@ def close_periodically(A: Array, b: Array, engine: str) -> Array:
 
 
 def propagate(A: Array, start: Array, engine: str) -> Array:
-    """States x (m+1, N, r) of x_{k+1} = A_k x_k from the first (N, r)."""
+    """States x (m+1, N, r) of x_{k+1} = A_k x_k from the first state (N, r)."""
     states = chain.followed(A, start) if engine == COMPILED else None
     if states is not None:
         return states

@@ -1,4 +1,4 @@
-"""Export of the generated functions of a model as C code by CasADi, with a plain wrapper for each."""
+"""Export of the generated functions of a model as C code by CasADi, with a simple wrapper for each."""
 
 import re
 from collections.abc import Sequence
@@ -26,7 +26,8 @@ _ARGUMENTS = "Phase in rad, speed in rad/s, time derivatives, SI units; matrices
 
 
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
-    """Model with formulas. Raises NoMotionError, LinearModelError for other systems."""
+    """System, checked to be a model with formulas. Raises NoMotionError, LinearModelError for other
+    systems."""
     system.require_motion()
     linearised = isinstance(system, LinearisedModel)
     if not isinstance(system, Model) or linearised or system.assembled or not system.nonlinear:
@@ -38,7 +39,7 @@ def require_formulas(system: PeriodicSystem, what: str) -> Model:
 
 
 def identifier(model: Model) -> str:
-    """Name of the model as an identifier of C."""
+    """Name of the model as a C identifier."""
     name = re.sub(r"\W", "_", model.name, flags=re.ASCII)
     return name if name[:1].isalpha() else f"model_{name}"
 
@@ -167,5 +168,5 @@ def _listed(symbol: str, model: Model, names: Sequence[str]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Text without line breaks and ends of comments."""
+    """Text from which line breaks and comment ends are removed."""
     return text.replace("*/", "* /").replace("\n", " ")

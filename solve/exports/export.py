@@ -42,7 +42,7 @@ class Exported:
 def export(
     system: PeriodicSystem, path: str | Path, speed: float | str | None = None, samples: int = SAMPLES
 ) -> Exported:
-    """Write a system to a file of another tool, atomically.
+    """Write a system to a file of another tool, completely or not at all.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def mat_file(space: StateSpace, stability: Stability) -> bytes:
 
 
 def _cells(texts: tuple[str, ...]) -> Array:
-    """Column of MATLAB cells, for texts of different lengths."""
+    """Texts of different lengths as a column of MATLAB cells."""
     return np.array(texts, dtype=object)
 
 
@@ -173,4 +173,4 @@ ENDINGS: dict[str, Callable[[PeriodicSystem, Path, float | str | None, int], _Co
     ".c": _c,
     ".fmu": _fmu,
 }
-"""Exporters by the file's ending; they return the contents of the files, and warnings."""
+"""Export functions by the ending of the file; they return the contents of the files, and warnings."""

@@ -32,7 +32,7 @@ _TIME = 1980, 1, 1, 0, 0, 0
 _WHAT = "an FMU"
 
 _SAMPLES = 512
-"""Phases per period at which the sizes of the states are sampled. A choice."""
+"""Number of phases per period at which the magnitudes of the states are sampled. A choice."""
 
 _NOMINALS = "nominals[i] = 1;"
 """Placeholder of CasADi 3.8 for the nominal sizes of the states, by which tools scale errors."""
@@ -52,7 +52,8 @@ class _Variable(NamedTuple):
 
 
 class _Variables(NamedTuple):
-    """Variables of a model. drive: phase and speed. inputs: acceleration of the drive, then forces."""
+    """Variables of a model. drive: phase and speed. inputs: acceleration of the drive, followed by the
+    forces."""
 
     drive: list[_Variable]
     coordinates: list[_Variable]
@@ -136,8 +137,8 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
 
 
 def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
-    """q and q̇ (2n,) at phase 0 of the periodic orbit, their largest moduli, and warnings; zeros and ones
-    without a load."""
+    """q and q̇ (2n,) at phase 0 of the periodic orbit, their largest moduli, and warnings; without a load,
+    zeros and ones."""
     try:
         require_load(model, speed)
     except NoLoadError as reason:
@@ -160,7 +161,7 @@ def _require_different_names(variables: _Variables) -> None:
 
 
 def _exported(model: Model, variables: _Variables, headers: Path, compiler: str) -> Mapping[str, str]:
-    """Files in the current folder, with their paths in the archive."""
+    """Write the files of the FMU to the current folder, and return them with their paths in the archive."""
     import casadi
 
     builder = casadi.DaeBuilder(identifier(model))
@@ -228,7 +229,7 @@ def _explicit(model: Model) -> "casadi.Function":
 
 
 def _described(content: bytes, model: Model, variables: _Variables, speed: float) -> bytes:
-    """Model description of CasADi with units, start values of the states and the period added."""
+    """Model description written by CasADi, with units, start values of the states and the period added."""
     root = ET.fromstring(content)
     root.set("description", model.title)
     root.set("generationTool", "parametric-vibration, CasADi")

@@ -33,10 +33,10 @@ _PROBE = 0.07 + 0.31j
 A choice."""
 
 _PHASES = 64
-"""Phases at which the highest frequency is sampled. A choice."""
+"""Number of phases at which the highest natural frequency is sampled. A choice."""
 
 _GAUSS_POINTS = 12
-"""Points of Gauss's rule per step, which is one wave of the highest harmonic."""
+"""Number of Gauss points per step; a step is one period of the highest harmonic."""
 
 
 class TransferValues(NamedTuple):
@@ -95,7 +95,8 @@ class HarmonicTransfer:
 
     @cached_property
     def error(self) -> float:
-        """Error of H at a point off the imaginary axis, estimated from twice the harmonics of the states."""
+        """Error of H at a point off the imaginary axis, estimated by a solution with twice as many harmonics
+        of the states."""
         return self.at(_PROBE * self.rotation).error
 
     @property
@@ -132,7 +133,7 @@ class HarmonicTransfer:
         return spectrum[middle - self.harmonics : middle + self.harmonics + 1]
 
     def at(self, s: complex) -> TransferValues:
-        """Evaluate H(s), with twice the harmonics of the states.
+        """Evaluate H(s), and estimate its error with twice as many harmonics of the states.
 
         Parameters
         ----------
@@ -280,8 +281,8 @@ def _most_orders(system: PeriodicSystem) -> int:
 
 
 def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
-    """Highest frequency at fixed phases, in harmonics. With fewer harmonics, two truncations may agree and
-    be wrong."""
+    """Highest natural frequency at fixed phases, as a harmonic number. With fewer harmonics, two truncations
+    may agree although both are wrong."""
     phase = (np.arange(_PHASES) + 0.5) * (system.period / _PHASES)
     frequency = np.abs(np.linalg.eigvals(coefficients(system, speed, phase).A).imag).max()
     return math.ceil(frequency * system.period / (2 * math.pi * speed))
@@ -289,7 +290,7 @@ def _highest_frequency(system: PeriodicSystem, speed: float) -> int:
 
 @dataclass(frozen=True)
 class _Spectra:
-    """Fourier coefficients of harmonics -K … K of A, B, C, D, d, y₀ and b (2K+1, …)."""
+    """Fourier coefficients (2K+1, …) of A, B, C, D, d, y₀ and b for harmonics -K … K."""
 
     A: Array
     B: Array
@@ -326,7 +327,7 @@ class _Spectra:
 
     @property
     def units(self) -> Array:
-        """Units of the states (N,) in which round-off affects all of them equally."""
+        """Units of the states (N,) in which round-off affects all states equally."""
         from scipy.linalg import matrix_balance
 
         mean = self.A[len(self.A) // 2].real
@@ -340,7 +341,7 @@ class _Spectra:
         return H.reshape(2 * harmonics + 1, p, 2 * harmonics + 1, r)
 
     def free_response(self, orders: int, harmonics: int, rotation: float) -> Array:
-        """Coefficients (2N+1, p) of the outputs due to the load b; zero without one."""
+        """Coefficients (2N+1, p) of the outputs due to the load b; zero without such a load."""
         p = self.D.shape[1]
         if not self.b.any():
             return np.zeros((2 * harmonics + 1, p))
@@ -369,7 +370,8 @@ def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Ar
 
 
 def _amplitudes(orders: int) -> Array:
-    """Mean, cosine and sine amplitudes of coefficients of exp(ikφ), k = -orders … orders."""
+    """Matrix that converts coefficients of exp(ikφ), k = -orders … orders, to mean, cosine and sine
+    amplitudes."""
     matrix = np.zeros((2 * orders + 1, 2 * orders + 1), dtype=complex)
     matrix[0, orders] = 1.0
     for k in range(1, orders + 1):

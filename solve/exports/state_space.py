@@ -1,6 +1,6 @@
 """Linearised equations as a state space over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀,
 with derivatives with respect to time, x = (q, q̇), and forces u along the coordinates in addition to the load
-d. The load b is that of a first-order system with inputs u of its own, and otherwise zero."""
+d. The load b is zero except for a first-order system with its own inputs u."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -26,10 +26,11 @@ SAMPLES = 360
 """Default number of phases per period: one per degree of a revolution."""
 
 _INSET = 1e-12
-"""Distance from a jump, relative to the period, within which a sample is at the jump. A choice."""
+"""Distance from a jump, relative to the period, within which a sample counts as lying at the jump. A
+choice."""
 
 _FORCES = {"m": "N", "rad": "N m"}
-"""Units of the forces by the unit of the coordinate."""
+"""Units of forces, by the unit of the coordinate."""
 
 
 class Coefficients(NamedTuple):
@@ -133,7 +134,7 @@ def _linear_outputs(system: PeriodicSystem) -> Sequence[str]:
 
 
 def _reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """State q̈, q̇, q (3, n, k) about which outputs are linearised: that of the motion about which the
+    """State q̈, q̇, q (3, n, k) about which outputs are linearised: the state of the motion about which the
     equations are linearised, otherwise 0."""
     if not isinstance(system, LinearisedModel):
         return np.zeros((3, system.n, len(phase)))
@@ -211,7 +212,8 @@ class StateSpace:
         return self.coefficients.b
 
     def frozen(self, phase: float) -> "control.StateSpace":
-        """Time-invariant state space of python-control at a fixed phase, just after a jump there.
+        """Time-invariant state space of python-control at a fixed phase; if the matrices jump there, just
+        after the jump.
 
         Its poles do not determine the stability of the periodic system.
 
@@ -303,7 +305,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,), moved just behind a jump of the matrices."""
+    """Phases (k,); those at a jump of the matrices are moved just behind it."""
     period, inset = system.period, _INSET * system.period
     distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
     return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)
@@ -319,7 +321,7 @@ def python_control() -> Any:
 
 
 def labels(names: Iterable[str]) -> list[str]:
-    """Names of signals for python-control, without dots.
+    """Names of signals for python-control, which does not allow dots.
 
     >>> labels(["force_q.1"])
     ['force_q_1']

@@ -68,7 +68,7 @@ def solved(
     nodes: Samples | None,
     alone: bool = False,
 ) -> Periods:
-    """Solve each point on steps of lengths h (m,).
+    """Solutions of the points on steps of lengths h (m,), in compiled code.
 
     Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
     end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method

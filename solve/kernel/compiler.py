@@ -84,7 +84,8 @@ def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> 
 
 
 def _sound(library: Path) -> bool:
-    """Whether there is a library of this user with its checksum, which no other user may change.
+    """Whether a library with a valid checksum exists that belongs to this user and that no other user may
+    change.
 
     A truncated library would end the process. Raises CompilerError for files of other users."""
     checksum = library.with_suffix(".sha256")

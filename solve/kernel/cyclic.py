@@ -12,11 +12,11 @@ _PERTURBATIONS = 1, 4, 16, 64
 in turn. As backward errors they are of the size of those of elimination."""
 
 _START = np.array([1.0, 0.3 + 0.7j])
-"""First vector of inverse iteration: no eigenvector of a rotation, (1, ±i), nor orthogonal to one."""
+"""First vector of inverse iteration: neither an eigenvector (1, ±i) of a rotation nor orthogonal to one."""
 
 _INVERSE_ITERATIONS = 3
-"""Steps of inverse iteration: in 400 random chains with eigenvalues that are equal to half of their digits
-the second one leaves round-off alone."""
+"""Steps of inverse iteration: in 400 random chains whose eigenvalues agree to half of their digits, the
+second step leaves only round-off."""
 
 _TRIANGULAR = 1e-12
 """Entry below the diagonal, relative to its block, above which it is not round-off; that of 1000 blocks is
@@ -110,7 +110,8 @@ def triangular_bases(blocks: Array) -> Array:
 
 
 def _eigenvalue_logarithm(blocks: Array) -> complex:
-    """log ρ of one eigenvalue of a product of blocks (m, 2, 2), to the digits that the formed product has."""
+    """log ρ of one eigenvalue of a product of blocks (m, 2, 2), as accurate as the product of the blocks
+    permits."""
     product, scale = np.eye(2, dtype=complex), 0.0
     for block in blocks:
         product = block @ product

@@ -113,7 +113,8 @@ def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
 def run(
     kernel: str, size: Size, arrays: Mapping[str, Array], entry: Array | None = None, **numbers: float
 ) -> None:
-    """Call a kernel with arrays and numbers by the names in `problem`; results are written into the arrays.
+    """Call a kernel with arrays and numbers, passed by the names in `problem`; results are written into the
+    arrays.
 
     Raises CompilerError, MemoryError.
     """

@@ -55,7 +55,7 @@ def eigenvalues(matrices: Array, units: Array | None) -> Found | None:
 
 
 def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
-    """Eigenvalues as in `eigenvalues`, and their condition numbers."""
+    """Eigenvalues of finite matrices (P, N, N), and their condition numbers."""
     P, N, _ = matrices.shape
     made = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
     return made if _written(matrices, units, made._asdict()) else None

@@ -11,7 +11,7 @@ from solve.kernel.collocation import Samples
 from solve.kernel.library import address, addresses, loaded
 
 _MOST_ROWS = 64
-"""Number of accelerations per step above which LAPACK is as fast."""
+"""Number of accelerations per step above which compiled code is not faster than LAPACK."""
 
 _WIDEST = 8
 """Largest number of values per vector register."""
@@ -82,8 +82,8 @@ class FactorisedStages:
 def factorised(
     weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
 ) -> FactorisedStages | None:
-    """Factorised stage systems of steps of lengths h (m,) of one point, sampled at m k phases, of which
-    `stages` are stages.
+    """Factorised stage systems of steps of lengths h (m,) of one point, sampled at m k phases, of which those
+    with indices `stages` are the stages.
 
     weights: coefficients of the method. None without compiled code. Raises MemoryError."""
     s = len(weights["c"])

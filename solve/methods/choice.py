@@ -22,7 +22,8 @@ from solve.period.frozen import frozen
 from solve.period.points import Points
 
 Choice = Callable[[Points], Iterator[tuple[Method, Array]]]
-"""Function of points that returns methods, each with the positions (k,) of its points."""
+"""Type of functions that assign methods to points: they return methods, each with the indices (k,) of its
+points."""
 
 Rule = Method | Choice
 
@@ -31,8 +32,8 @@ RESOLVABLE = 512
 safe."""
 
 _FEW = 9
-"""Coordinates up to which order 13 takes less time; with more, round-off in the larger systems of a step also
-costs digits."""
+"""Number of coordinates up to which order 13 takes less time; with more, round-off in the larger systems of a
+step also costs digits."""
 
 _PHASES = 32
 """Number of phases at which coefficients are frozen for the selection: a choice."""
@@ -58,7 +59,7 @@ def damping(coordinates: int) -> Radau:
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:
-    """Methods for the points: the given one for all, or those of the automatic selection."""
+    """Methods for the points: the given method for all points, or those of the automatic selection."""
     return iter([(method, np.arange(len(points)))]) if isinstance(method, Method) else method(points)
 
 
@@ -79,8 +80,8 @@ METHODS: dict[str, Callable[..., Any]] = {
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Method of a name with its settings, without those that are None, or `auto`; method objects are
-    returned.
+    """Method with a name and the settings that are not None, or `auto`; method objects are returned
+    unchanged.
 
     Raises UnknownNameError for other names, and ValueOutOfBoundsError for other objects and for settings that
     the method does not have."""
@@ -97,5 +98,5 @@ def chosen(method: str | Rule, **settings: Any) -> Rule:
 
 
 def settings_of(method: str) -> set[str]:
-    """Names of a method's settings."""
+    """Names of the settings of a method."""
     return set(getattr(METHODS[method], "__dataclass_fields__", ()))

@@ -27,18 +27,19 @@ from solve.period.period_map import Steps
 from solve.period.points import Points, Tables, affine, matrices, state_size
 
 _MEMORY = 2**24
-"""Bytes of the stage matrices of steps that are sampled at a time."""
+"""Size, in bytes, of the stage matrices of the steps that are sampled together."""
 
 _STEP_BY_STEP = 18
-"""Number of coordinates from which the systems of the steps are solved one after another, in place and in the
-memory order of LAPACK. With 24 coordinates that takes 0.7 of the time of many steps together, with 108 0.6;
-with 15 to 18 both take the same, with 9 together 0.6 of the time of one after another."""
+"""Number of coordinates above which the systems of the steps are solved one after another, in place and in
+the memory order of LAPACK. Measured time, relative to solving many steps together: 0.7 with 24 coordinates,
+0.6 with 108, about 1 with 15 to 18, and 1/0.6 with 9."""
 
 _INFINITE = 1e25
-"""Modulus of hλ that counts as infinite: its powers up to the twelfth are representable numbers."""
+"""Modulus of hλ that counts as infinite: its powers up to the twelfth are representable."""
 
 _SYSTEMS = 2**19
-"""Bytes of stage systems that are solved at a time, which remain in the cache of a processor."""
+"""Size, in bytes, of the stage systems that are solved together, so that they remain in the processor's
+cache."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Collocation:
 
     @cached_property
     def curve_nodes(self) -> tuple[float, ...]:
-        """Fractions of the step at which the curve has the accelerations of the solution.
+        """Fractions of the step at which the accelerations of the curve equal those of the solution.
 
         If they include the end of the step, the integrals of the curve equal the step only if the quadrature
         is exact for the curve: s ≥ 3."""
@@ -87,8 +88,8 @@ class Collocation:
         return {name: np.ascontiguousarray(part) for name, part in found.items()}
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory per step of n coordinates: stage accelerations, maps with their products, and those of the
-        coarser grid; also samples and right-hand sides if steps are solved together."""
+        """Memory in bytes per step with n coordinates: stage accelerations, maps with their products, and
+        those of the coarser grid; also samples and right-hand sides if steps are solved together."""
         s = len(self.c)
         kept = s * n * (2 * n + 1) + 16 * n**2
         together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2
@@ -157,7 +158,8 @@ class Collocation:
         a[..., n : 2 * n] /= h[:, None, None]
 
     def _solve_step_by_step(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
-        """The same by one factorisation in place for each step, with all right sides together."""
+        """Write the stage accelerations as `_solve_together`, with one factorisation in place for each step
+        and all right-hand sides together."""
         # The package alone takes longer to be read than many a command.
         from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -181,7 +183,8 @@ class Collocation:
             a[at] = np.nan if singular else x
 
     def _stage_systems(self, h: Array, M: Array, C: Array, K: Array) -> Array:
-        """Matrices (P, m, s n, s n + 2n) of the stage accelerations, followed by those of q and h v.
+        """Matrices (P, m, s n, s n + 2n) of the stage accelerations, followed by the matrices that multiply q
+        and h v.
 
         All are combinations of M, hC and h²K with constant weights."""
         P, m, s, n = M.shape[:4]
@@ -211,7 +214,7 @@ class Collocation:
 
     def maps(self, h: Array, a: Array, first_order: int = 0) -> Array:
         """(q, v) at the ends of the steps as affine functions (P, m, N, N+r) of (q, v) and of r loads, from
-        stage accelerations (P, m, s, n, N+r), which are rates for the last `first_order` coordinates."""
+        stage accelerations (P, m, s, n, N+r), where those of the last `first_order` coordinates are rates."""
         P, m, s, n = a.shape[:4]
         p, N = n - first_order, 2 * n - first_order
         weights = np.stack((self.b @ self.A, self.b))
@@ -258,7 +261,7 @@ def lagrange(nodes: Array, theta: Array) -> Array:
 
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
-    """A stage's weights (3n, (s + 2) n) of whole rows of M, hC, h²K."""
+    """Weights (3n, (s + 2) n) of a stage for entire rows of M, hC, h²K."""
     return np.kron(method.stage_weights[stage].T, np.eye(n))
 
 
@@ -279,8 +282,8 @@ def _accelerations(method: Collocation, points: Points, h: Array, phases: Array)
 def _end_accelerations(
     method: Collocation, points: Points, grid: Grid, x: Array, last: Array
 ) -> tuple[Array, Array]:
-    """Accelerations (P, m, n) at the start and the end of every step; `last` are those of the last stages,
-    where a stiffly accurate method has them for nothing."""
+    """Accelerations (P, m, n) at the start and the end of every step; last: accelerations of the last stages,
+    which a stiffly accurate method provides without further cost."""
     ends = grid.stages(np.array([0.0, 1.0]))
     if not method.stiffly_accurate:
         starts = _acceleration(points, ends[:, 0], x[:, :-1])
@@ -330,8 +333,8 @@ class Collocated(OneStep):
 
     @property
     def with_another_stage(self) -> Self:
-        """Method of the same family with s + 1 stages, whose order is higher by two and may exceed
-        `orders`."""
+        """Method of the same family with s + 1 stages, whose order is higher by two; it may exceed the orders
+        in `orders`."""
         made = object.__new__(type(self))
         made._set(order=self.order + 2)
         made._state_facts()

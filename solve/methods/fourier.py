@@ -22,20 +22,20 @@ MOST_UNKNOWNS = 2000
 """Largest size of a dense eigenvalue problem that is solved: a choice."""
 
 _QUICK = 500
-"""Size of a dense eigenvalue problem that takes less than a second."""
+"""Size up to which a dense eigenvalue problem takes less than a second."""
 
 _SINGULAR = 1e14
-"""Condition number of the balance above which it is singular: a choice."""
+"""Condition number of the harmonic balance above which it counts as singular. A choice."""
 
 _DEFECTIVE = 1e4
-"""Condition number of eigenvectors above which they are not inverted: a choice."""
+"""Condition number of eigenvectors above which their matrix is not inverted. A choice.."""
 
 _CLUSTER = 1e-3
 """Largest distance, relative to the rotation, to which round-off may split a multiple exponent: a choice."""
 
 _SHIFT, _MOST_ITERATIONS = 0.125, 40
-"""Distance of the shift from a cluster, as a fraction of that to the nearest other exponent, which is then
-seven times as far from the shift; and largest number of iterations."""
+"""Distance of the shift from a cluster, as a fraction of the distance to the nearest other exponent, which is
+then seven times as far from the shift as the cluster; and maximum number of iterations."""
 
 _CONVERGED = 1e-6
 """Residual of an invariant subspace, relative to the width of a cluster, below which the iteration has
@@ -87,7 +87,8 @@ class Fourier(Method):
         return from_exponents(A.reshape(m * N, m * N), lambda p: p.reshape(m, N, -1), grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        """Curve (1, n, …) through m uniform nodes, and the condition number of the linear system."""
+        """Curve (1, n, …) of the periodic orbit through m uniform nodes, and the condition number of the
+        linear system."""
         q, condition = self.collocated(point, grid.nodes[:-1])
         return FourierCurve.through(grid.nodes, q)[None], condition
 
@@ -176,13 +177,13 @@ def _mean_order(p: Array) -> Array:
 
 
 def _alike(exponents: Array, rotation: float) -> bool:
-    """Whether two of the exponents (N,) differ by nearly a multiple of i·rotation: they may be of one family,
-    with p(0) changed by truncation."""
+    """Whether two of the exponents (N,) differ by nearly a multiple of i·rotation: they may then belong to
+    the same family, with p(0) changed by truncation."""
     return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
 
 
 def _apart(differences: Array, rotation: float) -> Array:
-    """Whether exponents with these differences (r,) belong to two families."""
+    """Whether exponents with these differences (r,) belong to different families."""
     left = differences - 1j * rotation * np.round(np.imag(differences) / rotation)
     return np.abs(left) >= _CLUSTER * rotation
 
@@ -197,7 +198,7 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Z and T with A Z = Z T for the first N exponents of which no two differ by a multiple of i·rotation.
+    """Z and T with A Z = Z T for the first N exponents among which no two differ by a multiple of i·rotation.
 
     Exponents and eigenvectors are given in order of preference. Multiple exponents are treated together, so
     that Z has N columns even with fewer eigenvectors; it has another number if truncation has split a

@@ -24,11 +24,11 @@ from solve.period.rigid_body import (
 )
 
 _IN_A_PIECE = 8
-"""Further phases at which K is tested in each interval between two jumps."""
+"""Number of additional phases at which K is tested in each interval between two jumps."""
 
 _FURTHER = 509
-"""Further phases of the period, in golden-section spacing, at which K is tested: features longer than 1/200
-of the period are detected."""
+"""Number of additional phases of the period, in golden-section spacing, at which K is tested: features longer
+than 1/200 of the period are detected."""
 
 _SECTION = 0.6180339887498949
 """Golden section; its multiples modulo 1 are distributed most evenly."""
@@ -109,15 +109,16 @@ def solutions_on(
 
 
 def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
-    """The points with anchored rigid-body modes; their matrices stay symmetric if the method requires it."""
+    """Points with anchored rigid-body modes; the matrices remain symmetric if the method requires symmetric
+    matrices."""
     weights = held.modes.weighted(held.mass) if method.symmetric else None
     return Anchored(points, held.modes, weights=weights)
 
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
-    """Orbits of points that conserve a momentum μ although C e ≠ 0. Their anchored points still have a
-    multiplier +1. A jump at phase 0 removes μ; the result is the drift-free combination of the solutions with
-    μ = 0 and μ = 1 after the jump."""
+    """Orbits of points that conserve a momentum μ although C e ≠ 0, so that a multiplier of the anchored
+    points is still +1. A jump at phase 0 removes μ; the result is the drift-free combination of the solutions
+    with μ = 0 and μ = 1 after the jump."""
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -148,9 +149,9 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
 
 def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
     """States (P, m+1, N, 2) of two solutions that a jump of the momentum at phase 0 makes periodic. After the
-    jump the momentum is 0 in the first, with loads, and 1 in the second, without loads. Also the condition
-    number (P,), and the momentum (P,) that the first gains in a period. rows, units (P, N): see
-    `Anchored.momentum`."""
+    jump the momentum is 0 in the first, with loads, and 1 in the second, without loads. Also returns the
+    condition number (P,), and the momentum (P,) that the first solution gains in a period. rows, units (P,
+    N): see `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
     loads[:, 0, :, 1] = np.squeeze(A[:, 0] @ units[..., None], -1)
     kept = np.eye(A.shape[-1]) - units[..., None] * rows[:, None]
@@ -173,8 +174,8 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
-    """Mean over the period (r,) of the generalised force along each rigid-body mode of one point: of gᵀd,
-    where gᵀK = 0; g = e if K is symmetric."""
+    """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, where
+    gᵀK = 0; g = e if K is symmetric."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
     places, weights = np.polynomial.legendre.leggauss(_PLACES)
     M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
@@ -188,7 +189,7 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
 
 
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
-    """Error of a point without periodic vibration because its load drives a rigid-body mode."""
+    """Error to raise for a point without periodic vibration because its load drives a rigid-body mode."""
     loads = mean_loads(point, modes)
     loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
@@ -202,7 +203,7 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
 
 
 def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
-    """Weights (r, n) of the coordinates of one point in the mean along each of its rigid-body modes, with the
+    """Weights (r, n) of the coordinates in the mean along each rigid-body mode of one point, with the
     reference coordinates of known modes."""
     found = free(point)
     if found is None:

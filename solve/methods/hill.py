@@ -19,12 +19,13 @@ from solve.system import PeriodicSystem
 _FIRST_ORDERS, _MOST_ORDERS = 8, 128
 
 Problem = Callable[[float], tuple[PeriodicSystem, float]]
-"""Function from a value of a parameter to the system and the speed in rad/s."""
+"""Type of functions that return the system and the speed in rad/s for a value of a parameter."""
 
 
 @dataclass(frozen=True)
 class Hill(Fourier):
-    """Galerkin method for Fourier series of matrices and solution, with m = 2N+1 steps for N harmonics.
+    """Hill's method: Galerkin method with Fourier series of matrices and solution, with m = 2N+1 steps for N
+    harmonics.
 
     Multipliers are computed from the eigenvalues of Hill's matrix, and the orbit from the forced balance."""
 
@@ -40,7 +41,7 @@ class Hill(Fourier):
         return from_exponents(_hill_matrix(point, orders // 2), samples, grid.period)
 
     def balanced_orbit(self, point: Points, grid: Grid) -> tuple[FourierCurve, float]:
-        """Curve from the balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
+        """Periodic orbit from the harmonic balance Σ_k [K_{j-k} + iω_k C_{j-k} - ω_k² M_{j-k}] q_k = d_j."""
         N, n = grid.steps // 2, point.n
         orders = np.arange(-N, N + 1)
         rates = 2j * np.pi / point.period * orders
@@ -210,7 +211,7 @@ def together(blocks: Array) -> Array:
 
 
 def _samples(point: Points, orders: int) -> Array:
-    """Phases (k,), twice as dense as this number of harmonics requires."""
+    """Phases (k,), twice as many as the number of harmonics requires."""
     count = 4 * orders + 4
     return np.arange(count) * (point.period / count)
 

@@ -24,11 +24,11 @@ from solve.period.points import Points, affine, matrices, state_size
 from solve.period.rigid_body import Free
 
 MOST_STEPS = 2**40
-"""Upper limit of the number of steps, beyond any memory."""
+"""Upper limit of the number of steps, larger than any memory permits."""
 
 _LARGE_SYSTEMS, _ENOUGH_STEPS = 4, 2**13
-"""Large systems may exceed the memory limit by this factor, up to this number of steps, because fewer steps
-would be too few: choices."""
+"""Factor by which large systems may exceed the memory limit, and number of steps up to which they may,
+because fewer steps would not suffice. Choices."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Solutions:
         return len(self.Phi)
 
     def __getitem__(self, points: Array) -> "Solutions":
-        """Solutions of some points, none of which failed."""
+        """Solutions of a selection of points, none of which failed."""
         if covers_all(points, len(self)):
             return self
         subset = Solutions(
@@ -95,13 +95,13 @@ class Solutions:
 
     @property
     def known(self) -> Array:
-        """Positions (k,) of the points that have a solution."""
+        """Indices (k,) of the points that have a solution."""
         has_solution = np.ones(len(self), dtype=bool)
         has_solution[list(self.failures)] = False
         return np.flatnonzero(has_solution)
 
     def with_multipliers(self, multipliers: Multipliers) -> "Solutions":
-        """Solutions with multipliers other than all of Φ."""
+        """Solutions in which given multipliers replace the eigenvalues of Φ."""
         changed = copy(self)
         changed.__dict__["multipliers"] = multipliers
         return changed
@@ -119,7 +119,7 @@ class Solutions:
 
 
 class Method:
-    """Method in phase time: M q″ + C q′ + K q = d with derivatives with respect to the phase.
+    """Numerical method for M q″ + C q′ + K q = d with derivatives with respect to the phase.
 
     order: order of convergence at the nodes and of the multipliers; infinite for spectral convergence
     (`spectral`). curve_order: order of the continuous curve. converges: False for an approximation that does
@@ -163,13 +163,12 @@ class Method:
         return True
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
-        """Linear equations that the solutions of points satisfy; those of linear points are the points
-        themselves."""
+        """Linear equations that the solutions of points satisfy; linear points are returned unchanged."""
         return points
 
     @property
     def corrector(self) -> "Method":
-        """Method for these linear equations."""
+        """Method for the linear equations of `linearised`."""
         return self
 
     def in_phase(self, steps: Array, error: float) -> Array:
@@ -189,8 +188,8 @@ class Method:
         return 80 * (2 * n + 1) ** 2
 
     def most_steps(self, n: int, first_order: int = 0) -> int:
-        """Largest number of steps per period for n coordinates, of which the last have no second derivatives,
-        limited by memory and time."""
+        """Largest number of steps per period for n coordinates, of which the last `first_order` have no
+        second derivatives, limited by memory and time."""
         steps = int(8 * most_numbers() / self.bytes_a_step(n))
         return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
 
@@ -203,7 +202,7 @@ class Method:
             )
 
     def require_steps(self, steps: Any, points: Points) -> None:
-        """Raise StepsError for a number of steps that can be used, with an error estimate, at none of the
+        """Raise StepsError for a number of steps that cannot be used with an error estimate at any of the
         points."""
         require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
@@ -218,7 +217,7 @@ class Method:
         raise NotImplementedError
 
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
-        """Error of a point whose maps are not finite."""
+        """Error to raise for a point whose maps are not finite."""
         phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
         M, C, _, _ = (part[0] for part in matrices(point, phase))
         M = leading(M, C, point.first_order)
@@ -298,7 +297,7 @@ class OneStep(Method):
         units: Array | None = None,
         engine: str = NUMPY,
     ) -> Solutions:
-        """Solutions, with the reason of failure for points without a finite and unique one."""
+        """Solutions, with the reason of failure for points without a finite and unique solution."""
         is_unique = succeeds = is_finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
             is_unique = is_finite & (condition < 1 / SINGULAR)
@@ -317,7 +316,7 @@ class OneStep(Method):
 
 
 def singular_inertia_error(where: str, first_order: int) -> MatricesError:
-    """Error of a point whose highest derivatives do not follow from its equations at a phase."""
+    """Error to raise for a point whose equations do not determine the highest derivatives at a phase."""
     if first_order:
         return MatricesError(
             "the columns of M of coordinates and of C of first-order states are linearly dependent "
@@ -371,7 +370,7 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
 
 
 def no_orbit(singular: str = "I - Φ") -> ResonanceError:
-    """Error of a point without a unique periodic solution."""
+    """Error to raise for a point without a unique periodic solution."""
     return ResonanceError(
         f"{singular} is singular: a Floquet multiplier is at +1, so that the forced motion grows without "
         "bound or is not unique; change the speed or add damping"

@@ -17,7 +17,7 @@ from solve.period.points import Points, Tables, matrices
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """Modal coordinates in every step, with the modes of its middle and unit modal masses.
+    """Method that decouples each step by the modes at its middle, with unit modal masses.
 
     Damping between modes is neglected, and each modal coordinate continues in the next step as if the modes
     were constant."""

@@ -55,7 +55,7 @@ class Newmark(OneStep):
             )
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Steps per period from the stability limit of the undamped oscillator.
+        """Smallest number of steps per period, from the stability limit of the undamped oscillator.
 
         For γ < 1/2 every step is unstable. Numbers of steps are then not rejected; a warning is issued
         instead."""
@@ -93,8 +93,8 @@ class Newmark(OneStep):
 
     @staticmethod
     def _restart(points: Points, grid: Grid, q: Array, v: Array, a: Array) -> None:
-        """Compute the acceleration after each jump of the matrices, where that before the jump does not
-        apply."""
+        """Compute the acceleration after each jump of the matrices, where the acceleration before the jump
+        does not apply."""
         into = np.flatnonzero(np.roll(grid.at_break, -1))
         behind = np.roll(grid.stages(np.zeros(1))[:, 0], -1)[into]
         M, C, K, d = matrices(points, behind)

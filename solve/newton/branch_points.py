@@ -15,7 +15,7 @@ SAMPLES = 8
 """Phases per step at which orbits are compared. A choice."""
 
 _MAX_TASKS = 8
-"""Number of values of the parameters whose systems are kept. A choice: a point uses one or two."""
+"""Number of values of the parameters whose systems are cached. A choice: a point uses one or two."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Place:
         return Place(on(grid, self.curve), self.values)
 
     def times(self, factor: float) -> "Place":
-        """Multiple of the place."""
+        """Place multiplied by a factor."""
         curve = self.curve
         drift = None if curve.drift is None else factor * curve.drift
         return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
@@ -119,7 +119,7 @@ class ContinuationParameters:
         return np.abs(self.ranges[:, 1] - self.ranges[:, 0])
 
     def over_periods(self, periods: int) -> "ContinuationParameters":
-        """The same for orbits of another number of periods."""
+        """Parameters for orbits with another number of periods."""
         return replace(self, task=replace(self.task, periods=periods))
 
     def task_at(self, values: Array) -> Task:

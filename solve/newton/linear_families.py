@@ -37,7 +37,8 @@ choice."""
 
 @dataclass(frozen=True)
 class LinearFamily:
-    """Solutions of a linear periodic problem: one place, the tangents (k) at it, and the monodromy matrix."""
+    """Solutions of a linear periodic problem: a particular solution, the tangents (k) at it, and the
+    monodromy matrix."""
 
     place: Place
     tangents: tuple[Place, ...]
@@ -204,7 +205,7 @@ def _joined(maps: Array, states: int, blocks: int) -> Array:
 
 
 def _if_regular(equations: "_Equations", place: Place, grid: Grid) -> LinearFamily | None:
-    """The same if no multiplier is near +1; otherwise None."""
+    """Solutions if no multiplier is near +1; otherwise None."""
     try:
         family = _by_periodic_solutions(equations, place, grid)
         regular = np.abs(family.multipliers - 1).min() > _REGULAR
@@ -214,8 +215,8 @@ def _if_regular(equations: "_Equations", place: Place, grid: Grid) -> LinearFami
 
 
 def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> LinearFamily:
-    """The same from periodic solutions, one per load, in compiled code: for machines with rigid-body modes,
-    and where I - Φ is regular. Raises SolveError."""
+    """Solutions computed as periodic solutions, one per load, in compiled code: for machines with rigid-body
+    modes, and where I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
     held = free(OnePoint(along, task.speed)) if equations.task.rigid is not None else None
     systems = [along, *map(equations.under, range(len(equations.names)))]

@@ -97,7 +97,7 @@ class _CurveFollower:
         return float(np.linalg.det(np.array([each.values / self.spans for each in point.tangents])))
 
     def _first(self, start: Point) -> _OnCurve:
-        """First point, from a point of a branch over the first parameter."""
+        """First point of the curve, from a point of a branch over the first parameter."""
         second = self.manifold.parameters.ranges[1]
         place = Place(start.place.curve, np.array([start.place.value, second[0]]))
         point = replace(self.manifold.point(place, (), start.grid), kind=self.kind)

@@ -30,8 +30,8 @@ Followed = tuple[ContinuationParameters, list[Point], str]
 
 
 def follow_doublings(parameters: ContinuationParameters, found: Sequence[Point], most: int) -> list[Followed]:
-    """Branches that begin at the doublings among points of a branch, and at theirs, up to a number of points
-    each; a branch that returns to one period ends there."""
+    """Branches that begin at the doublings among points of a branch, and at the doublings of these branches,
+    with a maximum number of points each; a branch that returns to one period ends there."""
     waiting, followed, last = [(parameters, point) for point in _doublings(found)], list[Followed](), []
     limit = parameters.task.periods * 2**_MOST_DOUBLINGS
     while waiting:

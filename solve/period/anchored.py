@@ -104,7 +104,7 @@ class Anchored:
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
-        """One-step maps (P, m, N, N) in the same coordinates, with 1 on the diagonal where `quotient` has
+        """One-step maps (P, m, N, N) in the coordinates of `quotient`, with 1 on the diagonal where it has
         zeros: multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         made = left[:, None] @ A @ right[:, None]

@@ -1,4 +1,5 @@
-"""Blocks of a period: the maps of neighbouring steps multiplied as long as their product keeps its digits."""
+"""Blocks of a period: products of the maps of neighbouring steps, formed as long as the product remains
+accurate."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +10,8 @@ from solve.arrays import Array, solved
 from solve.period.eigenvalues import EPS, balance_matrices
 
 LOSS = 1e-12
-"""Rounding of a product of neighbours, relative to its smallest singular value, up to which it is formed."""
+"""Rounding of a product of neighbours, relative to its smallest singular value, up to which the product is
+formed."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Blocks:
     starts: Array
 
     def in_units(self, units: Array) -> "Blocks":
-        """The same in other units (P, N)."""
+        """Blocks in other units (P, N) of the state."""
         ratio = self.units / units
         change = (ratio[:, :, None] / ratio[:, None, :])[:, None]
         return Blocks(self.factors * change, self.variance * change**2, units, self.starts)
@@ -58,7 +60,7 @@ def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
 
 
 def _multiplied(blocks: Blocks, loss: float) -> Blocks:
-    """The blocks balanced anew, and neighbours multiplied where that costs no digit."""
+    """Blocks balanced again, with neighbours multiplied where the product remains accurate."""
     blocks, offset, stalled = _balanced(blocks), 0, 0
     while len(blocks.starts) > 1 and stalled < 2:
         A, variance = blocks.factors, blocks.variance

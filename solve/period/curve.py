@@ -112,7 +112,7 @@ class Curve:
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     def joined(self, other: "Curve") -> "Curve":
-        """Curve of these coordinates and of those of another curve on the same nodes, behind them."""
+        """Curve of these coordinates followed by those of another curve on the same nodes."""
         return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
     @property
@@ -163,8 +163,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Fractions (s,) of every step at which phases lie step by step, as stages do; None for other
-        phases."""
+        """Fractions (s,) of every step if the phases lie at the same fractions in all steps, as stages do;
+        None for other phases."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None
@@ -298,7 +298,7 @@ class FourierCurve:
 
 
 _FEWEST = 256
-"""Least number of states per revolution that curves go through."""
+"""Smallest number of states per revolution through which curves are interpolated."""
 
 
 def curves_through(nodes: Array, motions: Array) -> Curve:

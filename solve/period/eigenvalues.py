@@ -17,8 +17,8 @@ NEGLIGIBLE = 1e-100
 """Modulus below which multipliers are unresolved: a choice, far above underflow even for squares."""
 
 LOST = 8 * EPS
-"""Fraction of the norm below which round-off leaves no digit of a multiplier: a choice, a few operations
-above eps."""
+"""Fraction of the norm below which a multiplier is not accurate to even one digit because of round-off: a
+choice, a few operations above eps."""
 
 _ILL_CONDITIONED = 0.1
 """Fraction of the error of a defective pair above which an eigenvalue is ill-conditioned: a choice."""
@@ -183,7 +183,7 @@ def _by_entry(matrices: Array) -> Array:
 
 
 def _matrices(entries: Array) -> Array:
-    """Fields (N², …) as matrices (…, N, N)."""
+    """Entries (N², …) as matrices (…, N, N)."""
     size = math.isqrt(len(entries))
     return np.moveaxis(entries, 0, -1).reshape(*entries.shape[1:], size, size)
 

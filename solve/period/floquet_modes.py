@@ -55,7 +55,7 @@ def floquet_modes(
     eigenvalues: ProductEigenvalues,
     rotation: float,
 ) -> Sequence[FloquetMode]:
-    """Modes (N,) of a point, in the order of its `eigenvalues`, which include right vectors.
+    """Modes (N,) of a point, in the order of `eigenvalues`, which include right vectors.
 
     Parameters
     ----------

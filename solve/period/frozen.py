@@ -36,7 +36,7 @@ _BALANCED = 64.0
 """Ratio of two rows, or of two entries of a column, up to which elimination loses few digits: a choice."""
 
 _FEW = np.s_[::16]
-"""Phases from which rates are estimated if no bound is required."""
+"""Selection of phases from which rates are estimated if no bound is required."""
 
 
 class FrozenModes:

@@ -8,7 +8,7 @@ import numpy as np
 from solve.arrays import Array
 
 _MAX_CACHED = 4096
-"""Steps up to which grids and their phases are cached: a choice."""
+"""Number of steps up to which grids and their phases are cached. A choice."""
 
 _INSIDE = 1e-13
 """Distance from a jump, relative to the period, at which a stage at the jump is sampled inside its step."""

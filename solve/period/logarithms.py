@@ -9,14 +9,15 @@ from solve.arrays import Array
 from solve.period.multipliers import matched
 
 UNKNOWN = complex(math.nan, math.nan)
-"""Logarithm of a multiplier without a digit: both parts are unknown."""
+"""Logarithm of a multiplier that is not accurate to even one digit: both parts are unknown."""
 
 _EXACT_ZERO = -1e6
 """Substitute for the logarithm of an exact zero, below that of every other multiplier: a choice."""
 
 
 def exponential(logarithms: Array) -> Array:
-    """ρ (N,) of its logarithms, real if these are of a real number; NaN remains."""
+    """Multipliers ρ (N,) from their logarithms, real where the logarithm is that of a real number; NaN
+    remains NaN."""
     angle = np.imag(logarithms)
     return np.exp(np.real(logarithms)) * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
 

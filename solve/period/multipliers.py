@@ -97,7 +97,7 @@ class Multipliers:
         return np.where(is_resolved, np.abs(self.values - 1.0), np.inf).min(axis=-1)
 
     def distance(self, other: "Multipliers") -> Array:
-        """Largest distance (…) to the multipliers of `other`, each matched with one of them."""
+        """Largest distance (…) between multipliers and those of `other`, matched one to one."""
         if self.values.shape[-1] == 2:
             return pair_distance(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
@@ -122,7 +122,7 @@ class Multipliers:
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
     def with_digits(self, error: Array, bound: float) -> "Multipliers":
-        """Multipliers that have a digit; others are zero.
+        """Multipliers in which those that are not accurate to one digit are replaced by zero.
 
         error (…): relative to the spectral radius. bound: of all multipliers, for infinite errors.
         """
@@ -198,7 +198,7 @@ def verdicts_by_moduli(multipliers: Multipliers, errors: Array) -> Array:
 
 
 def _absolute_errors(multipliers: Multipliers, errors: Array) -> Array:
-    """e (P, N) of `verdicts`."""
+    """Absolute errors (P, N) of the multipliers, as defined in `verdicts`."""
     values, resolved = multipliers.values, multipliers.resolved
     if (resolved == values.shape[-1]).all():
         return np.broadcast_to(errors[:, None], values.shape)

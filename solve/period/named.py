@@ -33,7 +33,8 @@ class OneByOne(Protocol):
 
 
 class Solved(Protocol):
-    """An orbit, or stability alone for quantities without a coordinate or output."""
+    """Solution from which quantities are computed: an orbit, or stability alone for quantities without a
+    coordinate or output."""
 
     @property
     def spectrum(self) -> OneByOne: ...
@@ -65,7 +66,7 @@ class Named:
 
     @classmethod
     def of(cls, system: PeriodicSystem, text: str) -> "Named":
-        """Quantity of a name. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Quantity with a name. Raises UnknownNameError, ValueOutOfBoundsError."""
         subject, dot, figure = text.partition(".")
         known = (*system.coordinates, *system.outputs)
         if subject in known:
@@ -102,7 +103,7 @@ class Named:
         return self.subject not in (RHO, EXPONENT, RADIUS)
 
     def value(self, solved: Solved) -> float | complex:
-        """Value of a solution."""
+        """Value of the quantity for a solution."""
         if self.subject == RADIUS:
             return solved.spectral_radius
         if self.figure in (HARMONIC, PHASE):

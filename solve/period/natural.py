@@ -18,7 +18,7 @@ _PERTURBATION = 16.0
 (measured: below 2 for random matrices of 2 to 20 coordinates)."""
 
 _EQUAL = 1e-7
-"""Difference of λ, relative to the largest, within which they count as equal: round-off splits a defective
+"""Difference of λ, relative to the largest, within which values count as equal: round-off splits a defective
 pair by the square root of eps, 1.5e-8."""
 
 

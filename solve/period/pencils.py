@@ -8,9 +8,9 @@ from solve.period.eigenvalues import EPS
 from solve.period.points import rate_of
 
 LOOPED = 9
-"""Coordinates up to which elimination by loops over rows, of all points and phases at once, takes as long as
-LAPACK. With 27 coordinates and one point it takes 1.6 times as long, with 72 3.4 times. Determinants of a
-hundred coordinates underflow as well."""
+"""Number of coordinates up to which elimination by loops over rows, of all points and phases at once, takes
+as long as LAPACK. With 27 coordinates and one point it takes 1.6 times as long, with 72 3.4 times.
+Determinants of a hundred coordinates underflow as well."""
 
 _ITERATIONS = 6
 """Power iterations for the vector of a bound: a choice; the bound is valid for any positive vector."""

@@ -25,7 +25,7 @@ SINGULAR = 1e-14
 """Reciprocal condition number of the cyclic system below which it is singular."""
 
 APART = 1e-3
-"""Fraction of the largest terms of a state below which the terms of another one lose digits in elimination,
+"""Fraction of the largest terms of a state below which the terms of another state lose digits in elimination,
 unless that state has its own unit: a choice."""
 
 _ROUNDING = 8.0
@@ -46,7 +46,7 @@ _AGAIN = 3
 """Largest number of solutions in units in which the states at all nodes are comparable: a choice."""
 
 _SMALLEST = 2.0**-100
-"""Smallest unit of a node relative to the largest one, per solution: a choice."""
+"""Smallest ratio between the units of two nodes, per solution. A choice."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def affine_period(steps: Steps) -> Steps:
 
 
 def states_from(steps: Steps, start: Array) -> Array:
-    """States x (..., m+1, N) at the nodes from the state (..., N) at the first node."""
+    """States x (..., m+1, N) at the nodes computed from the state (..., N) at the first node."""
     x = start[..., None, :, None]
     levels = _levels(Steps(steps.A, steps.b[..., None]), 1)
     for level in reversed(levels[:-1]):

@@ -22,7 +22,7 @@ measured for random factors of order 2 to 54, in products of 1 to 768."""
 
 @dataclass(frozen=True)
 class ProductEigenvalues:
-    """Eigenvalues ρ of each product, falling in modulus, + imaginary part first.
+    """Eigenvalues ρ of each product, in order of decreasing modulus, + imaginary part first.
 
     logarithms (P, N): log ρ, the imaginary part in (-π, π]; real part -inf for an exact 0.
     errors (P, N): estimated relative error of ρ; infinite where ρ has no digit.
@@ -163,7 +163,7 @@ def _log_distance(apart: Array) -> Array:
 
 
 def _conjugate_pairs(logarithms: Array, errors: Array) -> Array:
-    """The same with exact conjugate pairs, and real where the imaginary part lies within the error."""
+    """Logarithms made exactly conjugate in pairs, and real where the imaginary part lies within the error."""
     paired = np.real(logarithms) + np.where(np.cos(np.imag(logarithms)) < 0, math.pi, 0.0) * 1j
     left = list(np.flatnonzero(np.isfinite(logarithms)))
     while left:

@@ -148,7 +148,7 @@ def _halving(count: int, side: int) -> Array:
 
 
 def _verdict(piece: _Piece, n: int) -> int:
-    """Position in VERDICTS of what holds on the whole box."""
+    """Index in VERDICTS of the verdict that holds on the whole box."""
     c = piece.coefficients
     middle = c[:, 0, 0]
     radius = np.abs(c).sum(axis=(1, 2)) - np.abs(middle)

@@ -22,7 +22,7 @@ _CELLS = 4
 """Intervals of a step on which M⁻¹ is bounded, and halved while that is infinite."""
 
 _SHORTEST = 2.0**-12
-"""Fraction of an interval below which it is not halved any more."""
+"""Fraction of an interval below which the interval is not halved any more."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,8 @@ class Curvature:
 
     @classmethod
     def of(cls, equation: Equation, second: Instructions, turn: Turn, rate: Ball) -> "Curvature":
-        """Raises StepsError where M may be singular, or an operation with pieces is undecided. rate: κ₂."""
+        """Bounds for the motion of an equation. Raises StepsError where M may be singular, or an operation
+        with pieces is undecided. rate: κ₂."""
         cells = []
         for start, h in zip(turn.starts, turn.lengths, strict=True):
             for k in range(_CELLS):
@@ -78,7 +79,7 @@ class Curvature:
 
 
 def sizes_of(equation: Equation, rate: Ball) -> list[Ball]:
-    """s (3n,)."""
+    """Scales s (3n,) of q, q̇ and q̈."""
     T, W = equation.modes.tolist(), equation.frequencies.tolist()
     positions = [sum((abs(arb(x)) for x in row), arb(0)) for row in T]
     rates = [sum((abs(arb(x) * arb(w)) for x, w in zip(row, W, strict=True)), arb(0)) for row in T]

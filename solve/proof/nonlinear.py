@@ -98,7 +98,7 @@ class _Found:
 def _found(
     orbit: NonlinearOrbit, system: LinearisedModel, bits: int, rounded: bool, executor: Executor | None
 ) -> _Found:
-    """Raises NoOrbitError, ResonanceError and StepsError where no orbit is proved."""
+    """Enclosures of an orbit. Raises NoOrbitError, ResonanceError and StepsError if no orbit is proved."""
     model = system.model
     period = period_of(model, rounded) * round(system.period / model.period)
     equation, motion = _equation(system, orbit.speed, period, rounded)

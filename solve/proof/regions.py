@@ -51,7 +51,7 @@ _BITS, _ADVANCE, _ALLOWED = 34, 4.0, 2.0**-30
 the interpolation error."""
 
 _LARGEST = 1024
-"""Binary exponent of bounds S above which no number of nodes serves."""
+"""Binary exponent of bounds S above which no number of nodes suffices."""
 
 _MOST_NODES = 1200
 """Nodes of a box above which it is bisected instead: a choice, a minute of Mathieu's equation."""
@@ -260,7 +260,7 @@ def _count(size: Ball, ratio: float) -> int:
 
 
 def _error(size: Ball, ratios: Sequence[float], counts: Sequence[int]) -> Ball:
-    """E_x + Λ_p E_y."""
+    """Bound E_x + Λ_p E_y on the interpolation error of a function of two quantities."""
     across, upwards = (
         4 * size * arb(ratio) ** -(count - 1) / (ratio - 1)
         for ratio, count in zip(ratios, counts, strict=True)

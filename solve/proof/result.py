@@ -1,4 +1,4 @@
-"""What `prove` returns."""
+"""Results of `prove`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

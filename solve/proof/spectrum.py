@@ -137,7 +137,7 @@ _POWERS = 20
 
 
 def verdict(Phi: Matrix, found: list[Multiplier], conservative: bool) -> int:
-    """Position in VERDICTS of what the enclosures imply.
+    """Index in VERDICTS of the verdict that the enclosures imply.
 
     Asymptotically stable if all discs lie inside the unit circle, or a norm of a power of Φ is below 1.
     Unstable if a disc lies outside, or the trace of a power of Φ is larger than its size. Stable for one

@@ -205,7 +205,7 @@ def _forces(n: int, k: int, rows: list[Matrix], loads: list[list[Ball]], stacked
 
 
 def _stacked(n: int, k: int, term: Matrix) -> Matrix:
-    """(Y_k, k Y_{2,k})."""
+    """Column that stacks Y_k and k Y_{2,k}."""
     entries = term.entries()
     rates = [k * entry for entry in entries[n * (2 * n + 1) :]]
     return arb_mat(3 * n, 2 * n + 1, entries + rates)

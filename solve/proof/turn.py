@@ -20,13 +20,15 @@ from solve.proof.step import Step, StepTooLongError, step
 from solve.terminal import progress
 
 _SHORTEST = 2.0**-36
-"""Fraction of the period below which a step is given up: an undeclared jump, or a singular M, is there."""
+"""Fraction of the period below which the search for a step ends: an undeclared jump or a singular M lies
+there."""
 
 _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
 _PARTS = 24
-"""Parts of the period that processes work on: enough for even shares of several, and each many steps long."""
+"""Parts of the period that processes work on: so many that several processes have equal shares, and so few
+that each part has many steps."""
 
 _GROWTH = 1.5
 """Ratio of a step to the one before, if that was not too long."""

@@ -11,7 +11,7 @@ from solve.errors import FileError
 from solve.readers.sampled import SampledMixed, SampledStates, SampledSystem, Source
 
 _TEXTS = "coordinates", "states", "inputs", "outputs"
-"""Names of arrays of texts."""
+"""Names of the arrays that contain texts."""
 
 _KNOWN = "M, C (or Cq), K, d; A, B, C, D, b; phase, phase_period, speed, " + ", ".join(_TEXTS)
 
@@ -19,7 +19,7 @@ Read = SampledSystem | SampledStates | SampledMixed
 
 
 def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) -> Read:
-    """System of the arrays of a file, each with the azimuth first.
+    """System from the arrays of a file, whose first index is the azimuth.
 
     M and K, of second order, or A, of first order. speed: in rad/s, by default the file's. Raises FileError
     and MatricesError.
@@ -42,7 +42,7 @@ def system_of(arrays: Mapping[str, Any], file: str, speed: float | None = None) 
 def _second_order(
     arrays: Mapping[str, Any], source: Source, options: Mapping[str, Any]
 ) -> SampledSystem | SampledMixed:
-    """System of M, C, K and d."""
+    """Second-order system from M, C, K and d."""
     M, K = (_matrix(arrays, name, source.name) for name in "MK")
     n = K.shape[-1]
     damping = next((name for name in ("Cq", "C") if name in arrays), None)
@@ -64,7 +64,7 @@ def _second_order(
 
 
 def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str, Any]) -> SampledStates:
-    """System of A, b and, if there, B, C and D."""
+    """First-order system from A, b and, if present, B, C and D."""
     A = _matrix(arrays, "A", source.name)
     N = A.shape[-1]
     _require_shapes({"A": A}, (N, N), source.name)
@@ -87,7 +87,7 @@ def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str
 
 
 def _matrix(arrays: Mapping[str, Any], name: str, file: str) -> Array:
-    """Array (k, …, …) of a name; of two dimensions, it is constant. Raises FileError."""
+    """Array (k, …, …) with a name; a two-dimensional one is a constant matrix. Raises FileError."""
     if name not in arrays:
         raise FileError(f"'{file}' has no {name}; give M and K, or A")
     values = _real(arrays[name], name, file)
@@ -100,7 +100,7 @@ def _matrix(arrays: Mapping[str, Any], name: str, file: str) -> Array:
 
 
 def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: str) -> Array:
-    """Array (k, n) of a name; zero without one. Raises FileError."""
+    """Array (k, n) with a name; zero if it is missing. Raises FileError."""
     if name not in arrays:
         return np.zeros((count, size))
     values = _real(arrays[name], name, file)
@@ -124,7 +124,7 @@ def _real(values: Any, name: str, file: str) -> Array:
 
 
 def _require_shapes(arrays: Mapping[str, Array], shape: tuple[int, int], file: str) -> None:
-    """Raise FileError unless the matrices have a shape."""
+    """Raise FileError unless the matrices have the given shape."""
     for name, array in arrays.items():
         if array.shape[1:] != shape:
             raise FileError(
@@ -134,12 +134,12 @@ def _require_shapes(arrays: Mapping[str, Array], shape: tuple[int, int], file: s
 
 
 def _repeated(array: Array, count: int) -> Array:
-    """Constant arrays at every azimuth."""
+    """Array with constant values repeated at every azimuth."""
     return np.repeat(array, count, axis=0) if len(array) == 1 else array
 
 
 def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
-    """Azimuths in rad; None if the file has none, or one."""
+    """Azimuths in rad; None if the file has no azimuth, or a single one."""
     if "phase" not in arrays:
         return None
     phases = _real(arrays["phase"], "phase", file).ravel()
@@ -147,7 +147,7 @@ def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
 
 
 def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:
-    """One number of a name; None without it. Raises FileError."""
+    """Number with a name; None if it is missing. Raises FileError."""
     if name not in arrays:
         return None
     values = _real(arrays[name], name, file).ravel()
@@ -157,7 +157,7 @@ def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:
 
 
 def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
-    """Texts of a name; empty without it. Raises FileError."""
+    """Texts with a name; empty if they are missing. Raises FileError."""
     if name not in arrays:
         return []
     texts = [np.asarray(text).ravel() for text in np.asarray(arrays[name]).ravel()]
@@ -167,7 +167,7 @@ def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
 
 
 def _checked_names(names: Sequence[str], count: int, kind: str, file: str) -> Sequence[str]:
-    """Names, as many as coordinates. Raises FileError."""
+    """Names, checked to be as many as expected. Raises FileError."""
     if len(names) != count:
         raise FileError(f"'{file}' names {len(names)} {kind}; expected {count}, one for each row")
     return names

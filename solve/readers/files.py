@@ -15,7 +15,7 @@ _MOST_FILES = 10_000
 
 
 def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
-    """Files of paths and patterns, those of a pattern in the order of the numbers in their names.
+    """Files that paths and patterns denote; those of a pattern are ordered by the numbers in their names.
 
     Raises FileError without any file.
     """
@@ -42,7 +42,7 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
 
 
 def checked_path(path: object) -> str | Path:
-    """The path. Raises FileError for other objects."""
+    """Checked path. Raises FileError for objects that are not a path."""
     if not isinstance(path, str | Path):
         raise FileError(f"path is {path!r}; give the path of a file")
     return path

@@ -13,7 +13,7 @@ from solve.readers.files import checked_path
 from solve.units import speed_in_si
 
 _OVER_AZIMUTH = frozenset({"M", "C", "Cq", "K", "d", "A", "B", "D", "b"})
-"""Arrays with the azimuth last in .mat files, as MATLAB has pages of matrices."""
+"""Names of arrays whose last index in .mat files is the azimuth, as for pages of matrices in MATLAB."""
 
 
 def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
@@ -122,7 +122,7 @@ def _read(
     arrays_of: Callable[[Path], Mapping[str, Any]],
     speed: float | str | None,
 ) -> Read:
-    """System of the arrays of a file. Raises FileError."""
+    """System from the arrays of a file. Raises FileError."""
     file = Path(checked_path(path))
     if file.suffix.lower() != ending:
         raise FileError(f"'{path}' ends in '{file.suffix}'; allowed: {ending}")
@@ -155,7 +155,8 @@ def _mat_arrays(file: Path) -> dict[str, Any]:
 
 
 def _azimuth_first(name: str, values: Array) -> Array:
-    """Array of MATLAB with the last index first; of two dimensions, vectors over the azimuth only."""
+    """MATLAB array with the last index moved to the front; a two-dimensional array only if it contains
+    vectors over the azimuth."""
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)

@@ -123,7 +123,7 @@ class _Parser:
         self.file.matrices[name] = values
 
     def _shape(self, name: str) -> tuple[int, int]:
-        """Shape of a matrix by the numbers of states, inputs and outputs."""
+        """Shape of a matrix, from the numbers of states, inputs and outputs."""
         states, inputs, outputs = (self.file.counts.get(kind, 0) for kind in _COUNTS.values())
         return {
             "A": (states, states),

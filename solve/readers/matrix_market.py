@@ -17,7 +17,7 @@ _SYMBOL = re.compile(r"(?:^|[._-])(M|Cq|C|K|d|A|B|D|b)(?:[._-]?(\d+))?\.mtx$")
 """End of a file's name: the symbol of the matrix, and the number of the azimuth."""
 
 _LARGEST = 5000
-"""Maximum number of rows: matrices are held dense. A choice."""
+"""Maximum number of rows: matrices are stored as dense arrays. A choice."""
 
 
 def read_matrix_market(

@@ -16,11 +16,12 @@ from solve.readers.lin_file import LinFile, Signal
 from solve.readers.sampled import SampledStates, Source
 
 _SAME_SPEED = 0.01
-"""Relative difference of the rotor speeds of one set, up to which they are one operating point: in a periodic
-steady state the speed of the rotor varies within a revolution. A choice."""
+"""Relative difference between the rotor speeds of a set up to which they count as one operating point: in a
+periodic steady state the speed of the rotor varies within a revolution. A choice."""
 
 _PRINTED = 6e-4
-"""Difference in rad between an azimuth printed with four decimals or three, and the sum of its states."""
+"""Allowed difference in rad between an azimuth printed with three or four decimals and the azimuth from the
+states."""
 
 _DOF = re.compile(r"\(internal DOF index = DOF_([^()]*(?:\([^()]*\))?)\)")
 _UNIT = re.compile(r",\s*[(\[]?([^,()\[\]]+)[)\]]?$")
@@ -85,7 +86,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
 
 
 def _whole_turbine(paths: Sequence[Path]) -> list[Path]:
-    """Paths without the files of single modules, if there are others."""
+    """Paths without the files of single modules, unless there are only such files."""
     whole = [path for path in paths if not re.search(r"\.\d+\.[A-Za-z]\w*\.lin$", path.name)]
     return whole or list(paths)
 
@@ -118,7 +119,7 @@ def _require_same(files: Sequence[LinFile]) -> None:
 
 
 def _names(signals: Sequence[Signal], kind: str) -> list[str]:
-    """Names of signals: the index of a degree of freedom or the words of the description."""
+    """Names of signals: the label of a degree of freedom, or the words of the description."""
     names: list[str] = []
     for signal in signals:
         name = _name(signal.description)
@@ -144,13 +145,13 @@ def _name(description: str) -> str:
 
 
 def _unit(description: str) -> str:
-    """Unit at the end of a description; empty without one."""
+    """Unit at the end of a description; empty if there is none."""
     found = _UNIT.search(description)
     return found[1].strip() if found else ""
 
 
 def _kept(states: Sequence[str], exclude: Sequence[str]) -> list[int]:
-    """Positions of the states that are not excluded. Raises UnknownNameError."""
+    """Indices of the states that are not excluded. Raises UnknownNameError."""
     for name in exclude:
         require_name("state", name, states)
     return [k for k, name in enumerate(states) if name not in exclude]
@@ -172,7 +173,7 @@ def _azimuth(file: LinFile) -> float:
 
 
 def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequence[int]) -> Signals | None:
-    """B, C, D of the kept states with their names; None unless all are there."""
+    """B, C, D of the kept states with their names; None unless all three are present."""
     if not {"B", "C", "D"} <= matrices.keys() or not (names["inputs"] or names["outputs"]):
         return None
     states = {names["states"][k] for k in kept}
@@ -181,7 +182,7 @@ def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequ
 
 
 def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
-    """Labels of the set."""
+    """Labels of the system from a set of files."""
     first = files[0]
     labelled = [
         (name, signal)
@@ -205,5 +206,5 @@ def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
 
 
 def _common_name(paths: Sequence[Path]) -> str:
-    """Beginning of the names of the files."""
+    """Common beginning of the names of the files."""
     return re.sub(r"(\.\d+)?\.lin$", "", paths[0].name)

@@ -1,4 +1,4 @@
-"""Systems by the path of their file, as the commands accept them in place of a model."""
+"""Systems from paths of files, which commands accept in place of a model."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,5 +20,5 @@ READERS: dict[str, Callable[..., Any]] = {
 
 
 def read(text: str) -> Read:
-    """System of a path or pattern. Raises FileError, MatricesError."""
+    """System read from a path or pattern. Raises FileError, MatricesError."""
     return READERS[Path(text).suffix.lower()](text)

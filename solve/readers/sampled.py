@@ -11,13 +11,13 @@ from solve.first_order import FirstOrderSystem, MixedSystem
 from solve.system import PeriodicSystem
 
 _SAME_SPEED = 1e-3
-"""Relative difference from the speed of the samples from which a result carries a warning. Files state the
+"""Relative difference from the speed of the samples above which a result carries a warning. Files state the
 speed with four digits or more."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """Where samples come from.
+    """Origin of samples: file, tool and speed.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class Source:
 
 
 class _OfSource:
-    """Labels of a system from a source, and a warning at other speeds."""
+    """Mixin that adds the labels of a source, and a warning at other speeds."""
 
     source: Source
 

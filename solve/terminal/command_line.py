@@ -19,7 +19,7 @@ from typing import Any, NoReturn, TypeGuard
 REFUSED, INTERNAL_ERROR, INTERRUPTED = 2, 70, 130
 
 _MAX_MESSAGE = 900
-"""Characters of a message. Arguments quoted in it may be much longer."""
+"""Maximum number of characters of a message. Arguments quoted in it may be much longer."""
 
 _OUT_OF_MEMORY = "this machine has too little memory; request fewer points or steps"
 
@@ -33,13 +33,13 @@ _REPEAT_INTERVAL = 0.3
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 """Control characters except tab and line feed, which a terminal would execute (ECMA-48), and characters that
-set the direction of text or end lines, which change what is read (Unicode Standard Annex 9)."""
+set the direction of text or end lines, which change how text is displayed (Unicode Standard Annex 9)."""
 
 _STYLE = r"\x1b\[[0-9;]*m"
 _OUTPUT = re.compile(rf"({_STYLE})|{_CONTROL.pattern}")
 _ERROR_OUTPUT = re.compile(rf"({_STYLE}|\x1b\[(?:\?25[lh]|2K|1A)|\r)|{_CONTROL.pattern}")
-"""Control characters. The group matches the sequences that Rich writes: styles, and on standard error the
-cursor movements of the progress line."""
+"""Pattern of control characters. Its group matches the sequences that Rich writes: styles, and on standard
+error the cursor movements of the progress line."""
 
 
 class UniqueOptions:
@@ -161,7 +161,7 @@ def run_cli(
 
 
 def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[Exception]) -> NoReturn:
-    """Run `sys.argv` as a program and exit with its status; parameters as in `run_cli`.
+    """Run `sys.argv` as a program and exit with its status; the parameters are those of `run_cli`.
 
     Warnings of libraries are hidden unless Python was started with -W: doubtful results carry their own.
     """

@@ -1,4 +1,4 @@
-"""Progress of long computations: reported where the work is done, shown on standard error.
+"""Progress of long computations: reported by the code that computes, shown on standard error.
 
 Tasks nest: a grid within a point within a sweep. Each task counts its own parts only. The overhead without a
 listener is negligible.
@@ -17,11 +17,12 @@ TERMINAL_DELAY, TERMINAL_INTERVAL = 1.0, 0.25
 """Seconds until the progress line appears on a terminal, and between two updates of it."""
 
 LOG_DELAY, MAX_LOG_INTERVAL = 10.0, 60.0
-"""Seconds until the first line in a file or pipe. Each interval is the elapsed time, up to the maximum."""
+"""Seconds until the first line in a file or pipe. Each interval equals the elapsed time, up to the
+maximum."""
 
 
 class Task:
-    """Work of `total` parts (None: unknown).
+    """Task that consists of `total` parts (None: unknown).
 
     even: whether the parts take about equal times, so that the remaining time can be extrapolated.
     """
@@ -42,7 +43,7 @@ class Task:
         self.add()
 
     def fraction(self, inner: float) -> float | None:
-        """Fraction done (None: unknown). inner: fraction done of the parts under way."""
+        """Fraction done (None: unknown). inner: fraction done of the current parts."""
         if not self.total:
             return None
         return min((self.done + inner * self.under_way) / self.total, 1.0)
@@ -65,7 +66,7 @@ class Status(NamedTuple):
 
 
 class Tracker:
-    """Tasks under way, the outermost first.
+    """Current tasks, the outermost first.
 
     reports: count of reports received. listener: is called with the tracker at each report.
     idle: is called when the last task ends.
@@ -151,7 +152,8 @@ def steps(total: int) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def task(what: str, total: float | None = None, even: bool = True) -> Iterator[Task]:
-    """Task of `total` parts, such as "speeds", that take about equal times (None: unknown total)."""
+    """Task of `total` parts (None: unknown), such as "speeds". even: whether the parts take about equal
+    times."""
     tracker = _tracker.get()
     if tracker is None:
         yield Task(what, total, even, lambda: None)
@@ -170,7 +172,7 @@ def task(what: str, total: float | None = None, even: bool = True) -> Iterator[T
 
 @contextmanager
 def subtask(what: str, parts: float = 1) -> Iterator[None]:
-    """Work that completes `parts` parts of the innermost task, if that counts `what`."""
+    """Subtask that completes `parts` parts of the innermost task, if this task counts `what`."""
     counting = _innermost(what)
     if counting is None:
         yield
@@ -182,7 +184,7 @@ def subtask(what: str, parts: float = 1) -> Iterator[None]:
 
 
 def set_total(what: str, done: float, total: Callable[[], float]) -> None:
-    """Set the parts done and the expected total of the innermost task, if that counts `what`."""
+    """Set the parts done and the expected total of the innermost task, if this task counts `what`."""
     counting = _innermost(what)
     if counting is not None:
         counting.total, counting.done = max(total(), done), done
