@@ -299,8 +299,8 @@ class Newton(Method):
         return self.task.method
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Number of steps of the first start's grid, because coarser grids may have no orbit near the
-        start."""
+        """Steps (P,) for which the first grid is that of the first start, because coarser grids may have no
+        orbit near it."""
         return np.full(len(modes), int(self.first / 1.2))
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
