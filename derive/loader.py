@@ -110,8 +110,8 @@ def _is_file(path: Path) -> bool:
 
 def require_own_name(path: Path) -> None:
     """Raise MechanismFileError for file names that are not identifiers or would shadow a Python module."""
-    taken = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
-    if path.stem in taken or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
+    reserved = {*sys.stdlib_module_names, "casadi", "numpy", "scipy", "sympy", "derive", "solve", "models"}
+    if path.stem in reserved or keyword.iskeyword(path.stem) or path.stem.startswith("_"):
         raise MechanismFileError(
             f'a mechanism cannot be called "{path.stem}": Python has a module or word of that name, or '
             f"reserves names that start with _; rename {path.name} and its mechanism"

@@ -118,13 +118,13 @@ class Design:
 def designed(stresses: DesignMap) -> Design:
     """Design that follows from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
-    own = stresses.ratios[:, stresses.own]
+    own_ratio = stresses.ratios[:, stresses.own]
     return Design(
         stresses,
         needed,
         peaks,
-        quiet_bands(stresses.speeds, own.max(axis=1)),
-        {link: quiet_bands(stresses.speeds, own[:, at]) for at, link in enumerate(stresses.links)},
+        quiet_bands(stresses.speeds, own_ratio.max(axis=1)),
+        {link: quiet_bands(stresses.speeds, own_ratio[:, at]) for at, link in enumerate(stresses.links)},
         _quiet_above(stresses.speeds, needed, peaks),
     )
 
@@ -184,11 +184,11 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
     """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) at the mechanism's own L4."""
-    zeta, own = stresses.model.parameters["zeta"], stresses.own_L4
+    zeta, own_L4 = stresses.model.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
-            StressMap(stresses.model.varied({"zeta": zeta * (1 + sign * _DAMPING_STEP)}), own, own, 1)
-            .peaks(speeds, np.array([own]))
+            StressMap(stresses.model.varied({"zeta": zeta * (1 + sign * _DAMPING_STEP)}), own_L4, own_L4, 1)
+            .peaks(speeds, np.array([own_L4]))
             .stress
         )
         for sign in (-1, 1)
@@ -344,9 +344,9 @@ class Outcome(Serializable):
     @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
-        own = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
+        linkage = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
         for L4 in (stresses.L4[0], stresses.L4[-1]):
-            ends = transmission_warnings(replace(own, L4=float(L4)))
+            ends = transmission_warnings(replace(linkage, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]
         if stresses.radius_bound.max() >= 1:
             speed = stresses.speeds[stresses.radius_bound >= 1][0]

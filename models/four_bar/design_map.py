@@ -145,10 +145,10 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
     if not low < high:
         raise DesignError(f"L4 from {low:g} to {high:g} m leaves no range for the pivot; widen the range")
-    own = model.parameters["L4"]
-    if not low <= own <= high:
+    own_L4 = model.parameters["L4"]
+    if not low <= own_L4 <= high:
         raise DesignError(
-            f"the mechanism's own L4, {own:g} m, is not between {low:.4f} and {high:.4f} m, the lengths "
+            f"the mechanism's own L4, {own_L4:g} m, is not between {low:.4f} and {high:.4f} m, the lengths "
             "allowed; widen --L4"
         )
 

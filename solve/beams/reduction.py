@@ -40,11 +40,11 @@ class Body:
     def of(cls, member: Member, retained: Array) -> "Body":
         """Body of a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
         the structure."""
-        own = np.unique(member.indices[member.indices >= 0])
-        axes = np.zeros((3, len(own), len(own)))
-        body = cls(member, own, axes, np.flatnonzero(retained[own]))
-        for rows, held in body._rows():
-            free = np.flatnonzero(~held)
+        indices = np.unique(member.indices[member.indices >= 0])
+        axes = np.zeros((3, len(indices), len(indices)))
+        body = cls(member, indices, axes, np.flatnonzero(retained[indices]))
+        for rows, fixed in body._rows():
+            free = np.flatnonzero(~fixed)
             axes[:, rows[free][:, None], rows[free]] = member.element.axes[:, free[:, None], free]
         return body
 

@@ -384,10 +384,10 @@ def _of_each_link(setup: Setup, option: str) -> list[str]:
 
 
 def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
-    held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
+    is_held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
 
     def support(joint: str, rotation: str) -> str:
-        if held[joint]:
+        if is_held[joint]:
             return "pinned" if rotation else "clamped"
         return "joined" if ends.count(joint) > 1 and freedoms.alone(rotation) else ""
 

@@ -135,10 +135,10 @@ class Branch(Result):
     def _special(self, kind: str) -> list[dict[str, Any]]:
         """Points of one kind: value of the parameter, spectral radius, the multiplier on the unit circle, the
         number of the branch, and the periods and error of the orbit."""
-        found = []
+        points = []
         for at in np.flatnonzero(self.kinds == KINDS.index(kind)).tolist():
             rho = self.multipliers[at]
-            found.append(
+            points.append(
                 {
                     self.over: float(self.values[at]),
                     "spectral_radius": float(self.radius[at]),
@@ -148,18 +148,22 @@ class Branch(Result):
                     "error": float(self.errors[at, 0]),
                 }
             )
-        return found
+        return points
 
     @property
     def jumps(self) -> list[dict[str, Any]]:
         """Jumps of the response during a slow change of the parameter along the first branch: direction,
         value of the parameter, and largest modulus of the first coordinate before and after the jump; None if
         the branch has no stable orbit on that side."""
-        own, found = np.flatnonzero(self.numbers == 0), []
-        values, peaks, verdicts = self.values[own], self.peaks[own, 0], np.array(self.verdicts)[own]
+        first_branch, records = np.flatnonzero(self.numbers == 0), []
+        values, peaks, verdicts = (
+            self.values[first_branch],
+            self.peaks[first_branch, 0],
+            np.array(self.verdicts)[first_branch],
+        )
         stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
         stable &= (verdicts[:-1] != UNSTABLE) & (verdicts[1:] != UNSTABLE)
-        for at in np.flatnonzero(self.turns[own]).tolist():
+        for at in np.flatnonzero(self.turns[first_branch]).tolist():
             beside = [side for side in (at - 1, at) if 0 <= side < len(stable) and stable[side]]
             if len(beside) != 1:
                 continue
@@ -171,7 +175,7 @@ class Branch(Result):
                 if side not in (at - 1, at)
             ]
             before = float(peaks[at])
-            found.append(
+            records.append(
                 {
                     "direction": "up" if up else "down",
                     self.over: float(values[at]),
@@ -179,7 +183,7 @@ class Branch(Result):
                     "to": min(targets, key=lambda peak: abs(peak - before)) if targets else None,
                 }
             )
-        return found
+        return records
 
     @property
     def verdicts(self) -> list[str]:
@@ -280,13 +284,13 @@ class Branch(Result):
     @property
     def summary(self) -> str:
         """Sentences on the range, the special points and the jumps."""
-        unit, own = self.system.unit_of(self.over), self.values[self.numbers == 0]
+        unit, values = self.system.unit_of(self.over), self.values[self.numbers == 0]
 
         def texts(points: Sequence[dict[str, Any]]) -> str:
             return ", ".join(unit.text(point[self.over], ".6g") for point in points)
 
         sentences = [
-            f"The branch goes from {unit.span(own[0], own[-1])}"
+            f"The branch goes from {unit.span(values[0], values[-1])}"
             + (f" and turns back at {texts(self.folds)}." if self.folds else ".")
         ]
         if self.doublings:

@@ -228,12 +228,12 @@ class BoundarySearch:
             sets_of_lines, changes, np.split(places, splits), np.split(kinds, splits), strict=True
         ):
             neighbour, other_place, other_kind = self._stable_stretches(lines.samples, *lines.neighbours)
-            known = ~np.isnan(place).any(axis=1)
+            is_located = ~np.isnan(place).any(axis=1)
             crossings.append(
                 Crossings(
-                    np.concatenate((line[known], lines.line[neighbour])),
-                    np.concatenate((place[known], other_place))[:, lines.along],
-                    np.concatenate((kind[known], other_kind)),
+                    np.concatenate((line[is_located], lines.line[neighbour])),
+                    np.concatenate((place[is_located], other_place))[:, lines.along],
+                    np.concatenate((kind[is_located], other_kind)),
                 )
             )
         return crossings
@@ -272,8 +272,8 @@ class BoundarySearch:
         beside = self.evaluate(places + np.clip(middles.points - places, -inward, inward))
         other = beside.unstable
         places[other], kinds[other] = self.edges(middles[other], ends[other])
-        known = ~np.isnan(places).any(axis=1)
-        return np.tile(first[is_stretch], 2)[known], places[known], kinds[known]
+        is_located = ~np.isnan(places).any(axis=1)
+        return np.tile(first[is_stretch], 2)[is_located], places[is_located], kinds[is_located]
 
 
 def _trial_distances(predicted: Array) -> Array:

@@ -84,8 +84,8 @@ def compare(
     """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
-    given = [] if steps is None else list(steps)
-    for count in given:
+    given_counts = [] if steps is None else list(steps)
+    for count in given_counts:
         require_integer("steps", count)
     if len(targets) == 0:
         raise ValueOutOfBoundsError("targets is empty; give at least one relative error, such as 1e-3")
@@ -97,7 +97,7 @@ def compare(
     judged_by = ORBIT if reference.q.any() else MULTIPLIERS
     finest = max(_BEYOND * min(goals), 10 * max(reference.error_estimate))
     rows, measured = [], []
-    counts = given or usual_steps(system, omega)
+    counts = given_counts or usual_steps(system, omega)
     with progress.task("methods", len(rules)):
         for rule in rules:
             run = _AgainstReference(reference, rule, judged_by)

@@ -159,16 +159,16 @@ def _uncertainty(
     """Covariance (r, r) of x in the identifiable directions, whether parameters (r,) have components in the
     others, and sentences that name unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
-    known = sizes > np.finfo(float).eps * count * sizes[0]
-    spread = np.where(known, sigma / np.where(known, sizes, 1.0), np.inf)
+    is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]
+    spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)
     rate = np.where(problem.by_logarithm | (values == 0), 1.0, problem.unit / np.where(values, values, 1.0))
     unidentifiable = [
         _sentence(problem.names, axis * rate)
         for axis, deviation in zip(axes, spread, strict=True)
         if deviation > _UNIDENTIFIABLE
     ]
-    unresolved = np.asarray((np.abs(axes[~known]) > _SHARE).any(axis=0))
-    return (axes.T * np.where(known, spread, 0.0) ** 2) @ axes, unresolved, unidentifiable
+    unresolved = np.asarray((np.abs(axes[~is_identifiable]) > _SHARE).any(axis=0))
+    return (axes.T * np.where(is_identifiable, spread, 0.0) ** 2) @ axes, unresolved, unidentifiable
 
 
 def _sentence(names: Sequence[str], axis: Array) -> str:

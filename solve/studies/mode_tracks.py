@@ -231,12 +231,12 @@ class Step:
     @cached_property
     def close(self) -> Array:
         """Pairs and shifts (r, S) of coupled tracks with exceptional points near the segment."""
-        found = self.meetings
+        meetings = self.meetings
         modes = self.tracks.states[self.tracks.base].modes[self.compared]
-        is_separate = ~self.before.modes.coincident[modes[found.first], modes[found.second]]
+        is_separate = ~self.before.modes.coincident[modes[meetings.first], modes[meetings.second]]
         is_held = np.isin(self.compared, list(self.tracks.held))
-        is_open = is_separate & ~self.twins & ~(is_held[found.first] & is_held[found.second])
-        return found.coupled & (found.distance < _CLEAR) & is_open[:, None]
+        is_open = is_separate & ~self.twins & ~(is_held[meetings.first] & is_held[meetings.second])
+        return meetings.coupled & (meetings.distance < _CLEAR) & is_open[:, None]
 
     @cached_property
     def locked(self) -> Array:
@@ -294,9 +294,9 @@ class Step:
     def _hold(self) -> None:
         """Compare tracks with an earlier sample while their own vectors are mixed: those of locked pairs, and
         of modes near a resonance with their own conjugate."""
-        tracks, found = self.tracks, self.meetings
-        width = np.abs(found.roots[0] - found.roots[1]) / 2
-        is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
+        tracks, meetings = self.tracks, self.meetings
+        width = np.abs(meetings.roots[0] - meetings.roots[1]) / 2
+        is_near = meetings.coupled & (meetings.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
         near = {track for pair in self._pairs(is_near & self.twins[:, None]) for track in pair}
         for track in [track for track in tracks.held if self._is_released(track, near)]:
             del tracks.held[track]
@@ -337,13 +337,13 @@ class Step:
 
     def _note_approaches(self) -> None:
         """Keep the exceptional points of coupled pairs whose middle lies in this step."""
-        found, width = self.meetings, self.sample.x - self.before.x
-        middle = np.real(found.roots).mean(axis=0)
-        is_near = found.coupled & (middle >= 0) & (middle < 1) & (found.distance < _FARTHEST)
+        meetings, width = self.meetings, self.sample.x - self.before.x
+        middle = np.real(meetings.roots).mean(axis=0)
+        is_near = meetings.coupled & (middle >= 0) & (middle < 1) & (meetings.distance < _FARTHEST)
         for row, column in np.argwhere(is_near).tolist():
-            first, second = (self.before.x + width * complex(root) for root in found.roots[:, row, column])
-            pair = sorted((int(self.compared[found.first[row]]), int(self.compared[found.second[row]])))
-            gap = float(found.gap[row, column])
+            first, second = (self.before.x + width * complex(root) for root in meetings.roots[:, row, column])
+            pair = sorted((int(self.compared[meetings.first[row]]), int(self.compared[meetings.second[row]])))
+            gap = float(meetings.gap[row, column])
             self.tracks.approaches.append(Approach(pair[0], pair[1], (first, second), gap))
 
 

@@ -41,12 +41,12 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more rows than fit on a page."""
     if not names:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
-    known = system.known_quantities(names)
-    if len(known) > MOST_SHOWN:
+    quantities = system.known_quantities(names)
+    if len(quantities) > MOST_SHOWN:
         raise ValueOutOfBoundsError(
-            f"{len(known)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
+            f"{len(quantities)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
         )
-    return list(known)
+    return list(quantities)
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:

@@ -52,16 +52,16 @@ def sensitivities_tables(result: Sensitivities) -> Sequence[RenderableType]:
 
 
 def _table(result: Sensitivities, quantity: str) -> RenderableType:
-    found, elasticities = result.found[quantity], result.elasticities(quantity)
+    sensitivity, elasticities = result.found[quantity], result.elasticities(quantity)
     ranked, names = result.ranked(quantity), list(result.by)
     rows = []
     for name in ranked[:MOST_ROWS]:
         place, unit = names.index(name), "rad/s" if name == SPEED else result.system.unit_of(name).name
-        error = f"{found.errors[place]:.0e}" if math.isfinite(found.errors[place]) else "–"
-        derivative, elasticity = number(found.derivatives[place], 7), number(elasticities[name], 4)
+        error = f"{sensitivity.errors[place]:.0e}" if math.isfinite(sensitivity.errors[place]) else "–"
+        derivative, elasticity = number(sensitivity.derivatives[place], 7), number(elasticities[name], 4)
         rows.append((name, f"{result.by[name]:.6g}", unit, derivative, error, elasticity))
     return table(
-        f"{quantity} = {number(found.value, 8)} {found.unit}".removesuffix(" 1"),
+        f"{quantity} = {number(sensitivity.value, 8)} {sensitivity.unit}".removesuffix(" 1"),
         *("by", "at", "unit", "derivative", "error", "elasticity"),
         rows=rows,
         caption=f"and {len(ranked) - MOST_ROWS} less influential parameters"

@@ -209,11 +209,10 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     try:
         value = model.in_own_unit(name, text)
     except ValueError:
-        own = model.parameter_labels[name][0]
+        own_unit = model.parameter_labels[name][0]
         raise ValueOutOfBoundsError(
-            f"{name} is '{text}'; give a number, in {own} unless a unit follows, such as '1.5 {own}'".replace(
-                " 1'", "'"
-            )
+            f"{name} is '{text}'; give a number, in {own_unit} unless a unit follows, such as "
+            f"'1.5 {own_unit}'".replace(" 1'", "'")
         ) from None
     model.require_bounds({name: value})
     return value

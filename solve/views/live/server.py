@@ -125,8 +125,8 @@ class LiveServer:
 
     def allows(self, token: str, host: str) -> bool:
         """Whether a request has the token, and is addressed to this machine by one of its own host names."""
-        own = {f"{name}:{self.port}" for name in (HOST, "localhost")}
-        return secrets.compare_digest(token.encode(), self.token.encode()) and host in own
+        hosts = {f"{name}:{self.port}" for name in (HOST, "localhost")}
+        return secrets.compare_digest(token.encode(), self.token.encode()) and host in hosts
 
 
 def _bound(port: int) -> list[Any]:

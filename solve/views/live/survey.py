@@ -70,8 +70,8 @@ class Axis:
 
     def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
         """Data of the axis for the page, as a JSON object."""
-        own, meaning = model.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
-        shown = unit.name if self.name == SPEED else raised(own)
+        own_unit, meaning = model.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
+        shown = unit.name if self.name == SPEED else raised(own_unit)
         label = "Ω" if self.name == SPEED else greek(self.name)
         return {
             "name": self.name,
