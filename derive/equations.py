@@ -194,7 +194,7 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives beside switches with respect to q̈, q̇ and q, and these symbols."""
+    """Derivatives, next to switches, with respect to q̈, q̇ and q, and the symbols q̈, q̇ and q."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving

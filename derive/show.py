@@ -109,7 +109,7 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
 
 
 def _modal(mechanism: MechanismStatement) -> list[str]:
-    """Explanation of the modal damping."""
+    """LaTeX comment that explains the modal damping."""
     ratios = ", ".join(map(latex, mechanism.damping_ratios))
     added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "
     return [added + ratios] if ratios else []

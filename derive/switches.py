@@ -42,7 +42,7 @@ _JUMP = 1e-9
 
 
 class Wrapped(sympy.Function):
-    """An angle modulo `turn`."""
+    """Function of an angle: its value modulo `turn`."""
 
     nargs = 2
     is_real = True
@@ -67,7 +67,7 @@ class Wrapped(sympy.Function):
 
 
 def wrapped(angle: Any, turn: Any = 2 * sympy.pi) -> Any:
-    """The angle modulo `turn`.
+    """Angle modulo `turn`.
 
     Parameters
     ----------

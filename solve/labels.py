@@ -75,7 +75,7 @@ class Labels:
 
     @property
     def multiplier_count(self) -> int:
-        """Number of Floquet multipliers: one per first-order coordinate, two for each of the others."""
+        """Number of Floquet multipliers: one per first-order coordinate, two per other coordinate."""
         return 2 * self.n - self.first_order
 
     def shown_in(self, speed: float) -> Self:

@@ -69,7 +69,8 @@ class Misprint(Enum):
 
 CORRECTED: frozenset[Misprint] = frozenset()
 AS_PRINTED = frozenset(Misprint) - {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM_ODD}
-"""The misprints of the final equations, (24)–(28) and (33)–(37); those that only (32) has are omitted."""
+"""The misprints of the final equations, (24)–(28) and (33)–(37); those that occur only in (32) are
+omitted."""
 
 
 class LinkAngles(NamedTuple):

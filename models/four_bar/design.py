@@ -201,7 +201,7 @@ def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
 
 
 def default_target(design: Design) -> float:
-    """Default target speed (rad/s).
+    """Default target speed (rad/s) of a run-up.
 
     It is the quietest speed of the highest reachable quiet band above a limiting critical speed, otherwise
     the highest speed reachable with any L4. Both have a reserve.
@@ -263,7 +263,7 @@ class Trial:
 
     @property
     def worst(self) -> float:
-        """Largest ratio."""
+        """Largest ratio of stress to allowable stress."""
         return float(self.ratio.max())
 
     @property
@@ -310,7 +310,7 @@ class Outcome(Serializable):
 
     @property
     def text(self) -> str:
-        """The result in one sentence."""
+        """Sentence that states the result."""
         if self.plan is None:
             return self._refusal
         target = self.map.model.speed_unit.text(self.target, ".4g")
@@ -337,7 +337,10 @@ class Outcome(Serializable):
         else:
             text = f"no plan was found: {need}, with an error of {error:.1g} of the map"
         if least_ratio_at_any_rate(self.until) <= 1:
-            text += "; L4 would have to change below the lowest speed of the map: begin --speeds lower"
+            text += (
+                "; L4 would have to change below the lowest speed of the map: give a lower first "
+                "speed in --speeds"
+            )
         highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
         return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
 

@@ -59,7 +59,7 @@ class DesignMap(Serializable):
 
     @property
     def own_L4(self) -> float:
-        """L4 of the mechanism itself."""
+        """Ground length L4 (m) of the mechanism itself."""
         return self.model.parameters["L4"]
 
     @cached_property
@@ -132,8 +132,8 @@ def design_map(
     if stresses.own_ratio[0] > 1:
         raise DesignError(
             f"at {model.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is "
-            f"already {stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or "
-            "raise the allowable stress"
+            f"already {stresses.own_ratio[0]:.4g} times the allowable one; give a lower first speed in "
+            "--speeds, or raise the allowable stress"
         )
     return _refined(stresses)
 

@@ -212,7 +212,7 @@ class Linkage:
         return turned / np.abs(turned)
 
     def _velocities(self, t1: Array, t2: Array, t3: Array, omega1: Array) -> tuple[Array, Array]:
-        """ω2 and ω3 (thesis (3.11))."""
+        """Angular velocities ω2 and ω3 (thesis (3.11))."""
         sin32 = np.sin(t3 - t2)
         return (
             -omega1 * self.L1 * np.sin(t3 - t1) / (self.L2 * sin32),

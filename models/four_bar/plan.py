@@ -111,7 +111,8 @@ def _reached_below(ratio: Array, cap: float) -> Array | None:
 
 
 def _runs(chosen: Array) -> tuple[Array, int]:
-    """Labels from 1 of the runs of chosen neighbours, 0 for the others, and the number of runs."""
+    """Labels of runs of neighbouring chosen elements, from 1 on (0 for elements that are not chosen), and the
+    number of runs."""
     starts = np.diff(chosen, prepend=False) & chosen
     return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
 

@@ -110,7 +110,7 @@ class LinkBasis:
 
     @cached_property
     def turned(self) -> tuple[Array, Array]:
-        """B and B₂ (k, r)."""
+        """Matrices B and B₂ (k, r) of the first and second derivatives with respect to the link's angle."""
         J, J_r = self.body.axes[2], self.axes[2]
         B = J.T @ self.local + self.local @ J_r
         return B, J.T @ B + B @ J_r
@@ -178,7 +178,7 @@ class Basis:
         return T, B, B2
 
     def at(self, positions: Positions) -> Array:
-        """T (m, n, r)."""
+        """Basis T (m, n, r) at positions (m,)."""
         return np.tensordot(positions.terms, self.tables[0], 2)
 
     def rates(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:

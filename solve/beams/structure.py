@@ -348,7 +348,7 @@ class StructureModel(Model):
         return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
-        """Structure at fixed phases (m,)."""
+        """Structure held at phases (m,)."""
         return Positions(self.beams, phase)
 
     def require_motion(self) -> None:

@@ -142,7 +142,7 @@ class Numbers(CaseNumbers):
 
     @property
     def choices(self) -> list[str]:
-        """Texts of --set and --option."""
+        """Texts of the flags --set and --option."""
         return [*(self.set or []), *(self.option or [])]
 
 
@@ -238,7 +238,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Accuracy(Settings):
-    """Flags for method and tolerance."""
+    """Flags that select method and tolerance."""
 
     method: Annotated[str, Flag("Method; auto selects one.", "NAME")] = "auto"
     rtol: Annotated[float, Flag("Relative tolerance of orbit and multipliers.", "R")] = 1e-8

@@ -62,7 +62,7 @@ class GridOrbit(PeriodicMotion):
 class WeightedSums(NamedTuple):
     """Statistic as a function of sums, with weights (k, c), over the values of a coordinate or output at
     phases (k,). combine: function that returns the derivatives of the statistic from those (r, c) of the
-    sums. fractions: positions of the phases within every step, if these are the same in all steps."""
+    sums. fractions: positions of the phases within every step, if they are equal in all steps."""
 
     name: str
     phase: Array

@@ -23,7 +23,7 @@ is_state_name = re.compile(r"seal|state\d*").fullmatch
 """Matches names of arrays from which a file's result is restored."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
-"""Packages whose versions files contain."""
+"""Packages whose versions are written to files."""
 
 MOST_SHOWN = 6
 """Maximum number of quantities in one picture, and of coordinates in tables and sentences: as many as fit."""
@@ -187,7 +187,7 @@ def curves_of(
 
 
 def require_different_names(columns: Sequence[tuple[str, Column]]) -> None:
-    """Raise ValueOutOfBoundsError for two columns of the same name, one of which would be lost."""
+    """Raise ValueOutOfBoundsError for two columns with the same name, one of which would be lost."""
     by_name: dict[str, Column] = {}
     for name, column in columns:
         first = by_name.setdefault(name, column)

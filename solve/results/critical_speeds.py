@@ -32,7 +32,7 @@ class Combination:
         return self.modes[0] == self.modes[1] and self.order % 2 == 0
 
     def same(self, other: "Combination | None") -> bool:
-        """Whether both are the same resonance, irrespective of the speed."""
+        """Whether another combination is the same resonance, irrespective of the speed."""
         return other is not None and self == replace(other, speed=self.speed)
 
 

@@ -1,4 +1,4 @@
-"""Rigid-body modes in results."""
+"""Rigid-body modes as they appear in results."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

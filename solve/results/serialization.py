@@ -148,7 +148,7 @@ class SystemLabels(NamedTuple):
 
     @classmethod
     def of(cls, system: PeriodicSystem) -> "SystemLabels":
-        """Labels of a system."""
+        """Labels copied from a system."""
         return cls(*(getattr(system, name) for name in cls._fields))
 
 

@@ -30,7 +30,7 @@ _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """Point of a sweep.
+    """Result at one point of a sweep.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Linearisation error over speed."""
+"""Result on the linearisation error over speed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

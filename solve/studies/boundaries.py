@@ -31,9 +31,9 @@ _KIND_TOLERANCE = 1e-5
 """Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. A choice."""
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
-"""Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the least
-distance after a trial that missed it; least distance of trials from the ends, unless the trials are closer to
-each other. Choices."""
+"""Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the
+smallest distance after a trial that missed the edge; smallest distance of trials from the ends, unless trials
+are closer to each other. Choices."""
 
 _PREDICTION_ERROR = 0.2
 """Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
@@ -59,8 +59,8 @@ Differs = Callable[[StabilitySamples, Array], Array]
 
 
 class Brackets(NamedTuple):
-    """Brackets of edges on lines (E,): the two ends, and a point of the same line outside each bracket, or
-    one of its ends if no such point is known."""
+    """Brackets of edges on lines (E,): their two ends, and a further point of the line outside the bracket
+    (an end again if no such point is known)."""
 
     low: StabilitySamples
     high: StabilitySamples

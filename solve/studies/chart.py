@@ -204,7 +204,7 @@ class _Quantity:
 
     @property
     def of_orbit(self) -> bool:
-        """Whether orbits are needed."""
+        """Whether the quantity requires orbits."""
         return self.named.of_orbit
 
     def kept(self, judged: Sequence[str]) -> Kept:

@@ -138,8 +138,8 @@ class ConstantCoefficients:
 
 def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
-    vary, if some coordinates are of first order, or if the method is an approximation with stability
-    properties of its own."""
+    vary, if some coordinates are of first order, or if the method is an approximation whose stability differs
+    from that of the equations."""
     family = batch.family
     if family.example.first_order:
         return None

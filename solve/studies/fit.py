@@ -26,7 +26,8 @@ _UNIDENTIFIABLE = 0.5
 """Relative standard deviation above which a combination of parameters counts as unidentifiable. A choice."""
 
 _SHARE = 0.1
-"""Least component of a parameter, relative to the largest, that is named in a combination. A choice."""
+"""Smallest component of a parameter, relative to the largest, with which it is listed in a combination. A
+choice."""
 
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
@@ -156,8 +157,8 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Covariance (r, r) of x in the identifiable directions, whether parameters (r,) have components in the
-    others, and sentences that name unidentifiable combinations."""
+    """Covariance (r, r) of x in the identifiable directions, whether each parameter (r,) has a component in
+    the other directions, and sentences that name unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
     is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]
     spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)

@@ -74,9 +74,9 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
-    """Positions (k,) of the measurements of one quantity, the measured values, and computed minus measured
-    values; sorted so that neighbours have the same speed and successive phases, or the same order or mode and
-    successive speeds."""
+    """Positions (k,) of the measurements of one quantity, measured values, and residuals (computed minus
+    measured), sorted so that neighbours are successive in phase at one speed, or successive in speed for one
+    order or mode."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]

@@ -49,7 +49,7 @@ class MeanFrequencies:
 
     @property
     def values(self) -> Array:
-        """Means (P, n)."""
+        """Mean frequencies (P, n) in rad/s."""
         return self._results[0]
 
     @property
@@ -81,7 +81,7 @@ class MeanFrequencies:
         return means, imaginary, rigid
 
     def at(self, speed: float) -> Array:
-        """Means (n,) at one speed."""
+        """Mean frequencies (n,) in rad/s at one speed."""
         return replace(self, speeds=np.array([speed])).values[0]
 
     def shift_notes(self, limit: float) -> list[str]:

@@ -57,7 +57,7 @@ class Record(NamedTuple):
     texts: Sequence[Sequence[str]] = ()
 
     def values(self, place: int) -> Array:
-        """A column (k,). Raises CaseFileError."""
+        """Values (k,) of the column with an index. Raises CaseFileError."""
         if self.columns is not None:
             return self.columns[place]
         return np.array([number_in("data", self.path, row, place) for row in self.texts])
@@ -213,7 +213,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
 
 def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError if there is none."""
+    ValueOutOfBoundsError if nothing was measured at this speed."""
     channels = []
     for measurement in sets:
         if measurement.position is not None or not np.isclose(measurement.speed, orbit.speed, rtol=_ALIKE):

@@ -71,11 +71,11 @@ class _Path:
 
     @property
     def rotations(self) -> Array:
-        """2π/T (S, 1) in rad/s."""
+        """Angular frequencies 2π/T (S, 1) in rad/s of the samples."""
         return np.array([[sample.modes.rotation] for sample in self.samples])
 
     def partners(self) -> Array:
-        """Tracks (S, T) of the complex conjugates; -1 for a track without one."""
+        """Tracks (S, T) of the complex conjugates; -1 for a real track."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             track_of = np.full(len(sample.modes.exponents) + 1, -1)

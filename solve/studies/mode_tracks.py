@@ -348,7 +348,8 @@ class Step:
 
 
 def _assigned(overlaps: Array) -> Array:
-    """Mode (T,) of each track, so that the sum of the overlaps (T, k) is largest; -1 without one."""
+    """Mode (T,) of each track, assigned so that the sum of the overlaps (T, k) is largest; -1 for a track
+    without a mode."""
     from scipy.optimize import linear_sum_assignment
 
     modes = np.full(len(overlaps), -1)

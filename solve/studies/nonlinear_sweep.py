@@ -56,8 +56,7 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
 def _solve(
     task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
 ) -> None:
-    """Solve a point, write its results, and add its orbit to those that serve as starts for their
-    neighbours."""
+    """Solve a point, write its results, and store its orbit as a start for neighbouring points."""
     try:
         orbit = _orbit(task, points, at, orbits)
     except LinearModelError:

@@ -75,7 +75,7 @@ def chart_figure(chart: Chart) -> Figure:
 
 
 def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
-    """Boxes with a proved verdict and without one, in the units shown."""
+    """Boxes with a proved verdict, and boxes without a verdict, in the units shown."""
     if chart.proved is None:
         return None, None
     open_ = chart.proved.verdicts == UNDETERMINED

@@ -120,7 +120,7 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
 @figure.register(Variation)
 def variation_figure(found: Variation) -> Figure:
     """Lowest elastic frequency over the parameter, with its range over the revolution, and the frequencies of
-    the links alone (thesis Fig. 9.1)."""
+    the separate links (thesis Fig. 9.1)."""
     system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
     figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
@@ -208,8 +208,8 @@ def frequencies_tables(found: Frequencies) -> Sequence[Table]:
 
 @tables.register(Variation)
 def variation_tables(found: Variation) -> Sequence[Table]:
-    """Table with one row per value of the parameter: the lowest frequency (also the next one if that of a
-    rigid-body mode is lowest), and the frequencies of up to three links alone."""
+    """Table with one row per value of the parameter: the lowest frequency (if it belongs to a rigid-body
+    mode, also the next one), and the frequencies of up to three separate links."""
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"

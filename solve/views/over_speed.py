@@ -40,7 +40,7 @@ def sweeps_figure(
 
 @figure.register(Validity)
 def validity_figure(validity: Validity) -> Figure:
-    """Linearisation errors over speed."""
+    """Figure of the linearisation errors over speed."""
     unit, names = validity.system.speed_unit, validity.system.coordinates[:MOST_SHOWN]
     with panels_over(validity.system, validity.speeds, "error of the linear orbit", 3.4, 1) as (
         page,

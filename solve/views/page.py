@@ -166,7 +166,7 @@ def _section(heading: str, content: str) -> str:
 
 
 def _anchor(heading: str) -> str:
-    """Identifier of a section."""
+    """HTML identifier of a section, from its heading."""
     return re.sub(r"\W+", "-", heading.lower())
 
 

@@ -50,7 +50,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
-    """Model, case and speed."""
+    """Title of a figure: model, case and speed."""
     return f"{title_of(system)}, {system.speed_unit.text(speed)}"
 
 
@@ -69,7 +69,7 @@ def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) 
 
 
 def title_of(system: PeriodicSystem) -> str:
-    """Model and case."""
+    """Title of a figure: model and case."""
     case = f", case {system.case}" if system.case else ""
     return f"{system.name.replace('_', ' ')}{case}"
 

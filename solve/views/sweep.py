@@ -194,7 +194,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     if others:
         raise ValueOutOfBoundsError(
             f"{', '.join([*others, along])} vary; a spectrum is drawn over one of them: give one value "
-            "of the others"
+            "of each other quantity"
         )
     if amplitudes.shape[1] < 2:
         raise ValueOutOfBoundsError("no harmonics above the mean are stored; give the sweep harmonics=60")

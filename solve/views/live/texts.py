@@ -28,7 +28,7 @@ _NUMBERED = re.compile(r"(.*?)([0-9]+)")
 
 @dataclass(frozen=True)
 class Origin:
-    """Files of a model.
+    """Paths of the files of a model.
 
     argument: name or path by which commands find it; None for a model in memory. cases: another case file.
     """
