@@ -187,7 +187,7 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     _draw_marks(axes, found.system.speed_unit, bounded, factor, BLUE, "maximum")
     for at, speed in enumerate(found.unbounded):
         style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
-        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "beyond all bounds", **style)
+        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "unbounded", **style)
     _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
     _legend(axes)
 
