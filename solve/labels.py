@@ -131,8 +131,8 @@ class Labels:
         return low, high
 
     def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
-        """Names of coordinates and outputs without repetitions, by default all; a text is one name. Raises
-        UnknownNameError."""
+        """Names of coordinates and outputs without repetitions, all names if `names` is None; a string counts
+        as one name. Raises UnknownNameError."""
         allowed = (*self.coordinates, *self.outputs)
         names = unique_names(allowed if names is None else names)
         for name in names:

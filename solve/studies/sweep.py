@@ -308,7 +308,7 @@ def sweeps(
         A subclass for bad input.
     """
     if not systems:
-        raise ValueOutOfBoundsError("no systems given; give one at least")
+        raise ValueOutOfBoundsError("no systems given; give at least one")
     given_speeds, quantities, by_label = speeds_given(speeds), unique_names(quantities), {}
     with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):

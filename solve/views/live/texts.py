@@ -169,7 +169,7 @@ def save_case(state: State, name: str, file: str) -> str:
     try:
         old = path.read_text(encoding="utf-8-sig") if path.exists() else ""
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another") from None
+        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another file") from None
     if old and name in read_cases(path, units, series):
         raise CaseFileError(f"'{file}' already has a case '{name}'; give another name")
     text = f"{old.rstrip()}\n\n{block}" if old else block
