@@ -47,10 +47,10 @@ def check(mechanism: MechanismStatement) -> None:
         _require_equations(mechanism)
         statements = list(_statements(mechanism))
     statements += [*_kinematic_statements(mechanism), *_sketches(mechanism)]
-    known = dimensions(mechanism)
+    dimension = dimensions(mechanism)
     for statement in statements:
         try:
-            _require(statement, {**known, **statement.own})
+            _require(statement, {**dimension, **statement.own})
         except DeriveError as error:
             error.about = statement.expression
             raise
@@ -138,9 +138,9 @@ def _sketches(mechanism: MechanismStatement) -> Iterator[_Statement]:
     if mechanism.declared_field:
         never |= {*mechanism.declared_field.points, mechanism.declared_field.tension}
     own = {AROUND: ONE, METRE: parse("m")}
-    for each in mechanism.declared_sketches:
-        for number in each.numbers:
-            yield _Statement(f"sketch {each.name}", number, each.unit, never, own)
+    for sketch in mechanism.declared_sketches:
+        for number in sketch.numbers:
+            yield _Statement(f"sketch {sketch.name}", number, sketch.unit, never, own)
 
 
 def _kinematic_statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
@@ -191,21 +191,25 @@ def _require_last_piece(statement: _Statement) -> None:
 
 def dimensions(mechanism: MechanismStatement) -> dict[sympy.Symbol, Dimension]:
     """Physical dimensions of all symbols of a mechanism."""
-    known: dict[sympy.Symbol, Dimension] = {PHASE: ONE, SPEED: ONE / SECOND, ACCELERATION: ONE / SECOND**2}
-    known |= {parameter.symbol: parse(parameter.unit) for parameter in mechanism.declared_parameters}
-    known |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
+    by_symbol: dict[sympy.Symbol, Dimension] = {
+        PHASE: ONE,
+        SPEED: ONE / SECOND,
+        ACCELERATION: ONE / SECOND**2,
+    }
+    by_symbol |= {parameter.symbol: parse(parameter.unit) for parameter in mechanism.declared_parameters}
+    by_symbol |= {symbol: ONE for option in mechanism.declared_options for symbol in option.indicators}
     moving = {coordinate.symbol: parse(coordinate.unit) for coordinate in mechanism.declared_coordinates}
     if mechanism.declared_field:
-        length = dimension_of("length", mechanism.declared_field.length, known)
+        length = dimension_of("length", mechanism.declared_field.length, by_symbol)
         moving |= mechanism.declared_field.dimensions(length, parse(mechanism.energy))
-        known[mechanism.declared_field.position] = length
+        by_symbol[mechanism.declared_field.position] = length
     for symbol, unit in moving.items():
-        known |= {each: unit / SECOND**order for order, each in enumerate(symbol.motion)}
+        by_symbol |= {derivative: unit / SECOND**order for order, derivative in enumerate(symbol.motion)}
     for loop in mechanism.declared_loops:
-        known |= {z: parse(unit) for z, unit in zip(loop.unknowns, loop.units, strict=True)}
-        for given, argument in zip(loop.given, loop.arguments, strict=True):
-            known[given] = dimension_of(f"loop of {loop}", argument, known)
-    return known
+        by_symbol |= {z: parse(unit) for z, unit in zip(loop.unknowns, loop.units, strict=True)}
+        for dummy, argument in zip(loop.given, loop.arguments, strict=True):
+            by_symbol[dummy] = dimension_of(f"loop of {loop}", argument, by_symbol)
+    return by_symbol
 
 
 def _require_known(statement: _Statement, known: Dimensions) -> None:

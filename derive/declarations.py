@@ -160,7 +160,7 @@ def line_of(lines: Mapping[Any, int], error: DeriveError) -> int | None:
     about = error.about
     if about is None or not isinstance(about, Hashable):
         return None
-    switching = [line for each, line in lines.items() if _switches(each, about)]
+    switching = [line for expression, line in lines.items() if _switches(expression, about)]
     return switching[-1] if switching else lines.get(about)
 
 

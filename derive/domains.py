@@ -81,7 +81,7 @@ def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
 
 
 def is_met(need: Need, signs: Signs) -> bool:
-    """Whether the signs of the symbols alone guarantee that a function is real and finite."""
+    """Whether the signs of the symbols are sufficient to guarantee that a function is real and finite."""
     margin = substituted(sympy.sympify(need.margin), dict(signs))
     if need.relation == NOT_ZERO:
         return bool(margin.is_nonzero)

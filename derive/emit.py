@@ -118,8 +118,8 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
             reason = f"it would hold impulses: {error}"
-    for each in mechanism.declared_outputs:
-        outputs.append(_in_its_unit(each, from_fundamental(mechanism, each.expression)))
+    for declared in mechanism.declared_outputs:
+        outputs.append(_in_its_unit(declared, from_fundamental(mechanism, declared.expression)))
     linearised, expressions = linearise(mechanism, r), [output.expression for output in outputs]
     moving = [s for coordinate in mechanism.declared_coordinates for s in coordinate.symbol.motion]
     return Equations(
@@ -353,7 +353,7 @@ def constants(
             for condition in conditions
         ]
     if mechanism.declared_series:
-        rows["SERIES"] = [_series(each) for each in mechanism.declared_series]
+        rows["SERIES"] = [_series(series) for series in mechanism.declared_series]
     if mechanism.declared_field:
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]

@@ -128,7 +128,7 @@ def _row(mechanism: MechanismStatement, q: Moving) -> sympy.Expr:
         from_fundamental(mechanism, sympy.sympify(energy))
         for energy in (mechanism.kinetic, mechanism.potential, mechanism.dissipation)
     )
-    forces = [[from_fundamental(mechanism, each) for each in work] for work in mechanism.forces]
+    forces = [[from_fundamental(mechanism, expression) for expression in work] for work in mechanism.forces]
     return equation(Energies(kinetic, potential, dissipation), q, forces)
 
 

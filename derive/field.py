@@ -232,7 +232,7 @@ class Field:
     def local(self) -> set[Any]:
         """Symbols that are defined only at a position of the link."""
         moving = [*self.derivatives, self.shortening]
-        return {self.position, self.tension, *moving, *(each.rate for each in moving)}
+        return {self.position, self.tension, *moving, *(symbol.rate for symbol in moving)}
 
     @property
     def symbols(self) -> list[Moving]:
@@ -242,9 +242,9 @@ class Field:
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:
         """Dimensions of `symbols` for these dimensions of length and energy."""
         unit = parse(self.unit)
-        known = {each: unit / length**order for order, each in enumerate(self.derivatives)}
-        known |= {self.shortening: length, self.total_shortening: length, self.tension: energy / length}
-        return known | {point: known[local] for point, (local, _) in self.points.items()}
+        dimension = {derivative: unit / length**order for order, derivative in enumerate(self.derivatives)}
+        dimension |= {self.shortening: length, self.total_shortening: length, self.tension: energy / length}
+        return dimension | {point: dimension[local] for point, (local, _) in self.points.items()}
 
     def integral(self, density: Any) -> Any:
         """Integral of a density over the link.

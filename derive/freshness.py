@@ -19,7 +19,7 @@ IMPORTS = "import math\n\nimport casadi\n\n"
 
 
 def _banner(title: str, command: str) -> str:
-    """Docstring of a generated module."""
+    """Text of the docstring of a generated module."""
     title = title.replace("\\", "\\\\").replace('"', '\\"')
     return (
         f'"""{title}.\n\n{MARK}\n'

@@ -199,7 +199,7 @@ def _return(function: GeneratedFunction, printed: Sequence[str]) -> list[str]:
         "    [",
         *(textwrap.indent(result, "        ") + "," for result in printed),
         "    ],",
-        *(f"    [{', '.join(map(json.dumps, each))}]," for each in names),
+        *(f"    [{', '.join(map(json.dumps, result_names))}]," for result_names in names),
         *([options] if options else []),
         ")",
     ]

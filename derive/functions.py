@@ -100,7 +100,7 @@ class Loop:
 
     @cached_property
     def functions(self) -> tuple[Any, ...]:
-        """Class of each unknown."""
+        """Function class of each unknown."""
         count = len(self.given)
         shared = {"loop": self, "nargs": (count, 2 * count)}
         return tuple(
@@ -236,11 +236,11 @@ class PeriodicFunction(sympy.Function):
     dimension: ClassVar[Dimension]
     mean: ClassVar[sympy.Symbol | None] = None
     first: ClassVar[tuple[sympy.Symbol, ...]]
-    """Cosine coefficients, or amplitudes."""
+    """First family of coefficients: those of the cosines, or amplitudes."""
     second: ClassVar[tuple[sympy.Symbol, ...]]
     """Sine coefficients, or phase angles of the cosines in rad."""
     form: ClassVar[str]
-    """"cosine-sine" or "amplitude-phase"."""
+    """Form of the series: "cosine-sine" or "amplitude-phase"."""
     integrated: ClassVar[bool] = False
     """Whether the coefficients are those of the first derivative (chapter Eq. (65))."""
 

@@ -122,7 +122,7 @@ def _split(energy: Any, deflection: Field) -> tuple[Any, Any]:
     energy = counted(sympy.sympify(energy))
     marks = {atom: sympy.Dummy() for atom in energy.atoms(FieldIntegral)}
     marked = energy.xreplace(marks)
-    density = sympy.Add(*(marked.diff(mark) * each.density for each, mark in marks.items()))
+    density = sympy.Add(*(marked.diff(mark) * integral.density for integral, mark in marks.items()))
     if density.has(*marks.values(), FieldIntegral):
         raise DeclarationError(
             f"energies must be sums of integrals over {deflection.name} that are not nested"
@@ -214,13 +214,13 @@ def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -
 
 def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
     """Taylor expansion to first order in coordinates and rates."""
-    symbols = [*moving, *(each.rate for each in moving)]
+    symbols = [*moving, *(symbol.rate for symbol in moving)]
     rest = dict.fromkeys(symbols, sympy.S.Zero)
     return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
 
 
 def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
-    return dict.fromkeys((s for each in moving for s in each.motion), sympy.S.Zero)
+    return dict.fromkeys((s for symbol in moving for s in symbol.motion), sympy.S.Zero)
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:

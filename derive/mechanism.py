@@ -321,12 +321,12 @@ class MechanismStatement(Quantities):
         """
         require_result(name)
         require_coherent(f"sketch {name}", unit)
-        if name in {sketche.name for sketche in self.declared_sketches}:
+        if name in {declared.name for declared in self.declared_sketches}:
             raise DeclarationError(f"sketch {name} is declared twice")
-        others = {sketche.unit for sketche in self.declared_sketches} - {unit}
-        if others:
+        other_units = {declared.unit for declared in self.declared_sketches} - {unit}
+        if other_units:
             raise DeclarationError(
-                f'sketch {name} is in "{unit}", others in "{others.pop()}"; give all the same unit'
+                f'sketch {name} is in "{unit}", others in "{other_units.pop()}"; give all the same unit'
             )
         local = self.declared_field.local if self.declared_field else set()
         self.declared_sketches.append(sketch_of(name, points, unit, local))
@@ -352,7 +352,7 @@ class MechanismStatement(Quantities):
         *_, bound = self._described(output, ("1", beyond, bound))
         if not bound or "integer" in bound:
             raise DeclarationError(f'limit: {output} needs a bound such as ">= 0" or "> -1, < 1"')
-        names = ["drive_torque", *(each.name for each in self.declared_outputs)]
+        names = ["drive_torque", *(declared.name for declared in self.declared_outputs)]
         if output not in names:
             raise DeclarationError(f"limit: {output} is not an output; declared: {', '.join(names)}")
         self.limits.append((output, bound, beyond))
@@ -373,15 +373,15 @@ class MechanismStatement(Quantities):
 
         Raises DeclarationError.
         """
-        given: Any = self.damping_ratio
-        ratios = given if isinstance(given, tuple | list) else (given,)
+        stated: Any = self.damping_ratio
+        ratios = stated if isinstance(stated, tuple | list) else (stated,)
         try:
             expressions = tuple(sympy.sympify(ratio, strict=True) for ratio in ratios)
         except sympy.SympifyError:
             expressions = ()
         if not expressions or not all(isinstance(expression, sympy.Expr) for expression in expressions):
             raise DeclarationError(
-                f"damping_ratio is {given!r}; give a number or an expression, or one a mode in a list"
+                f"damping_ratio is {stated!r}; give a number or an expression, or one a mode in a list"
             )
         return expressions if any(expression != 0 for expression in expressions) else ()
 

@@ -190,8 +190,8 @@ Assignment = tuple[sympy.Symbol, Any]
 def loop_orders(matrices: Iterable[Any]) -> dict[Loop, list[Order]]:
     """Loops in the matrices with the required orders of derivatives, in a fixed order."""
     orders: dict[Loop, set[Order]] = {}
-    for each in set().union(*(matrix.atoms(LoopFunction) for matrix in matrices)):
-        orders.setdefault(each.loop, set()).add(each.order)
+    for function in set().union(*(matrix.atoms(LoopFunction) for matrix in matrices)):
+        orders.setdefault(function.loop, set()).add(function.order)
     loops = sorted(orders, key=lambda loop: loop.name)
     return {loop: sorted(orders[loop], key=lambda order: (sum(order), order)) for loop in loops}
 
@@ -279,7 +279,9 @@ def _lines(assignments: Sequence[Assignment], taken: Set[str]) -> tuple[list[str
     count, printer, lines = int(sympy.count_ops([value for _, value in waiting])), CasadiPrinter(), []
     while waiting:
         later = {symbol for symbol, _ in waiting}
-        symbol, value = ready = next(each for each in waiting if not each[1].free_symbols & later)
+        symbol, value = ready = next(
+            assignment for assignment in waiting if not assignment[1].free_symbols & later
+        )
         lines.append(f"{symbol} = {printer.doprint(value)}")
         waiting.remove(ready)
     return lines, count

@@ -282,7 +282,7 @@ class Quantities:
 
     def _series(self, name: str, unit: str, **contents) -> Series:
         if not contents["first"]:
-            raise DeclarationError(f"{name} has no harmonics; give one or more")
+            raise DeclarationError(f"{name} has no harmonics; declare at least one")
         series: Any = type(name, (PeriodicFunction,), {"dimension": parse(unit), **contents})
         self.declared_series.append(series)
         return series

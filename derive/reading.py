@@ -125,7 +125,7 @@ def _shorter(expression: Any) -> Any:
 
 
 def _symbols(dimension: Dimension) -> Iterator[sympy.Symbol]:
-    letter = next((each for unit, each in _LETTERS.items() if parse(unit) == dimension), "sigma")
+    letter = next((candidate for unit, candidate in _LETTERS.items() if parse(unit) == dimension), "sigma")
     for length in count(1):
         for letters in product(string.ascii_lowercase, repeat=length):
             yield sympy.Symbol(f"{letter}_{''.join(letters)}")

@@ -44,17 +44,17 @@ def equations(
     names: dict[sympy.Symbol, str] = {PHASE: r"\varphi", SPEED: r"\Omega"}
     comments = [mechanism.title]
     if isinstance(mechanism, StructureStatement):
-        found = links(mechanism)
+        listed = links(mechanism)
         comments.append("angle, length, stiffnesses, mass per length and height of each link")
     else:
         derived = derive_equations(mechanism)
-        found = read(mechanism, derived.linearised)
+        listed = read(mechanism, derived.linearised)
         names |= _integrals(derived.projection) if derived.projection else {}
         comments += _comments(mechanism, numbers)
     lines = [
         line for comment in comments for line in textwrap.wrap(f"% {comment}", WIDTH, subsequent_indent="% ")
     ]
-    return "\n".join([*lines, *(line for each in _numbered(found, numbers) for line in _lines(each, names))])
+    return "\n".join([*lines, *(line for each in _numbered(listed, numbers) for line in _lines(each, names))])
 
 
 def _numbered(listed: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
@@ -109,7 +109,7 @@ def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, floa
 
 
 def _modal(mechanism: MechanismStatement) -> list[str]:
-    """Explanation of the modal damping."""
+    """LaTeX comment that explains the modal damping."""
     ratios = ", ".join(map(latex, mechanism.damping_ratios))
     added = r"to C adds M \Phi diag(2 \zeta \omega) \Phi^T M of the modes of M and K at \Omega = 0, \zeta = "
     return [added + ratios] if ratios else []

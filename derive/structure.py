@@ -127,10 +127,10 @@ class StructureStatement(MechanismStatement):
         ------
         DeclarationError
         """
-        for each in (name, start, end):
-            if not each.isidentifier():
+        for text in (name, start, end):
+            if not text.isidentifier():
                 raise DeclarationError(
-                    f'"{each}" cannot be the name of a link or joint; give a word such as "crank" or "A"'
+                    f'"{text}" cannot be the name of a link or joint; give a word such as "crank" or "A"'
                 )
         if start == end:
             raise DeclarationError(f'link {name} starts and ends at "{start}"; give two joints')
@@ -217,7 +217,7 @@ class StructureStatement(MechanismStatement):
         together = next(
             (names for at, names in self.welded if at == joint and link.name in names), (link.name,)
         )
-        return "" if any((joint, name) in self.clamped for name in together) else f"{together[0]}_{joint}"
+        return "" if any((joint, name) in self.clamped for name in welded) else f"{welded[0]}_{joint}"
 
     @property
     def moves(self) -> bool:
@@ -237,10 +237,10 @@ class StructureStatement(MechanismStatement):
             ("spring", self.declared_springs, SPRING),
             ("dashpot", self.declared_dashpots, DASHPOT),
         ):
-            for each, (axis, unit) in product(declared, units.items()):
-                value = getattr(each, axis)
+            for elastic, (axis, unit) in product(declared, units.items()):
+                value = getattr(elastic, axis)
                 if value != 0:
-                    yield f"{what} of joint {each.joint} ({axis})", value, unit, fixed
+                    yield f"{what} of joint {elastic.joint} ({axis})", value, unit, fixed
         for ratio in self.damping_ratios:
             yield "damping ratio", ratio, "1", fixed
 

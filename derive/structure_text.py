@@ -157,7 +157,7 @@ def _properties(structure: StructureStatement) -> GeneratedFunction:
 def _elastic(structure: StructureStatement) -> list[tuple[str, dict[str, sympy.Expr]]]:
     """Springs and dashpots to the ground, by degree of freedom."""
     declared = {"spring": structure.declared_springs, "dashpot": structure.declared_dashpots}
-    by_kind = {name: structure.to_ground(each) for name, each in declared.items()}
+    by_kind = {name: structure.to_ground(declared_for) for name, declared_for in declared.items()}
     return [(name, elastic) for name, elastic in by_kind.items() if elastic]
 
 
@@ -186,7 +186,7 @@ def _data(structure: StructureStatement, of_interest: list[Observed]) -> str:
             MOTION,
             *_rows("MOTION_OPTIONS", MOTION_OPTIONS if structure.moves else ()),
             OBSERVED,
-            *_rows("OBSERVED", [(each.kind, each.link, each.place) for each in of_interest]),
+            *_rows("OBSERVED", [(output.kind, output.link, output.place) for output in of_interest]),
             f"MOVES = {structure.moves}",
         ]
     )

@@ -42,7 +42,7 @@ _JUMP = 1e-9
 
 
 class Wrapped(sympy.Function):
-    """An angle modulo `turn`."""
+    """Function of an angle: its value modulo `turn`."""
 
     nargs = 2
     is_real = True
@@ -67,7 +67,7 @@ class Wrapped(sympy.Function):
 
 
 def wrapped(angle: Any, turn: Any = 2 * sympy.pi) -> Any:
-    """The angle modulo `turn`.
+    """Angle modulo `turn`.
 
     Parameters
     ----------
@@ -249,13 +249,13 @@ class Numbers:
         """exact: whether values are computed to `_DIGITS` digits; otherwise in floating point, which is
         faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
-        made = [_stood_in(sympy.sympify(expression)) for expression in expressions]
-        self._undefined = any(each.has(sympy.zoo, sympy.nan) for each in made)
+        replaced = [_stood_in(sympy.sympify(expression)) for expression in expressions]
+        self._undefined = any(value.has(sympy.zoo, sympy.nan) for value in replaced)
         if self._undefined:
             return
         modules = [_STEPS, "mpmath" if exact else "math"]
         # Dummies, since a symbol may have the name of a function.
-        self._function = sympy.lambdify(symbols, made, modules, dummify=True)
+        self._function = sympy.lambdify(symbols, replaced, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
         """Values at a point of all symbols."""
@@ -316,8 +316,8 @@ class _Sign:
         self._numbers, self._point, self._moving = Numbers([switch], symbols, exact), point, moving
 
     def __call__(self, x: Any) -> int | None:
-        found = self._numbers({**self._point, self._moving: x})
-        return None if found is None or found[0].imag != 0 else (found[0] > 0) - (found[0] < 0)
+        value = self._numbers({**self._point, self._moving: x})
+        return None if value is None or value[0].imag != 0 else (value[0] > 0) - (value[0] < 0)
 
     def narrowed(self, low: Any, high: Any, halvings: int) -> tuple[Any, Any]:
         """Interval that contains the sign change, after halvings."""

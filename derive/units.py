@@ -148,11 +148,11 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
         return known[expression]
     if isinstance(expression, sympy.Piecewise):
         return _pieces(what, expression, known)
-    parts = [dimension_of(what, part, known) for part in expression.args]
+    parts = [dimension_of(what, dimension, known) for dimension in expression.args]
     if isinstance(expression, sympy.Mul):
         product = ONE
-        for part in parts:
-            product *= part
+        for dimension in parts:
+            product *= dimension
         return product
     if isinstance(expression, sympy.Pow):
         return _power(what, expression, parts)
@@ -161,11 +161,11 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
         return ONE if isinstance(expression, sympy.atan2) else common
     if isinstance(expression, Composed):
         return expression.dimension_from(parts)
-    for argument, part in zip(expression.args, parts, strict=True):
-        if part != ONE and not isinstance(expression, sympy.sign | sympy.Heaviside):
+    for argument, dimension in zip(expression.args, parts, strict=True):
+        if dimension != ONE and not isinstance(expression, sympy.sign | sympy.Heaviside):
             raise UnitError(
                 f"{what}: the argument {short(argument)} of {expression.func.__name__} "
-                f"is in {part}; it must be a pure number or an angle"
+                f"is in {dimension}; it must be a pure number or an angle"
             )
     return getattr(expression, "dimension", ONE)
 

@@ -52,9 +52,9 @@ def demands(mechanism: MechanismStatement) -> list[Demand]:
                 demand = Demand(what, short(node), _shown(original.margin), needed.relation, needed.margin)
                 collected.setdefault((needed.margin, needed.relation), demand)
     declared = [
-        Demand("a condition of the mechanism", each.meaning, each.text, POSITIVE, each.margin)
-        for each in _conditions(mechanism)
-        if each.margin.has(SPEED)
+        Demand("a condition of the mechanism", stated.meaning, stated.text, POSITIVE, stated.margin)
+        for stated in _conditions(mechanism)
+        if stated.margin.has(SPEED)
     ]
     return [*collected.values(), *declared]
 
@@ -127,7 +127,7 @@ def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
 def _energies(mechanism: MechanismStatement) -> list[Any]:
     works = [part for work in mechanism.forces for part in work]
     stated = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *works)
-    return [counted(sympy.sympify(each)) for each in stated]
+    return [counted(sympy.sympify(expression)) for expression in stated]
 
 
 def _ignored(name: str) -> str:

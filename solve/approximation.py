@@ -74,7 +74,7 @@ class Trigonometric:
 
 
 def _exponentials(phase: Array, frequencies: Array) -> Array:
-    """exp(i frequency phase), (m, k)."""
+    """Values (m, k) of exp(i frequency phase)."""
     angle = np.outer(phase, frequencies)
     values = np.empty(angle.shape, dtype=complex)
     values.real, values.imag = np.cos(angle), np.sin(angle)

@@ -75,7 +75,7 @@ class Labels:
 
     @property
     def multiplier_count(self) -> int:
-        """Number of Floquet multipliers: one per first-order coordinate, two for each of the others."""
+        """Number of Floquet multipliers: one per first-order coordinate, two per other coordinate."""
         return 2 * self.n - self.first_order
 
     def shown_in(self, speed: float) -> Self:
@@ -131,8 +131,8 @@ class Labels:
         return low, high
 
     def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
-        """Names of coordinates and outputs without repetitions, by default all; a text is one name. Raises
-        UnknownNameError."""
+        """Names of coordinates and outputs without repetitions, all names if `names` is None; a string counts
+        as one name. Raises UnknownNameError."""
         allowed = (*self.coordinates, *self.outputs)
         names = unique_names(allowed if names is None else names)
         for name in names:

@@ -357,7 +357,7 @@ class PeriodicSystem(Labels):
 
     @property
     def most_frequencies(self) -> int:
-        """Maximum number of natural frequencies."""
+        """Maximum number of natural frequencies that can be computed."""
         return self.freedoms
 
     def checked(self, speed: float) -> None:

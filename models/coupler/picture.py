@@ -56,7 +56,7 @@ def checked_positions(positions: int) -> int:
 
 
 def checked_magnification(magnification: float) -> float:
-    """The magnification. Raises ValueOutOfBoundsError."""
+    """Checked magnification. Raises ValueOutOfBoundsError."""
     if not (math.isfinite(magnification) and magnification > 0):
         raise ValueOutOfBoundsError(
             f"--magnification is {magnification:g}; allowed: a number > 0, such as 100, or leave it out"
@@ -86,7 +86,7 @@ def round_magnification(model: Model, orbit: Orbit) -> float:
 
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
-    """Panels of equidistant crank positions.
+    """Figure with one panel per crank position, equidistant.
 
     Rigid links are thin, the deformed coupler is thick, its chord dashed. Each title contains the crank angle
     and the deflection w at midspan, the main title the magnification, which is automatic by default. Raises

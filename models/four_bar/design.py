@@ -118,13 +118,13 @@ class Design:
 def designed(stresses: DesignMap) -> Design:
     """Design that follows from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
-    own = stresses.ratios[:, stresses.own]
+    own_ratio = stresses.ratios[:, stresses.own]
     return Design(
         stresses,
         needed,
         peaks,
-        quiet_bands(stresses.speeds, own.max(axis=1)),
-        {link: quiet_bands(stresses.speeds, own[:, at]) for at, link in enumerate(stresses.links)},
+        quiet_bands(stresses.speeds, own_ratio.max(axis=1)),
+        {link: quiet_bands(stresses.speeds, own_ratio[:, at]) for at, link in enumerate(stresses.links)},
         _quiet_above(stresses.speeds, needed, peaks),
     )
 
@@ -184,11 +184,11 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
     """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) at the mechanism's own L4."""
-    zeta, own = stresses.model.parameters["zeta"], stresses.own_L4
+    zeta, own_L4 = stresses.model.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
-            StressMap(stresses.model.varied({"zeta": zeta * (1 + sign * _DAMPING_STEP)}), own, own, 1)
-            .peaks(speeds, np.array([own]))
+            StressMap(stresses.model.varied({"zeta": zeta * (1 + sign * _DAMPING_STEP)}), own_L4, own_L4, 1)
+            .peaks(speeds, np.array([own_L4]))
             .stress
         )
         for sign in (-1, 1)
@@ -201,7 +201,7 @@ def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
 
 
 def default_target(design: Design) -> float:
-    """Default target speed (rad/s).
+    """Default target speed (rad/s) of a run-up.
 
     It is the quietest speed of the highest reachable quiet band above a limiting critical speed, otherwise
     the highest speed reachable with any L4. Both have a reserve.
@@ -263,7 +263,7 @@ class Trial:
 
     @property
     def worst(self) -> float:
-        """Largest ratio."""
+        """Largest ratio of stress to allowable stress."""
         return float(self.ratio.max())
 
     @property
@@ -310,7 +310,7 @@ class Outcome(Serializable):
 
     @property
     def text(self) -> str:
-        """The result in one sentence."""
+        """Sentence that states the result."""
         if self.plan is None:
             return self._refusal
         target = self.map.model.speed_unit.text(self.target, ".4g")
@@ -337,16 +337,19 @@ class Outcome(Serializable):
         else:
             text = f"no plan was found: {need}, with an error of {error:.1g} of the map"
         if least_ratio_at_any_rate(self.until) <= 1:
-            text += "; L4 would have to change below the lowest speed of the map: begin --speeds lower"
+            text += (
+                "; L4 would have to change below the lowest speed of the map: give a lower first "
+                "speed in --speeds"
+            )
         highest = float(stresses.speeds[np.flatnonzero(self.design.needed.moving <= 1)[-1]])
         return f"{text}; up to {unit.text(highest, '.4g')} the allowable stress is enough"
 
     @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
-        own = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
+        linkage = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
         for L4 in (stresses.L4[0], stresses.L4[-1]):
-            ends = transmission_warnings(replace(own, L4=float(L4)))
+            ends = transmission_warnings(replace(linkage, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]
         if stresses.radius_bound.max() >= 1:
             speed = stresses.speeds[stresses.radius_bound >= 1][0]

@@ -59,7 +59,7 @@ class DesignMap(Serializable):
 
     @property
     def own_L4(self) -> float:
-        """L4 of the mechanism itself."""
+        """Ground length L4 (m) of the mechanism itself."""
         return self.model.parameters["L4"]
 
     @cached_property
@@ -132,8 +132,8 @@ def design_map(
     if stresses.own_ratio[0] > 1:
         raise DesignError(
             f"at {model.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is "
-            f"already {stresses.own_ratio[0]:.4g} times the allowable one; begin --speeds lower or "
-            "raise the allowable stress"
+            f"already {stresses.own_ratio[0]:.4g} times the allowable one; give a lower first speed in "
+            "--speeds, or raise the allowable stress"
         )
     return _refined(stresses)
 
@@ -145,10 +145,10 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
     if not low < high:
         raise DesignError(f"L4 from {low:g} to {high:g} m leaves no range for the pivot; widen the range")
-    own = model.parameters["L4"]
-    if not low <= own <= high:
+    own_L4 = model.parameters["L4"]
+    if not low <= own_L4 <= high:
         raise DesignError(
-            f"the mechanism's own L4, {own:g} m, is not between {low:.4f} and {high:.4f} m, the lengths "
+            f"the mechanism's own L4, {own_L4:g} m, is not between {low:.4f} and {high:.4f} m, the lengths "
             "allowed; widen --L4"
         )
 

@@ -71,10 +71,10 @@ class Linkage:
         if self.branch not in BRANCHES:
             raise UnknownNameError("branch", self.branch, BRANCHES)
         longest = max(self.lengths)
-        others = sum(self.lengths) - longest
-        if longest >= others - self.slack:
+        sum_of_others = sum(self.lengths) - longest
+        if longest >= sum_of_others - self.slack:
             raise LinkageError(
-                f"the longest link is {longest:g} m, the others together {others:g} m, so that they "
+                f"the longest link is {longest:g} m, the others together {sum_of_others:g} m, so that they "
                 "cannot be assembled into a linkage that moves; shorten the longest or lengthen the "
                 "others"
             )

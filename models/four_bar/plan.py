@@ -68,12 +68,12 @@ def arrival(ratio: Array) -> Array:
     On a path L4 may change at constant speed, and the speed does not decrease.
     """
     reached, before = np.empty_like(ratio), np.zeros(ratio.shape[1])
-    for number, own in enumerate(ratio):
-        row = np.maximum(own, before)
-        for j in range(1, len(own)):
-            row[j] = min(row[j], max(own[j], row[j - 1]))
-        for j in range(len(own) - 2, -1, -1):
-            row[j] = min(row[j], max(own[j], row[j + 1]))
+    for number, ratios in enumerate(ratio):
+        row = np.maximum(ratios, before)
+        for j in range(1, len(ratios)):
+            row[j] = min(row[j], max(ratios[j], row[j - 1]))
+        for j in range(len(ratios) - 2, -1, -1):
+            row[j] = min(row[j], max(ratios[j], row[j + 1]))
         reached[number] = before = row
     return reached
 
@@ -111,7 +111,8 @@ def _reached_below(ratio: Array, cap: float) -> Array | None:
 
 
 def _runs(chosen: Array) -> tuple[Array, int]:
-    """Labels from 1 of the runs of chosen neighbours, 0 for the others, and the number of runs."""
+    """Labels of runs of neighbouring chosen elements, from 1 on (0 for elements that are not chosen), and the
+    number of runs."""
     starts = np.diff(chosen, prepend=False) & chosen
     return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
 
@@ -128,8 +129,8 @@ def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, floa
 def _edge(L4: Array, ratio: Array, cap: float, inner: int, outer: int) -> float:
     if not 0 <= outer < len(L4) or not np.isfinite(ratio[outer]):
         return float(L4[inner])
-    part = (cap - ratio[inner]) / (ratio[outer] - ratio[inner])
-    return float(L4[inner] + min(max(part, 0.0), 1.0) * (L4[outer] - L4[inner]))
+    fraction = (cap - ratio[inner]) / (ratio[outer] - ratio[inner])
+    return float(L4[inner] + min(max(fraction, 0.0), 1.0) * (L4[outer] - L4[inner]))
 
 
 def least_change(
@@ -151,8 +152,8 @@ def least_change(
     bend, one, other = np.diff(slope, axis=0), np.eye(P), np.eye(P - 2)
     # Unknowns: L4, and upper bounds of its distances from the own L4 and of its bends.
     rows = [
-        np.hstack((sign * part, distance, bends))
-        for part, distance, bends in (
+        np.hstack((sign * of_lengths, distance, bends))
+        for of_lengths, distance, bends in (
             (slope, np.zeros((P - 1, P)), np.zeros((P - 1, P - 2))),
             (one, -one, np.zeros((P, P - 2))),
             (bend, np.zeros((P - 2, P)), -other),
@@ -160,8 +161,10 @@ def least_change(
         for sign in (1, -1)
     ]
     limits = [np.full(2 * (P - 1), rate), np.full(P, own), np.full(P, -own), np.zeros(2 * (P - 2))]
-    whole = speeds[-1] - speeds[0]
-    cost = np.concatenate((np.zeros(P), np.gradient(speeds) / whole, np.full(P - 2, _BENDING * whole)))
+    speed_range = speeds[-1] - speeds[0]
+    cost = np.concatenate(
+        (np.zeros(P), np.gradient(speeds) / speed_range, np.full(P - 2, _BENDING * speed_range))
+    )
     bounds = [*zip(low, high, strict=True), *[(0.0, None)] * (2 * P - 2)]
     A = sparse.csr_array(np.vstack(rows))
     solution = linprog(cost, A_ub=A, b_ub=np.concatenate(limits), bounds=bounds)

@@ -29,7 +29,7 @@ def tooth_error(phase: Array, p: Mapping[str, float]) -> tuple[Array, Array]:
 
 
 def reduced_mass(p: Mapping[str, float]) -> float:
-    """m_red of Eq. (70), kg."""
+    """Reduced mass m_red of Eq. (70), kg."""
     return p["J1"] * p["J2"] / (p["J1"] * p["rb2"] ** 2 + p["J2"] * p["rb1"] ** 2)
 
 

@@ -120,7 +120,7 @@ class Batch:
         return np.sort(np.concatenate(left))
 
     def _single(self, points: Array, at: int) -> Points | Failed:
-        """Point at a position, with a system of its own; Failed if that system is refused."""
+        """Point at an index, as a system of its own; Failed if that system is refused."""
         try:
             system, speed = self.family.system(points[at])
             system.checked(speed)
@@ -142,7 +142,8 @@ class Batch:
     def _with_tables(
         self, shared: Separation, points: Array, positions: Array
     ) -> Iterator[tuple[Array, Points]]:
-        """Points whose entries separate, over all quantities or over the speed only, then the others."""
+        """Points whose entries separate over all quantities or over the speed only, followed by all other
+        points."""
         others = yield from _represented(shared, points, positions)
         for group in self._by_parameters(points, others):
             if len(group) >= _MIN_GROUP:

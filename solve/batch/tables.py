@@ -157,7 +157,7 @@ class Separated:
         return Separated(self.separation, self.coefficients[positions])
 
     def tables(self, phase: Array) -> Tables:
-        """Terms at phases (k,)."""
+        """Tables of the terms at phases (k,)."""
         return self.separation.tables(phase, self.coefficients)
 
 
@@ -179,7 +179,7 @@ class Sampled:
         return Sampled(self.family, self.points[positions], self.engine, self.breaks)
 
     def tables(self, phase: Array) -> Tables:
-        """Entries at phases (k,)."""
+        """Tables of the entries at phases (k,)."""
         return Tables.of(self.family.entries(phase, self.points, self.engine), self.n, self.first_order)
 
 

@@ -62,7 +62,7 @@ class Kinematics:
 
     @property
     def properties(self) -> Properties:
-        """Constants of links and joints."""
+        """Values of the constants of links and joints."""
         values = self._properties.call({"phase": 0.0, "p": self._p})
         columns = {name: value.full().ravel() for name, value in values.items() if name != "angle"}
         return Properties(**{**columns, "damping_ratio": float(columns["damping_ratio"][0])})

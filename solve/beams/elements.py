@@ -166,7 +166,7 @@ class Freedoms:
     def anchored(self) -> set[str]:
         """Joints with a rigid or elastic support."""
         elastic = {*self.springs, *self.dashpots}
-        return {name for name, held in self.joints if held or {f"{name}_x", f"{name}_y"} & elastic}
+        return {name for name, is_held in self.joints if is_held or {f"{name}_x", f"{name}_y"} & elastic}
 
     @property
     def elements(self) -> list[Element]:

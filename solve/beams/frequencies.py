@@ -132,10 +132,10 @@ def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
     if not beams.exact_links:
         positions = Positions(beams, np.array([phase]))
         vectors = positions.expanded(modes(*positions.matrices()).vectors)[0, :, : len(frequencies)]
-        found = [(positions, vector, 1.0) for vector in vectors.T]
+        found_modes = [(positions, vector, 1.0) for vector in vectors.T]
     else:
-        found = [_exact_mode(beams, phase, frequencies, number) for number in range(len(frequencies))]
-    return [shape(*mode, float(omega)) for mode, omega in zip(found, frequencies, strict=True)]
+        found_modes = [_exact_mode(beams, phase, frequencies, number) for number in range(len(frequencies))]
+    return [shape(*mode, float(omega)) for mode, omega in zip(found_modes, frequencies, strict=True)]
 
 
 def _exact_mode(

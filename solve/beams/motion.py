@@ -163,7 +163,7 @@ class Motion:
             axial = self.axial_forces(positions, K, d)
             stiffness = stiffness + self._of_axial_forces(positions, axial)
         parts = M, self._damping(phase) + self.beams.dashpots, gyroscopic, K, stiffness, d
-        entries = np.concatenate([part.reshape(len(part), -1) for part in parts], axis=1)
+        entries = np.concatenate([coefficient.reshape(len(coefficient), -1) for coefficient in parts], axis=1)
         # Unlike "raise", the mode "clip" writes into the output without a copy.
         np.take(entries, self._nonzero[0], axis=1, out=coefficients, mode="clip")
 

@@ -160,7 +160,7 @@ def contributions(state: State, output: str, values: Callable[[State], Array], c
 
 
 def tracked_modes(M: Array, K: Array, count: int) -> Modes:
-    """Lowest modes at the first of the positions (k, n, n), tracked over the others.
+    """Lowest modes at the first of the positions (k, n, n), tracked over all positions.
 
     A mode is continued by the most similar mode of the next position (modal assurance criterion), with its
     sign.

@@ -40,11 +40,11 @@ class Body:
     def of(cls, member: Member, retained: Array) -> "Body":
         """Body of a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
         the structure."""
-        own = np.unique(member.indices[member.indices >= 0])
-        axes = np.zeros((3, len(own), len(own)))
-        body = cls(member, own, axes, np.flatnonzero(retained[own]))
-        for rows, held in body._rows():
-            free = np.flatnonzero(~held)
+        indices = np.unique(member.indices[member.indices >= 0])
+        axes = np.zeros((3, len(indices), len(indices)))
+        body = cls(member, indices, axes, np.flatnonzero(retained[indices]))
+        for rows, fixed in body._rows():
+            free = np.flatnonzero(~fixed)
             axes[:, rows[free][:, None], rows[free]] = member.element.axes[:, free[:, None], free]
         return body
 
@@ -110,7 +110,7 @@ class LinkBasis:
 
     @cached_property
     def turned(self) -> tuple[Array, Array]:
-        """B and B₂ (k, r)."""
+        """Matrices B and B₂ (k, r) of the first and second derivatives with respect to the link's angle."""
         J, J_r = self.body.axes[2], self.axes[2]
         B = J.T @ self.local + self.local @ J_r
         return B, J.T @ B + B @ J_r
@@ -178,7 +178,7 @@ class Basis:
         return T, B, B2
 
     def at(self, positions: Positions) -> Array:
-        """T (m, n, r)."""
+        """Basis T (m, n, r) at positions (m,)."""
         return np.tensordot(positions.terms, self.tables[0], 2)
 
     def rates(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:

@@ -348,7 +348,7 @@ class StructureModel(Model):
         return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
-        """Structure at fixed phases (m,)."""
+        """Structure held at phases (m,)."""
         return Positions(self.beams, phase)
 
     def require_motion(self) -> None:
@@ -384,10 +384,10 @@ def _of_each_link(setup: Setup, option: str) -> list[str]:
 
 
 def _drawn(freedoms: Freedoms) -> tuple[DrawnLink, ...]:
-    held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
+    is_held, ends = dict(freedoms.joints), [joint for link in freedoms.links for joint in link[1:3]]
 
     def support(joint: str, rotation: str) -> str:
-        if held[joint]:
+        if is_held[joint]:
             return "pinned" if rotation else "clamped"
         return "joined" if ends.count(joint) > 1 and freedoms.alone(rotation) else ""
 

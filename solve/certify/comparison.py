@@ -65,7 +65,7 @@ class Comparison(ABC):
 
 
 class TwoOrders(Comparison):
-    """s and s + 1 stages on the same grid.
+    """Comparison of s with s + 1 stages on the same grid.
 
     A collocation step with one more stage solves the error equation of the step with s stages. The difference
     of their maps is therefore the dual-weighted residual with an exact discrete adjoint. Since the equations
@@ -95,7 +95,7 @@ class TwoOrders(Comparison):
 
 
 class DoubledSteps(Comparison):
-    """m and 2m steps of the same method, for methods without a variant of higher order."""
+    """Comparison of m with 2m steps of the same method, for methods without a variant of higher order."""
 
     step_ratio = 2
 

@@ -74,8 +74,8 @@ def certified(points: Points, method: Method, request: SolveRequest) -> Iterator
 def on_one_grid(
     points: Points, method: Method, request: SolveRequest, steps: int
 ) -> Iterator[tuple[Array, Solutions]]:
-    """Better solutions of the points on one grid, without error estimates, in chunks with their positions
-    (k,); failed points are omitted."""
+    """More accurate solutions of the points on one grid, without error estimates, in chunks with their
+    positions (k,); failed points are omitted."""
     solver = PointSolver(points, method.with_another_stage or method, request)
     for chunk in solver.chunks(steps, np.arange(len(points))):
         solutions = solver.solve(steps, chunk)

@@ -53,7 +53,7 @@ class Program(NamedTuple):
         return application(self.name, self.listed, self.command, self.about, self.example, called)
 
     def command(self, name: str) -> Callable[..., None]:
-        """Function of a command."""
+        """Function that implements a command."""
         from importlib import import_module
 
         return getattr(import_module(f"{self.package}.{self.modules.get(name, name)}"), name)

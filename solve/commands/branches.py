@@ -41,10 +41,10 @@ def branch(
                 "--scatter excludes --over, --speeds, --switch, --follow and --start; give one "
                 "speed with --speed or --case"
             )
-        found = solve.scatter(
+        scattered = solve.scatter(
             model, speed.speed, scatter, seed, periods=max(2, periods), rtol=min(rtol, 1e-6)
         )
-        deliver_result(results, found, problem.choices)
+        deliver_result(results, scattered, problem.choices)
         return
     if follow is not None and (switch or speeds is not None):
         raise ValueOutOfBoundsError(
@@ -54,12 +54,12 @@ def branch(
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")
     if follow is None:
         _require_one_range(speed, speeds, over)
-    given: dict[str, Any] = {"periods": periods, "start": start, "points": points, "rtol": rtol}
+    settings: dict[str, Any] = {"periods": periods, "start": start, "points": points, "rtol": rtol}
     if follow is not None:
-        result = solve.special_curves(model, follow, over, speed.speed, **given)
+        result = solve.special_curves(model, follow, over, speed.speed, **settings)
     else:
         constant = speed.speed if over else speeds
-        result = solve.branch(model, constant, over[0] if over else None, switch, **given)
+        result = solve.branch(model, constant, over[0] if over else None, switch, **settings)
     deliver_result(results, result, problem.choices)
 
 

@@ -116,10 +116,10 @@ class Numbers(CaseNumbers):
         """Model with the first combination of values of the varied parameters that its bounds allow. If none
         is allowed, raises the error of the first combination."""
         try:
-            return model_of(self.setup(name, {each: values[0] for each, values in varied.items()}))
+            return model_of(self.setup(name, {parameter: values[0] for parameter, values in varied.items()}))
         except (ValueOutOfBoundsError, DesiredMotionError):
             unset = self.unset(name)
-            ranges = {each: values for each, values in varied.items() if each in unset}
+            ranges = {parameter: values for parameter, values in varied.items() if parameter in unset}
             for trial in spread(ranges, _MOST_TRIALS):
                 with suppress(ValueOutOfBoundsError, DesiredMotionError):
                     return model_of(self.setup(name, trial))
@@ -137,12 +137,12 @@ class Numbers(CaseNumbers):
             if REDUCE in options:
                 raise ValueOutOfBoundsError("--reduce and --option reduce are both given; give one of them")
             options[REDUCE] = self.reduce
-        others = {parameter: value for parameter, value in values.items() if parameter != SPEED}
-        return setup_of(name, self.case, self.cases, options, self.parameters, others)
+        missing = {parameter: value for parameter, value in values.items() if parameter != SPEED}
+        return setup_of(name, self.case, self.cases, options, self.parameters, missing)
 
     @property
     def choices(self) -> list[str]:
-        """Texts of --set and --option."""
+        """Texts of the flags --set and --option."""
         return [*(self.set or []), *(self.option or [])]
 
 
@@ -164,9 +164,9 @@ class Problem(Numbers):
         SolveError subclasses."""
         if not is_matrix_file(self.model):
             return self.of(self.model, still, rigid, varied)
-        given = {name: value for name, value in vars(self).items() if name != "model" and value is not None}
-        if given:
-            name = next(iter(given))
+        flags = {name: value for name, value in vars(self).items() if name != "model" and value is not None}
+        if flags:
+            name = next(iter(flags))
             raise ValueOutOfBoundsError(
                 f"'{self.model}' is a file of matrices, which has no parameters, cases or options; "
                 f"leave out --{name}"

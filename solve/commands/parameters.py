@@ -107,16 +107,23 @@ def optimise(
     names, limits = [name.strip() for name in free.split(",") if name.strip()], _bounds(bounds)
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
-    if others := [name for name in limits if name not in names]:
+    if not_free := [name for name in limits if name not in names]:
         raise ValueOutOfBoundsError(
-            f"bounds are given for {others[0]}, which is not free; add it to --free, or leave out its bounds"
+            f"bounds are given for {not_free[0]}, which is not free; add it to --free, or omit its bounds"
         )
     model = problem.loaded()
-    given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
+    speed_texts = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
     result = solve.optimise(
-        model, minimise, ranges, given, *requirements, method=accuracy.rule, rtol=accuracy.rtol, prove=prove
+        model,
+        minimise,
+        ranges,
+        speed_texts,
+        *requirements,
+        method=accuracy.rule,
+        rtol=accuracy.rtol,
+        prove=prove,
     )
     further = {} if case is None else {case: lambda: result.toml}
     deliver_result(results, result, problem.choices, beside=further)

@@ -81,7 +81,7 @@ class GridDerivatives:
 
     @cached_property
     def orbit(self) -> GridOrbit:
-        """Orbit on this grid."""
+        """Periodic orbit on this grid."""
         finest = self.solved.steps * samples_a_step(self.solved.steps)
         samples = finest * self.steps // self.solved.steps
         if self.rule != self.solved.certified.method:

@@ -218,8 +218,8 @@ def _explicit(model: Model) -> "casadi.Function":
     a = symbol("a", n)
     drive = [phase, speed, u[0]]
     (r,) = model.setup.function("residual_varying").call([*drive, q, qd, a, p], True, False)
-    M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
-    qdd = casadi.solve(M, u[1:] - rest)
+    M, remainder = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
+    qdd = casadi.solve(M, u[1:] - remainder)
     values = casadi.SX(0, 1)
     if model.outputs:
         outputs = model.setup.function("outputs_varying").call([*drive, q, qd, qdd, p], True, False)

@@ -69,7 +69,7 @@ def signals(system: PeriodicSystem) -> Signals:
     inertial = len(names) - system.first_order
     outputs = _linear_outputs(system)
     loads = [f"{'force' if at < inertial else 'load'}_{name}" for at, name in enumerate(names)]
-    made = Signals(
+    result = Signals(
         (*names, *(f"{name}_dot" for name in names[:inertial])),
         tuple(loads),
         (*names, *outputs),
@@ -78,14 +78,14 @@ def signals(system: PeriodicSystem) -> Signals:
         (*units, *(system.units.get(name, "") for name in outputs)),
     )
     if not isinstance(system, FirstOrderSystem):
-        return made
+        return result
     if system.inputs:
         units = tuple(system.units.get(name, "") for name in system.inputs)
-        made = made._replace(inputs=system.inputs, input_units=units)
+        result = result._replace(inputs=system.inputs, input_units=units)
     if system.outputs:
         units = tuple(system.units.get(name, "") for name in system.outputs)
-        made = made._replace(outputs=system.outputs, output_units=units)
-    return made
+        result = result._replace(outputs=system.outputs, output_units=units)
+    return result
 
 
 def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coefficients:
@@ -110,8 +110,8 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
         constant = np.stack([values[name] for name in names], axis=1)
         constant -= np.einsum("kpsn,snk->kp", slopes, state)
         y0 = np.concatenate((y0, constant), axis=1)
-    made = Coefficients(rate, B, C, D, d, y0, np.zeros((k, n + inertial)), M, damping, K)
-    return _with_signals(system, made, phase, speed) if isinstance(system, FirstOrderSystem) else made
+    result = Coefficients(rate, B, C, D, d, y0, np.zeros((k, n + inertial)), M, damping, K)
+    return _with_signals(system, result, phase, speed) if isinstance(system, FirstOrderSystem) else result
 
 
 def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, speed: float) -> Coefficients:

@@ -80,7 +80,7 @@ def _sign_and_logarithm(
 
 @dataclass(frozen=True)
 class Boundary:
-    """Stability boundary.
+    """Value of a parameter on a stability boundary.
 
     Attributes
     ----------

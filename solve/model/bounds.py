@@ -147,7 +147,7 @@ def _option_per_link(module: ModuleType, name: str, value: Any, allowed: Sequenc
 
 def _checked_option(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
     chosen = _as_integer(value) if isinstance(allowed, range) else value
-    if not any(type(chosen) is type(each) and chosen == each for each in allowed):
+    if not any(type(chosen) is type(allowed_value) and chosen == allowed_value for allowed_value in allowed):
         if isinstance(allowed, range):
             bounds = f"a whole number from {allowed[0]} to {allowed[-1]}"
             raise ValueOutOfBoundsError(f"option {name} of {module.NAME} is {value}; allowed: {bounds}")

@@ -166,8 +166,8 @@ def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:
     from scipy.linalg import eigh
 
     i = len(K)
-    wanted = [i - min(modes + 1, i), i - 1]
-    values, vectors = eigh(M, K, subset_by_index=wanted)
+    first_and_last = [i - min(modes + 1, i), i - 1]
+    values, vectors = eigh(M, K, subset_by_index=first_and_last)
     values, vectors = values[::-1], vectors[:, ::-1]
     if (values[:modes] <= 0).any():
         raise MatricesError(

@@ -171,11 +171,11 @@ class GeneratedDependence:
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         slopes = self._slopes.residual
         values = slopes.values(self._compiled, self._p, self._inputs(phase, speed, states))
-        found = np.zeros((len(phase), slopes.shape[0], len(self._chosen)))
+        derivatives = np.zeros((len(phase), slopes.shape[0], len(self._chosen)))
         for place, column in enumerate(self._chosen):
-            own = slopes.columns == column
-            found[:, slopes.rows[own], place] = values[own].T
-        return found
+            in_column = slopes.columns == column
+            derivatives[:, slopes.rows[in_column], place] = values[in_column].T
+        return derivatives
 
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
         inputs = self._inputs(phase, speed, states)

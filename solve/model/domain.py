@@ -89,12 +89,12 @@ class Domain:
     def _evaluate(self, speeds: Array, values: Array) -> Array:
         points = np.column_stack([speeds if self.by_speed else np.ones_like(speeds), values])
         unique, group = np.unique(points, axis=0, return_inverse=True)
-        holds = np.ones(len(unique), dtype=bool)
+        is_satisfied = np.ones(len(unique), dtype=bool)
         batch = max(1, _BATCH_PHASES // len(self._phases))
         for start in range(0, len(unique), batch):
             some = unique[start : start + batch]
-            holds[start + self._violations(some[:, 0], some[:, 1:]).point] = False
-        return holds[group.ravel()]
+            is_satisfied[start + self._violations(some[:, 0], some[:, 1:]).point] = False
+        return is_satisfied[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
         """Raise DesiredMotionError if a condition fails at a speed (rad/s); without a speed, if a condition

@@ -45,7 +45,7 @@ def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casad
 
     residual, names = module.residual(**dict(options)), operation_names()
     inputs = inputs_of(residual)
-    symbols, registers, found = list(inputs.values()), dict[int, Any](), list[Any]()
+    symbols, registers, candidates = list(inputs.values()), dict[int, Any](), list[Any]()
     for k in range(residual.n_instructions()):
         operation, code = names[residual.instruction_id(k)], residual.instruction_id(k)
         at, to = residual.instruction_input(k), residual.instruction_output(k)
@@ -56,13 +56,13 @@ def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casad
         elif operation != "OUTPUT":
             arguments = [registers[register] for register in at]
             if operation in ("FABS", "SIGN"):
-                found.append(arguments[0])
+                candidates.append(arguments[0])
             elif operation in ("FMAX", "FMIN", "LT", "LE"):
-                found.append(arguments[0] - arguments[1])
+                candidates.append(arguments[0] - arguments[1])
             combine = casadi.SX.unary if len(arguments) == 1 else casadi.SX.binary
             registers[to[0]] = combine(code, *arguments)
     states = casadi.vertcat(*(inputs[name] for name in _STATES))
-    moving = [each for each in found if any(casadi.which_depends(each, states, 1))]
+    moving = [switch for switch in candidates if any(casadi.which_depends(switch, states, 1))]
     if not moving:
         return None
     return casadi.Function("switches", symbols, [casadi.vertcat(*moving)], list(inputs), ["values"])
@@ -126,12 +126,12 @@ def _grazed(phase: Array, values: Array, passed: Array) -> Array:
     moduli, limit = np.abs(values[:-1]), _GRAZING * np.ptp(values)
     turns = (moduli <= np.roll(moduli, 1)) & (moduli < np.roll(moduli, -1)) & (moduli <= limit)
     same = (np.roll(values[:-1], 1) > 0) == (np.roll(values[:-1], -1) > 0)
-    found = [float(each) for each in phase[:-1][turns & same]]
+    grazed = [float(at) for at in phase[:-1][turns & same]]
     for first, last in zip(passed, np.roll(passed, -1), strict=True) if len(passed) > 1 else ():
         between = (phase > first) & (phase < last) if first < last else (phase > first) | (phase < last)
         if np.abs(values[between]).max(initial=0.0) <= limit:
-            found.append(float(first))
-    return np.array(found)
+            grazed.append(float(first))
+    return np.array(grazed)
 
 
 def _ascending(groups: list[Array], same: float) -> tuple[float, ...]:

@@ -47,8 +47,8 @@ class ModelIntegrator:
         q, v = x[:n] * scale, x[n:] * scale
         inputs = [phase + offset, speed, acceleration, q, mean * v, mean**2 * a, casadi.SX(0, 1)]
         (r,) = folded(residual, parameters).call(inputs, True, False)
-        M, rest = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
-        rate = casadi.vertcat(x[n:], casadi.solve(M, -rest) / scale)
+        M, remainder = casadi.jacobian(r, a), casadi.substitute(r, a, 0)
+        rate = casadi.vertcat(x[n:], casadi.solve(M, -remainder) / scale)
         self._acceleration = casadi.Function("a", [s, first, last, offset, x], [rate[n:] * scale])
         grid = np.linspace(0.0, period, count + 1)
         most = max(_MAX_STEPS // count, _MIN_STEPS)

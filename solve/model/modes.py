@@ -171,8 +171,8 @@ class DampedSampler(MatrixSampler):
 
 
 def damped(entries: Array, n: int, ratios: Array) -> Array:
-    """Modal damping (m, n, n) for M and K in entries (m, 3n² + n) by rows, ratios (k,) or (m, k); NaN where
-    there are no modes."""
+    """Modal damping (m, n, n) with damping ratios (k,) or (m, k), for the M and K contained in entries (m,
+    3n² + n) by rows; NaN where there are no modes."""
     M, _, K, _ = split_entries(entries, n)
     C, valid = np.full(M.shape, np.nan), has_modes(M, K)
     if valid.any():

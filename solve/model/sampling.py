@@ -175,9 +175,9 @@ def _speed_terms(entries: "casadi.SX", speed: "casadi.SX") -> _SpeedTerms | None
 
     parts, entry, power = [], [], []
     for k in range(_MAX_DEGREE + 1):
-        part = casadi.substitute(entries, speed, 0) / math.factorial(k)
-        present = [i for i in range(part.shape[0]) if not part[i].is_zero()]
-        parts.append(part[present])
+        coefficient = casadi.substitute(entries, speed, 0) / math.factorial(k)
+        present = [i for i in range(coefficient.shape[0]) if not coefficient[i].is_zero()]
+        parts.append(coefficient[present])
         entry += present
         power += [k] * len(present)
         entries = casadi.densify(casadi.jacobian(entries, speed))

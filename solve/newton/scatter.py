@@ -94,7 +94,7 @@ def scatter(
 
 
 def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Scatter:
-    """Orbits of all starts."""
+    """Orbits that the motions from all starts lead to."""
     orbits, states, leads = list[NonlinearOrbit](), list[Array](), np.full(len(starts), -1)
     with progress.task("starts", len(starts)) as count:
         for number, start in enumerate(starts):

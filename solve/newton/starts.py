@@ -150,7 +150,7 @@ def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
 
 
 def _from_state(given: Any, task: Task) -> Curve:
-    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by the equations of motion."""
+    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, from time integration."""
     n = task.system.n
     q, qd = state_of(given, n, _allowed(task))
     state = np.concatenate((q, qd / task.speed))

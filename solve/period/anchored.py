@@ -66,7 +66,7 @@ class Anchored:
 
     @property
     def measures(self) -> Array:
-        """Rows l (P, r, n)."""
+        """Rows l (P, r, n) that measure the amplitudes of the modes."""
         return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:

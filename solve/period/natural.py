@@ -158,7 +158,7 @@ def _reduced(A: Array, B: Array) -> Array:
 
 
 def _of_general(rate: Array) -> Array:
-    """Complex eigenvalues (n,) of a matrix; those that are real within round-off are real."""
+    """Complex eigenvalues (n,) of a matrix; values that are real within round-off are made real."""
     from scipy.linalg import matrix_balance
 
     balanced = np.asarray(matrix_balance(rate)[0])

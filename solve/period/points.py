@@ -45,7 +45,7 @@ class Tables:
         return cls(entries, np.ones((len(entries), count)), np.arange(count), n, first_order)
 
     def __getitem__(self, points: Array) -> "Tables":
-        """Tables of some points."""
+        """Tables of a selection of points."""
         table = self.table[points] if self.own else self.table
         return Tables(table, self.coefficients[points], self.entry, self.n, self.first_order)
 

@@ -156,7 +156,7 @@ def _longest_way(out: Array, back: Array, growth: Array) -> Array:
 
 
 def _log_distance(apart: Array) -> Array:
-    """log |exp(apart) - 1|."""
+    """Logarithm of |exp(apart) - 1|."""
     near = np.minimum(np.real(apart), 40.0) + 1j * np.imag(apart)
     with np.errstate(divide="ignore"):
         return np.where(np.real(apart) > 40, np.real(apart), np.log(np.abs(np.expm1(near))))

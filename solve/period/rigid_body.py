@@ -76,7 +76,8 @@ class RigidBodyModes:
         )
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
-        """Modes without those that move both first-order coordinates, which are the last ones, and others."""
+        """Modes without those that move both first-order coordinates (the last ones) and other
+        coordinates."""
         if not first_order:
             return self
         moves = self.vectors != 0

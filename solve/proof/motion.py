@@ -80,7 +80,7 @@ class TrigonometricMotion:
 
     @property
     def curve(self) -> FourierCurve:
-        """The curve of the same coefficients."""
+        """Curve with the same coefficients, in double precision."""
         nodes = np.array([0.0, float(self.period.mid())])
         return FourierCurve(nodes, self.cosines - 1j * self.sines)
 

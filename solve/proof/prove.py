@@ -108,7 +108,7 @@ def require_exact(rounded: bool) -> None:
     wider than the bounds of a step allow."""
     if rounded:
         raise ValueOutOfBoundsError(
-            "a proof of a nonlinear orbit is for exactly the given numbers; leave out rounded"
+            "a proof of a nonlinear orbit requires exact parameter values; leave out rounded"
         )
 
 

@@ -113,7 +113,7 @@ def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: s
 
 
 def _real(values: Any, name: str, file: str) -> Array:
-    """Finite real numbers. Raises FileError."""
+    """Values, checked to be finite real numbers. Raises FileError."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub":
         raise FileError(f"'{file}': {name} holds {array.dtype}; expected real numbers")

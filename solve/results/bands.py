@@ -1,4 +1,4 @@
-"""Unstable bands of speed."""
+"""Results on unstable bands of speed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -117,7 +117,7 @@ class Bands(Sequence[Band], Result):
 
     @property
     def summary(self) -> str:
-        """Sentence on the bands."""
+        """Sentence on the number of bands and their ranges."""
         unit = self.system.speed_unit
         if not self:
             return f"No unstable band found from {unit.span(*self.range)}."

@@ -159,10 +159,10 @@ class Branch(BranchPoints):
     def _special(self, kind: str) -> list[dict[str, Any]]:
         """Points of one kind: value of the parameter, spectral radius, the multiplier on the unit circle, the
         number of the branch, and the periods and error of the orbit."""
-        found = []
+        points = []
         for at in np.flatnonzero(self.kinds == KINDS.index(kind)).tolist():
             rho = self.multipliers[at]
-            found.append(
+            points.append(
                 {
                     self.over: float(self.values[at]),
                     "spectral_radius": float(self.radius[at]),
@@ -172,7 +172,7 @@ class Branch(BranchPoints):
                     "error": float(self.errors[at, 0]),
                 }
             )
-        return found
+        return points
 
     @property
     def jumps(self) -> list[dict[str, Any]]:
@@ -183,7 +183,7 @@ class Branch(BranchPoints):
         values, peaks, verdicts = self.values[own], self.peaks[own, 0], np.array(self.verdicts)[own]
         stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
         stable &= (verdicts[:-1] != UNSTABLE) & (verdicts[1:] != UNSTABLE)
-        for at in np.flatnonzero(self.turns[own]).tolist():
+        for at in np.flatnonzero(self.turns[first_branch]).tolist():
             beside = [side for side in (at - 1, at) if 0 <= side < len(stable) and stable[side]]
             if len(beside) != 1:
                 continue
@@ -195,7 +195,7 @@ class Branch(BranchPoints):
                 if side not in (at - 1, at)
             ]
             before = float(peaks[at])
-            found.append(
+            records.append(
                 {
                     "direction": "up" if up else "down",
                     self.over: float(values[at]),
@@ -203,7 +203,7 @@ class Branch(BranchPoints):
                     "to": min(targets, key=lambda peak: abs(peak - before)) if targets else None,
                 }
             )
-        return found
+        return records
 
     @stored_property
     def warnings(self) -> list[str]:
@@ -279,13 +279,13 @@ class Branch(BranchPoints):
     @property
     def summary(self) -> str:
         """Sentences on the range, the special points and the jumps."""
-        unit, own = self.system.unit_of(self.over), self.values[self.numbers == 0]
+        unit, values = self.system.unit_of(self.over), self.values[self.numbers == 0]
 
         def texts(points: Sequence[dict[str, Any]]) -> str:
             return ", ".join(unit.text(point[self.over], ".6g") for point in points)
 
         sentences = [
-            f"The branch goes from {unit.span(own[0], own[-1])}"
+            f"The branch goes from {unit.span(values[0], values[-1])}"
             + (f" and turns back at {texts(self.folds)}." if self.folds else ".")
         ]
         if self.doublings:

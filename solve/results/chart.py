@@ -110,8 +110,8 @@ class ProvedBoxes:
         for (i, j), (right, up), verdict in zip(
             first[inside], last[inside], self.verdicts[inside], strict=True
         ):
-            found[j:up, i:right] = verdict
-        return found
+            verdicts[j:up, i:right] = verdict
+        return verdicts
 
     def record(self) -> dict[str, Any]:
         """The objects `proved` and `boxes` of JSON."""
@@ -298,16 +298,18 @@ class Chart(ChartPoints):
 
     def header_rows(self) -> HeaderRows:
         """Quantities, the requested values, and the fraction of stable points."""
-        radius, known = self.spectral_radius, self.stable[np.isfinite(self.stable)]
+        radius, decided = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = (
-            100 * float(known.sum()) / max(known.size, 1),
+            100 * float(decided.sum()) / max(decided.size, 1),
             int((self.results.verdicts == UNDETERMINED).sum()),
         )
         rows = [("over", ", ".join(map(self._range, (self.x_name, self.y_name), (self.x, self.y))))]
         if self.of is not None and self.values is not None:
             low, high = np.nanmin(self.values), np.nanmax(self.values)
             rows.append((self.of.text, f"{low:.7g} … {high:.7g} {self.of.unit}".removesuffix(" 1")))
-        rows.append(("stable", f"{share:.4g} % of {known.size} points; largest |ρ| {np.nanmax(radius):.6g}"))
+        rows.append(
+            ("stable", f"{share:.4g} % of {decided.size} points; largest |ρ| {np.nanmax(radius):.6g}")
+        )
         if self.proved is not None:
             of = self.proved.record()["proved"]
             parts = (f"{100 * of[name]:.4g} % {name}" for name in ("stable", "unstable", "undecided"))

@@ -154,7 +154,7 @@ class Comparison(Result):
 
 
 def grouped(pairs: Iterable[tuple[str, Any]]) -> dict[str, list[Any]]:
-    """Values by key."""
+    """Lists of values by key, from pairs of key and value."""
     groups: dict[str, list[Any]] = {}
     for key, value in pairs:
         groups.setdefault(key, []).append(value)

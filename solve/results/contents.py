@@ -24,7 +24,7 @@ is_state_name = re.compile(r"seal|state\d*").fullmatch
 """Matches names of arrays from which a file's result is restored."""
 
 _DISTRIBUTIONS = "parametric-vibration", "casadi", "numpy", "scipy"
-"""Packages whose versions files contain."""
+"""Packages whose versions are written to files."""
 
 MOST_SHOWN = 6
 """Maximum number of quantities in one picture, and of coordinates in tables and sentences: as many as fit."""

@@ -24,8 +24,8 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
     """
     file, allowed = Path(path), tuple(endings)
     if file.suffix.lower() not in allowed:
-        given = f"ends in '{file.suffix}'" if file.suffix else "has no ending"
-        raise FileError(f"{kind} file '{path}' {given}; allowed: {', '.join(allowed)}")
+        ending = f"ends in '{file.suffix}'" if file.suffix else "has no ending"
+        raise FileError(f"{kind} file '{path}' {ending}; allowed: {', '.join(allowed)}")
     try:
         target = file.resolve()
         if target.is_dir():

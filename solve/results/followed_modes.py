@@ -230,8 +230,8 @@ class FollowedModes(ModesOver):
             "harmonic": Column(self.harmonics, "1", "harmonic of the mode", axes=("harmonic",)),
             "participation": Column(self.participation, "1", "fraction of the mode", axes=axes),
         }
-        every = {**self.columns, **others}
-        arrays = {name: column.array for name, column in every.items()}
+        columns = {**self.columns, **others}
+        arrays = {name: column.array for name, column in columns.items()}
         return FileContents(self.columns, others, self.metadata, arrays)
 
     def header_rows(self) -> HeaderRows:

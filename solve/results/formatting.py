@@ -88,6 +88,6 @@ def fixed(value: float, magnitude: float, digits: int = 7) -> str:
         return "–"
     if magnitude > 0 and not 1e-3 <= magnitude < 1e6:
         return f"{value:.{min(digits, 5) - 1}e}" if value else "0"
-    whole = math.floor(math.log10(magnitude)) + 1 if magnitude > 0 else 1
-    text = f"{value:.{min(max(digits - whole, 0), digits)}f}"
+    integer_digits = math.floor(math.log10(magnitude)) + 1 if magnitude > 0 else 1
+    text = f"{value:.{min(max(digits - integer_digits, 0), digits)}f}"
     return text.removeprefix("-") if float(text) == 0.0 else text

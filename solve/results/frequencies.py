@@ -130,7 +130,7 @@ class Frequencies(Roots):
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
         """Texts of the roots at a position: 21.5; 1.73i for λ < 0; 21.5±1.73i for complex λ."""
         texts = []
-        for omega, rate in zip(*(factor * part[number] for part in self._roots), strict=True):
+        for omega, rate in zip(*(factor * roots[number] for roots in self._roots), strict=True):
             parts = [
                 text
                 for value, text in ((omega, f"{omega:{form}}"), (rate, f"{rate:{form}}i"))
@@ -246,9 +246,9 @@ class Variation(Roots):
         for k, rates in enumerate(self.largest_growth_rates.T, start=1):
             if np.isfinite(rates).any():
                 columns[f"growth_rate{k}"] = Column(rates, "1/s", "largest over the positions")
-        for number, (link, alone) in enumerate(self.pinned.items()):
+        for number, (link, pinned) in enumerate(self.pinned.items()):
             labels = "rad/s", "the link alone, pinned at both ends", f"{link} alone" * (number < _MOST_LINKS)
-            columns[f"{link}_pinned"] = Column(alone, *labels, self.text_of)
+            columns[f"{link}_pinned"] = Column(pinned, *labels, self.text_of)
         return columns
 
     @property
@@ -295,13 +295,13 @@ class Findings(Result):
             "modes": [self._shape_record(shape) for shape in self.shapes],
         }
         head = {**model_info(self.here.system), "freedoms": self.here.freedoms, **here}
-        requested = {name: part for name, part in further.items() if part}
+        requested = {name: values for name, values in further.items() if values}
         return to_json({**head, **requested, "warnings": self.warnings})
 
     def _shape_record(self, shape: ModeShape) -> dict[str, Any]:
         links = {}
-        each = zip(shape.places, shape.displacements, shape.transverse, strict=True)
-        for link, (place, moved, transverse) in zip(self.here.system.links, each, strict=True):
+        by_link = zip(shape.places, shape.displacements, shape.transverse, strict=True)
+        for link, (place, moved, transverse) in zip(self.here.system.links, by_link, strict=True):
             curves = dict(zip(("x", "y", "dx", "dy"), (*place.T, *moved.T), strict=True))
             links[link.name] = {**curves, "transverse": transverse}
         return {"frequency": shape.frequency, "modal_mass": shape.modal_mass, "links": links}
@@ -310,7 +310,7 @@ class Findings(Result):
     def summary(self) -> str:
         """Sentence on the lowest frequencies at the position."""
         where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
-        omegas, growth_rates = (part[0] for part in self.here._roots)
+        omegas, growth_rates = (roots[0] for roots in self.here._roots)
         growing = np.isnan(omegas) & np.isfinite(growth_rates)
         texts = np.array(self.here.texts(0, ".4g", 1 / (2 * math.pi)), dtype=object)[~growing]
         hertz = f"{', '.join(texts)} Hz" if len(texts) else "none"

@@ -148,7 +148,7 @@ class Optimum(Result):
     def toml(self) -> str:
         """Case file of the optimal model, every number with its unit and source."""
         sources = {
-            name: f"optimum of {self.minimised}; bounds {each.low:.6g} to {each.high:.6g}"
-            for name, each in self.parameters.items()
+            name: f"optimum of {self.minimised}; bounds {parameter.low:.6g} to {parameter.high:.6g}"
+            for name, parameter in self.parameters.items()
         }
         return case_text("optimum", f"least {self.minimised}", self.system, sources)

@@ -112,7 +112,7 @@ class Orbit(Stability, SolvedMotion):
         return q, qd, qdd
 
     def at(self, phase: Array) -> Array:
-        """Coordinates at any phases.
+        """Coordinates (n, k) at phases (k,).
 
         Parameters
         ----------

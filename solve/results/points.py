@@ -128,8 +128,8 @@ class PointResults:
         multipliers = self.multipliers.copy()
         for point in np.flatnonzero(self.rigid).tolist():
             count = int(self.rigid[point])
-            others = self.multipliers[point, :-count]
-            multipliers[point] = np.insert(others, np.full(count, before_rigid(others)), 1.0)
+            vibrating = self.multipliers[point, :-count]
+            multipliers[point] = np.insert(vibrating, np.full(count, before_rigid(vibrating)), 1.0)
         return multipliers
 
     @property

@@ -1,4 +1,4 @@
-"""Rigid-body modes in results."""
+"""Rigid-body modes as they appear in results."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -30,9 +30,14 @@ class RigidBodyMode(NamedTuple):
         >>> RigidBodyMode((1.0, -0.5, 0.0), False, 0.0).ratio(("motor", "gear", "case"))
         'motor : gear = 1 : -0.5'
         """
-        moving = [(name, part) for name, part in zip(coordinates, self.vector, strict=True) if part]
+        moving = [
+            (name, component) for name, component in zip(coordinates, self.vector, strict=True) if component
+        ]
         shown = moving[:_MOST_MOVING]
-        names, parts = " : ".join(name for name, _ in shown), " : ".join(f"{part:.4g}" for _, part in shown)
+        names, parts = (
+            " : ".join(name for name, _ in shown),
+            " : ".join(f"{component:.4g}" for _, component in shown),
+        )
         more = len(moving) - len(shown)
         return f"{names} = {parts}" + (f" and {more} more" if more else "")
 
@@ -42,22 +47,22 @@ def rigid_body_modes_of(
 ) -> list[RigidBodyMode]:
     """Rigid-body modes at the first point. secular (P, r): steady velocities with respect to the phase, at a
     speed in rad/s."""
-    found = []
+    rigid_modes = []
     for at in np.flatnonzero(modes.present[0]).tolist():
         damped = bool(modes.dragged[0, at])
         drift = None if secular is None or not damped else speed * float(secular[0, at])
         vector = tuple(modes.vectors[0, :, at].tolist())
-        found.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))
-    return found
+        rigid_modes.append(RigidBodyMode(vector, damped, float(modes.errors[0, at]), drift))
+    return rigid_modes
 
 
 def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
     """Part of differences (turns, n, k) from an orbit at phases (k,) that is steady motion along rigid-body
     modes, at a speed in rad/s: an offset and the drift; for an undamped mode, an offset and any constant
     velocity."""
-    found = np.zeros_like(apart)
+    steady = np.zeros_like(apart)
     if not modes:
-        return found
+        return steady
     vectors = np.array([mode.vector for mode in modes]).T
     shares = np.linalg.pinv(vectors) @ apart
     for at, mode in enumerate(modes):
@@ -67,5 +72,5 @@ def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], spee
             velocity, _ = np.polyfit(nodes, share.T, 1)
         moved = velocity[:, None] * nodes
         level = (share - moved).mean(axis=1, keepdims=True)
-        found += vectors[:, at, None] * (level + moved)[:, None]
-    return found
+        steady += vectors[:, at, None] * (level + moved)[:, None]
+    return steady

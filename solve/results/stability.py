@@ -267,7 +267,7 @@ class Stability(Solution):
         return [*self.engine_notes, *method, *modes, *self.spectrum.notes, *sampled]
 
     def _rigid_body_note(self, mode: RigidBodyMode) -> str:
-        """Note on a rigid-body mode."""
+        """Note that describes a rigid-body mode and its effect on the result."""
         names, units = self.system.coordinates, self.system.units
         count = "its multiplier +1" if mode.damped else "its two multipliers +1"
         text = f"rigid-body mode {mode.ratio(names)}: spectral radius and verdict exclude {count}"

@@ -30,7 +30,7 @@ _UNKNOWN = ErrorEstimate(float("nan"), float("nan"))
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """Point of a sweep.
+    """Result at one point of a sweep.
 
     Attributes
     ----------
@@ -190,17 +190,17 @@ class Sweep(Result):
         ------
         UnknownNameError
         """
-        kept = self.results.kept.names
-        require_name("coordinate or output", name, kept)
+        stored = self.results.kept.names
+        require_name("coordinate or output", name, stored)
         require_name("figure", figure, FIGURES)
-        return self.results.figures[:, kept.index(name), FIGURES.index(figure)]
+        return self.results.figures[:, stored.index(name), FIGURES.index(figure)]
 
     def spectrum(self, name: str) -> Array:
         """Amplitudes (P, harmonics + 1) of a quantity whose spectrum was requested. Raises
         UnknownNameError."""
-        known = self.results.kept.spectra
-        require_name("spectrum", name, known)
-        return self.results.amplitudes[:, known.index(name)]
+        stored = self.results.kept.spectra
+        require_name("spectrum", name, stored)
+        return self.results.amplitudes[:, stored.index(name)]
 
     @property
     def unstable(self) -> list[tuple[float, float, str]]:

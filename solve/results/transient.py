@@ -185,7 +185,7 @@ class TransientMotion(Result):
         derivatives with respect to time."""
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
-        states = (np.moveaxis(part, 1, 0).reshape(self.system.n, -1) for part in (q, qd, qdd))
+        states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
         outputs = self.system.output_values(
             phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
         )

@@ -142,8 +142,8 @@ def bands(
     >>> [band.kind for band in found]
     ['-1']
     """
-    given = speeds_between(speeds, "bands")
-    system, omegas = system.shown_in(given[0]), np.array(given)
+    given_speeds = speeds_between(speeds, "bands")
+    system, omegas = system.shown_in(given_speeds[0]), np.array(given_speeds)
     ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
     if free(OnePoint(system, ends[0])) is not None:
@@ -168,23 +168,25 @@ def bands(
     evaluate = constant.evaluate if constant else (_evaluator_of_slow_modes if fast else evaluator)(batch)
     with progress.steps(4) as step:
         step("all speeds")
-        known = evaluate(points)
+        samples = evaluate(points)
         step("speeds where multipliers are near each other")
-        known = separate_crossings(evaluate, _refine_near_coalescence(evaluate, known, rotation), rotation)
-        middle = np.arange(1, len(known.points) - 1)
-        spacing = float(np.diff(known.points[:, 0]).max())
+        samples = separate_crossings(
+            evaluate, _refine_near_coalescence(evaluate, samples, rotation), rotation
+        )
+        middle = np.arange(1, len(samples.points) - 1)
+        spacing = float(np.diff(samples.points[:, 0]).max())
         step("narrow bands")
-        known += find_narrow_tongues(evaluate, known, middle, predicted=_PREDICTED if constant else 1.0)
-        if known.failed.any():
-            notes = [*notes, _left_out(batch, by_speed(known), system.speed_unit)]
+        samples += find_narrow_tongues(evaluate, samples, middle, predicted=_PREDICTED if constant else 1.0)
+        if samples.failed.any():
+            notes = [*notes, _left_out(batch, by_speed(samples), system.speed_unit)]
         step("edges of bands")
         runs = _UnstableRuns(evaluate, checked_tolerance(tolerance), omegas[-1:])
-        found = runs.bands(by_speed(known))
-    known = by_speed(sum(runs.inside, known))
-    radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
+        unstable_bands = runs.bands(by_speed(samples))
+    samples = by_speed(sum(runs.inside, samples))
+    radius = np.where(samples.failed, np.nan, np.abs(samples.multipliers[:, 0]))
     range_ = float(omegas[0]), float(omegas[-1])
-    speeds = known.points[:, 0]
-    return Bands(found, system, range_, spacing, notes, speeds, radius, constant is not None)
+    speeds = samples.points[:, 0]
+    return Bands(unstable_bands, system, range_, spacing, notes, speeds, radius, constant is not None)
 
 
 def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
@@ -224,8 +226,8 @@ def _least_angle(multipliers: Array) -> Array:
     """Smallest difference (k,) between the angles of lightly damped multipliers (k, N) above the real
     axis."""
     rotating = (np.imag(multipliers) > 0) & (np.abs(multipliers) > LIGHTLY_DAMPED)
-    apart = 1e3 * (1 + np.arange(multipliers.shape[1]))
-    angles = np.sort(np.where(rotating, np.angle(multipliers), apart), axis=1)
+    placeholders = 1e3 * (1 + np.arange(multipliers.shape[1]))
+    angles = np.sort(np.where(rotating, np.angle(multipliers), placeholders), axis=1)
     return np.diff(angles, axis=1).min(axis=1)
 
 
@@ -243,13 +245,13 @@ class _UnstableRuns:
 
     def bands(self, known: StabilitySamples) -> list[Band]:
         """Runs with their edges, split where points inside are stable or of another kind."""
-        found: list[Band] = []
+        unstable_bands: list[Band] = []
         for _ in range(_MAX_SPLITS):
-            found, inside = self._search_inside(known)
+            unstable_bands, inside = self._search_inside(known)
             if len(inside.points) == 0:
                 break
             known = by_speed(known + inside)
-        return found
+        return unstable_bands
 
     def _search_inside(self, known: StabilitySamples) -> tuple[list[Band], StabilitySamples]:
         """Bands of one kind, and points inside the bands of mixed kind."""
@@ -266,15 +268,15 @@ class _UnstableRuns:
         within = list(zip(low.tolist(), high.tolist(), strict=True))
         new = np.array([edges not in self._within for edges in within], dtype=bool)
         looked, mixed = self._inside(low[new], high[new], state[starts[runs[new]]]) if new.any() else nothing
-        found, growing = [], np.zeros(len(runs), dtype=bool)
+        uniform, growing = [], np.zeros(len(runs), dtype=bool)
         for at, run in enumerate(runs):
             first, last = starts[run], ends[run]
             radius = max(self._within[within[at]], np.abs(known.multipliers[first : last + 1, 0]).max())
             growing[at] = radius > 1 + GROWTH
             if growing[at]:
                 open_ends = bool(unknown[run]), bool(unknown[run + 1])
-                found.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))
-        return found, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
+                uniform.append(Band(*within[at], KINDS[state[first]], float(radius), *open_ends))
+        return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
         """Points inside runs of these states between their ends (k,), and whether the runs are mixed (k,)."""
@@ -290,10 +292,10 @@ class _UnstableRuns:
         speeds = known.points[:, 0].tolist()
         ends = [(speeds[at], speeds[at + 1]) for at in changes.tolist()]
         new = changes[np.array([pair not in self._between for pair in ends], dtype=bool)]
-        borders = zip(*(part.tolist() for part in self._borders(known, new, state)), strict=True)
+        borders = zip(*(array.tolist() for array in self._borders(known, new, state)), strict=True)
         self._between.update(zip(((speeds[at], speeds[at + 1]) for at in new), borders, strict=True))
-        kept = np.array([self._between[pair] for pair in ends]).reshape(-1, 2)
-        return kept[:, 0], kept[:, 1].astype(bool)
+        cached = np.array([self._between[pair] for pair in ends]).reshape(-1, 2)
+        return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
         """Speeds at which the state changes (k,), and whether a neighbour has no result (k,); the border is
@@ -351,11 +353,11 @@ def _evaluator_of_slow_modes(batch: Batch) -> Evaluate:
         error = np.abs(fine[:, :, None] - coarse[:, None, :]).min(axis=2)
         agreed = (error < _AGREEMENT) & (fine != 0)
         beyond = (agreed & (np.abs(fine) - 1 > np.maximum(error, UNIT_CIRCLE))).any(axis=1)
-        known = agreed.any(axis=1)
+        is_resolved = agreed.any(axis=1)
         slow = np.where(agreed, fine, 0.0)
         order = np.argsort(-np.abs(slow), axis=1, kind="stable")
         return StabilitySamples.from_multipliers(
-            points, known & ~beyond, known & beyond, np.take_along_axis(slow, order, axis=1)
+            points, is_resolved & ~beyond, is_resolved & beyond, np.take_along_axis(slow, order, axis=1)
         )
 
     return evaluate

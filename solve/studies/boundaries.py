@@ -31,9 +31,9 @@ _KIND_TOLERANCE = 1e-5
 """Width of a bracket, as a fraction of the scale, at which the kind of an edge is determined. A choice."""
 
 _MAX_DISTANCE, _MIN_DISTANCE, _END_MARGIN = 0.05, 1e-8, 1e-3
-"""Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the least
-distance after a trial that missed it; least distance of trials from the ends, unless the trials are closer to
-each other. Choices."""
+"""Fractions of a bracket: largest distance of the first trials from the predicted edge; square of the
+smallest distance after a trial that missed the edge; smallest distance of trials from the ends, unless trials
+are closer to each other. Choices."""
 
 _PREDICTION_ERROR = 0.2
 """Assumed error of a parabola's zero, as a fraction of the distance between this zero and that of the chord.
@@ -228,12 +228,12 @@ class BoundarySearch:
             sets_of_lines, changes, np.split(places, splits), np.split(kinds, splits), strict=True
         ):
             neighbour, other_place, other_kind = self._stable_stretches(lines.samples, *lines.neighbours)
-            known = ~np.isnan(place).any(axis=1)
+            is_located = ~np.isnan(place).any(axis=1)
             crossings.append(
                 Crossings(
-                    np.concatenate((line[known], lines.line[neighbour])),
-                    np.concatenate((place[known], other_place))[:, lines.along],
-                    np.concatenate((kind[known], other_kind)),
+                    np.concatenate((line[is_located], lines.line[neighbour])),
+                    np.concatenate((place[is_located], other_place))[:, lines.along],
+                    np.concatenate((kind[is_located], other_kind)),
                 )
             )
         return crossings
@@ -272,8 +272,8 @@ class BoundarySearch:
         beside = self.evaluate(places + np.clip(middles.points - places, -inward, inward))
         other = beside.unstable
         places[other], kinds[other] = self.edges(middles[other], ends[other])
-        known = ~np.isnan(places).any(axis=1)
-        return np.tile(first[is_stretch], 2)[known], places[known], kinds[known]
+        is_located = ~np.isnan(places).any(axis=1)
+        return np.tile(first[is_stretch], 2)[is_located], places[is_located], kinds[is_located]
 
 
 def _trial_distances(predicted: Array) -> Array:

@@ -120,7 +120,7 @@ def chart(
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
-    points = np.column_stack([part.ravel() for part in np.meshgrid(xs, ys)])
+    points = np.column_stack([coordinate.ravel() for coordinate in np.meshgrid(xs, ys)])
     family = _family(model, (x_name, y_name), points, speed, case)
     quantity = None if of is None else _Quantity(Named.of(family.example, of))
     of_orbit = quantity is not None and quantity.of_orbit
@@ -131,10 +131,10 @@ def chart(
     batch = stability.batch(points)
     with progress.steps(3) as step:
         step("the grid")
-        found = task.solved(task.batch(points), points, executor, store)
-        results = _stability(found, batch, points) if of_orbit else found
+        solved_points = task.solved(task.batch(points), points, executor, store)
+        results = _stability(solved_points, batch, points) if of_orbit else solved_points
         results.require_any()
-        found.require_any()
+        solved_points.require_any()
         constant = constant_coefficients(batch)
         evaluate = constant.evaluate if constant else evaluator(batch)
         search = BoundarySearch(evaluate, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
@@ -143,8 +143,8 @@ def chart(
         at = partial(_at, batch, system.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
         if quantity is not None:
-            values = quantity.over(found, family.speeds(points), system.period)
-            beyond = _beyond(system, found, results) if of_orbit else []
+            values = quantity.over(solved_points, family.speeds(points), system.period)
+            beyond = _beyond(system, solved_points, results) if of_orbit else []
             solved = replace(solved, of=quantity.named, values=values.reshape(solved.shape), beyond=beyond)
         if provable is not None and isinstance(family, SystemFamily):
             ranges = (float(xs[0]), float(xs[-1])), (float(ys[0]), float(ys[-1]))
@@ -152,8 +152,8 @@ def chart(
             solved = replace(solved, proved=boxes)
         if not boundaries:
             return solved
-        known = constant.evaluate(points) if constant else StabilitySamples.from_results(points, results)
-        return replace(solved, boundaries=_boundaries(search, solved, known, step))
+        samples = constant.evaluate(points) if constant else StabilitySamples.from_results(points, results)
+        return replace(solved, boundaries=_boundaries(search, solved, samples, step))
 
 
 def _provable(model: object) -> Model:
@@ -181,9 +181,9 @@ def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResult
     names, known = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
     without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
-    if not len(known):
+    if not len(valid_figures):
         return without
-    least, largest = known.min(axis=0), known.max(axis=0)
+    least, largest = valid_figures.min(axis=0), valid_figures.max(axis=0)
     figures = {name: Statistics(*largest[k])._replace(min=least[k][1]) for k, name in enumerate(names)}
     return [*without, *(f"at some points {text}" for text in system.judged(figures))]
 
@@ -204,7 +204,7 @@ class _Quantity:
 
     @property
     def of_orbit(self) -> bool:
-        """Whether orbits are needed."""
+        """Whether the quantity requires orbits."""
         return self.named.of_orbit
 
     def kept(self, judged: Sequence[str]) -> Kept:
@@ -222,8 +222,8 @@ class _Quantity:
             return results.figures[:, 0, FIGURES.index(named.figure)]
         if named.subject == RADIUS:
             return results.spectral_radius
-        every = results.all_multipliers
-        rho = np.where(every == 0, np.nan, every)[:, named.number - 1]
+        multipliers = results.all_multipliers
+        rho = np.where(multipliers == 0, np.nan, multipliers)[:, named.number - 1]
         return named.part(np.log(rho) * speeds / period if named.subject == EXPONENT else rho)
 
 
@@ -242,16 +242,16 @@ def _cut(
     along, values = 1 - held, axes[1 - held]
     points = np.empty((len(values), 2))
     points[:, held], points[:, along] = value, values
-    known, inner = search.evaluate(points), np.arange(1, len(points) - 1)
-    if known.failed.all():
+    evaluated, inner = search.evaluate(points), np.arange(1, len(points) - 1)
+    if evaluated.failed.all():
         raise NoResultError(
             f"no point of the cut at {names[held]} = {value:g} has a result; choose another value"
         )
-    every = known + find_narrow_tongues(search.evaluate, known, inner)
-    (crossings,) = search.crossings(Lines(every, np.zeros(len(every.points)), along))
+    samples = evaluated + find_narrow_tongues(search.evaluate, evaluated, inner)
+    (crossings,) = search.crossings(Lines(samples, np.zeros(len(samples.points)), along))
     found = [(at, KINDS[kind]) for at, kind in zip(crossings.place.tolist(), crossings.kind, strict=True)]
-    radius = np.where(known.failed, np.nan, np.abs(known.multipliers[:, 0]))
-    return Cut(names[along], names[held], value, values, radius, _truth(known), found)
+    radius = np.where(evaluated.failed, np.nan, np.abs(evaluated.multipliers[:, 0]))
+    return Cut(names[along], names[held], value, values, radius, _truth(evaluated), found)
 
 
 def _truth(known: StabilitySamples) -> Array:
@@ -300,11 +300,11 @@ def _family(
         return BuiltFamily(model, names, points, _held(speed, names))
     omega = _held(model.case_speed if speed is None else speed, names)
     model.require_motion()
-    found = SystemFamily(model, names, omega)
+    family = SystemFamily(model, names, omega)
     for extreme in (points[0], points[-1]):
         values = dict(zip(names, map(float, extreme), strict=True))
         model.require_bounds({name: value for name, value in values.items() if name != SPEED})
-    return found
+    return family
 
 
 def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
@@ -337,12 +337,12 @@ def _boundaries(
     def lines(index: Array, along: int) -> Lines:
         """Lines through the points in the rows of the index, with unstable points found between them."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
-        found = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
-        samples, searched = known + found, np.zeros(middle.shape, dtype=bool)
-        while len(found.points):
-            near = _continuations(found.points, axes, along, searched)
-            found = find_narrow_tongues(search.evaluate, known, middle.ravel()[near], stride)
-            samples = samples + found
+        tongues = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
+        samples, searched = known + tongues, np.zeros(middle.shape, dtype=bool)
+        while len(tongues.points):
+            near = _continuations(tongues.points, axes, along, searched)
+            tongues = find_narrow_tongues(search.evaluate, known, middle.ravel()[near], stride)
+            samples = samples + tongues
         return Lines(samples, np.searchsorted(axes[1 - along], samples.points[:, 1 - along]), along)
 
     step("narrow tongues")

@@ -36,7 +36,7 @@ _BISECTION_RATIO = 1.02
 """Ratio of two step counts at which the bisection for the smallest sufficient number ends. A choice."""
 
 _MAX_SECONDS = 2.0
-"""Longest time of one solution in the search for the least number of steps. A choice."""
+"""Longest time of one solution in the search for the smallest sufficient number of steps. A choice."""
 
 _REPEATS = 5
 _MAX_REPEAT_SECONDS = 0.1
@@ -84,8 +84,8 @@ def compare(
     """
     omega = speed_in_si(speed)
     system = system.shown_in(omega)
-    given = [] if steps is None else list(steps)
-    for count in given:
+    given_counts = [] if steps is None else list(steps)
+    for count in given_counts:
         require_integer("steps", count)
     if len(targets) == 0:
         raise ValueOutOfBoundsError("targets is empty; give at least one relative error, such as 1e-3")
@@ -97,7 +97,7 @@ def compare(
     judged_by = ORBIT if reference.q.any() else MULTIPLIERS
     finest = max(_BEYOND * min(goals), 10 * max(reference.error_estimate))
     rows, measured = [], []
-    counts = given or usual_steps(system, omega)
+    counts = given_counts or usual_steps(system, omega)
     with progress.task("methods", len(rules)):
         for rule in rules:
             run = _AgainstReference(reference, rule, judged_by)

@@ -98,17 +98,20 @@ class ConstantCoefficients:
         rates, n, period = self.exponents(points), self.family.example.n, self.family.example.period
         growth, errors = rates.growth * period, rates.errors.max(axis=1) * period
         results = PointResults.blank(len(points), 2 * n, Kept(warnings=False))
-        known = np.flatnonzero(errors <= _CLOSE)
+        is_certain = np.flatnonzero(errors <= _CLOSE)
         exponents = np.minimum(growth, _LARGEST) + 1j * rates.angular_rates * period
-        results.multipliers[known] = 0.0
-        results.multipliers[known, : growth.shape[1]] = np.exp(exponents[known])
-        results.errors[known, 1] = errors[known]
-        results.verdicts[known] = np.select(
-            [growth[known, 0] - errors[known] > UNIT_CIRCLE, growth[known, 0] + errors[known] < -UNIT_CIRCLE],
+        results.multipliers[is_certain] = 0.0
+        results.multipliers[is_certain, : growth.shape[1]] = np.exp(exponents[is_certain])
+        results.errors[is_certain, 1] = errors[is_certain]
+        results.verdicts[is_certain] = np.select(
+            [
+                growth[is_certain, 0] - errors[is_certain] > UNIT_CIRCLE,
+                growth[is_certain, 0] + errors[is_certain] < -UNIT_CIRCLE,
+            ],
             [UNSTABLE, ASYMPTOTICALLY_STABLE],
             STABLE,
         )
-        results.methods[known] = "eigenvalues"
+        results.methods[is_certain] = "eigenvalues"
         failed = np.flatnonzero(results.failed)
         if len(failed):
             results.insert(failed, gathered(self.batch, points[failed], results.kept))
@@ -135,8 +138,8 @@ class ConstantCoefficients:
 
 def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
-    vary, if some coordinates are of first order, or if the method is an approximation with stability
-    properties of its own."""
+    vary, if some coordinates are of first order, or if the method is an approximation whose stability differs
+    from that of the equations."""
     family = batch.family
     if family.example.first_order:
         return None
@@ -205,23 +208,23 @@ def _exponents(
     n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
     unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
     unit[~np.isfinite(unit)] = 1.0
-    M, C, K = (part * unit[:, :, None] * unit[:, None] for part in (M, C, K))
+    M, C, K = (matrix * unit[:, :, None] * unit[:, None] for matrix in (M, C, K))
     vectors = modes.vectors[:, :, : len(places)]
     vectors = vectors / unit[:, :, None] * unit[:, places][:, None]
     rate_scale = np.sqrt(np.abs(K).max(axis=(1, 2))) + np.abs(C).max(axis=(1, 2))
     rate_scale = np.where(rate_scale > 0, rate_scale, 1.0)[:, None, None]
-    size = len(rest)
+    size = len(remaining)
     A = np.zeros((len(M), size + n, size + n))
-    A[:, :size, size:] = rate_scale * np.eye(n)[rest]
+    A[:, :size, size:] = rate_scale * np.eye(n)[remaining]
     if places:
-        A[:, :size, [size + at for at in places]] -= rate_scale * vectors[:, rest]
-    A[:, size:, :size] = -solved(M, K)[:, :, rest] / rate_scale
+        A[:, :size, [size + at for at in places]] -= rate_scale * vectors[:, remaining]
+    A[:, size:, :size] = -solved(M, K)[:, :, remaining] / rate_scale
     A[:, size:, size:] = -solved(M, C)
     values, errors = _eigenvalues(A)
     # The smallest eigenvalues belong to rigid-body modes without drag.
     elastic = np.argsort(np.abs(values), axis=1, kind="stable")[:, multiplicity - len(places) :]
-    values, errors = (np.take_along_axis(part, elastic, axis=1) for part in (values, errors))
-    bound = _energy_bound(M, C, K, rest)[:, None]
+    values, errors = (np.take_along_axis(matrix, elastic, axis=1) for matrix in (values, errors))
+    bound = _energy_bound(M, C, K, remaining)[:, None]
     growth = np.minimum(np.real(values), bound)
     errors = np.minimum(errors, bound - growth)
     order = np.argsort(-growth, axis=1, kind="stable")
@@ -244,10 +247,10 @@ def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
     """Upper bound (P,) of the growth from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and positive
     definite in the coordinates x with indices `rest`, the energy changes by -q̇ᵀCq̇ alone, for any gyroscopic
     forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
-    scale = [np.abs(part).max(axis=(1, 2)) for part in (M, C, K)]
+    scale = [np.abs(matrix).max(axis=(1, 2)) for matrix in (M, C, K)]
     symmetric = [
-        np.abs(part - np.swapaxes(part, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size
-        for part, size in ((M, scale[0]), (K, scale[2]))
+        np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size
+        for matrix, size in ((M, scale[0]), (K, scale[2]))
     ]
     of_mass = np.linalg.eigvalsh((M + np.swapaxes(M, 1, 2)) / 2)[:, 0]
     stiffness = K[:, rest][:, :, rest]

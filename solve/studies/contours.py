@@ -44,11 +44,11 @@ def contours(
     rims = _Rims(axes, rows, columns)
     i, j = rims.cells
     corners = np.array([stable[j, i], stable[j, i + 1], stable[j + 1, i], stable[j + 1, i + 1]])
-    known = ~np.isnan(corners).any(axis=0) & (rims.counts % 2 == 0)
-    simple, begins_unstable = known & (rims.counts == 2), corners[0] == 0
+    is_closed = ~np.isnan(corners).any(axis=0) & (rims.counts % 2 == 0)
+    simple, begins_unstable = is_closed & (rims.counts == 2), corners[0] == 0
     joined = rims.around[rims.starts[simple, None] + [0, 1]]
     joined[begins_unstable[simple]] = joined[begins_unstable[simple], ::-1]
-    open_ = [rims.arcs(cell, begins_unstable[cell]) for cell in np.flatnonzero(known & ~simple).tolist()]
+    open_ = [rims.arcs(cell, begins_unstable[cell]) for cell in np.flatnonzero(is_closed & ~simple).tolist()]
     joined = np.concatenate((joined, _decided(rims, open_, is_stable)))
     pieces = (_pieces(rims, chain) for chain in _chains(len(rims.points), joined))
     return [piece for piece in itertools.chain.from_iterable(pieces) if len(piece.points) > 1]
@@ -129,8 +129,8 @@ def _decided(
         if goes_on and not {(n, k), (n, other)} & used:
             used |= {(n, k), (n, other)}
             joined += [(first[1], second[0]), (second[1], first[0])]
-    rest = [arc for n, arcs in enumerate(cells) for k, arc in enumerate(arcs) if (n, k) not in used]
-    return np.array(joined + rest, dtype=int).reshape(-1, 2)
+    unjoined = [arc for n, arcs in enumerate(cells) for k, arc in enumerate(arcs) if (n, k) not in used]
+    return np.array(joined + unjoined, dtype=int).reshape(-1, 2)
 
 
 def _chains(count: int, ends: Array) -> list[list[int]]:
@@ -141,14 +141,14 @@ def _chains(count: int, ends: Array) -> list[list[int]]:
     degree = np.bincount(ends.ravel(), minlength=count)
     graph = coo_array((np.ones(len(ends)), ends.T), shape=(count, count)).tocsr()
     seen = degree == 0
-    found = []
+    chains = []
     # Open chains from one of their ends, then closed ones.
     for start in np.argsort(degree != 1, kind="stable").tolist():
         if not seen[start]:
             chain = depth_first_order(graph, start, directed=False, return_predecessors=False).tolist()
             seen[chain] = True
-            found.append([*chain, start] if len(chain) > 2 and degree[start] > 1 else chain)
-    return found
+            chains.append([*chain, start] if len(chain) > 2 and degree[start] > 1 else chain)
+    return chains
 
 
 def _pieces(rims: _Rims, chain: list[int]) -> list[BoundaryCurve]:

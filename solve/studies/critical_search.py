@@ -103,11 +103,11 @@ class CriticalSearch:
         """Orbits at speeds (P,), reusing those of the sweep."""
         if self.sweep is None:
             return gathered(self.batch, speeds[:, None], self.kept)
-        _, known, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
-        others = np.setdiff1d(np.arange(len(speeds)), known)
+        _, in_sweep, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
+        unsolved = np.setdiff1d(np.arange(len(speeds)), in_sweep)
         results = PointResults.blank(len(speeds), self.system.multiplier_count, self.kept)
-        results.insert(others, gathered(self.batch, speeds[others, None], self.kept))
-        results.insert(known, selected(self.sweep.results, places, self.kept))
+        results.insert(unsolved, gathered(self.batch, speeds[unsolved, None], self.kept))
+        results.insert(in_sweep, selected(self.sweep.results, places, self.kept))
         return results
 
     def solve_multipliers(self, speeds: Array) -> PointResults:
@@ -189,14 +189,14 @@ class CriticalSearch:
         """
         if not len(brackets):
             return []
-        kept = Kept(
+        selection = Kept(
             self.kept.names, self.kept.names, math.ceil(self.orders * self._revolutions), warnings=False
         )
         speeds = brackets.x[:, 1]
         aside = _ASIDE / np.maximum(MeanFrequencies(self.system, speeds).lowest / speeds, _ASIDE / CLOSE)
         near = np.full(len(speeds), _BESIDE * self.tolerance)
         trials = speeds * (1 + np.stack([-aside, -near, 0 * near, near, aside]))
-        results = gathered(self.batch, trials.reshape(-1, 1), kept)
+        results = gathered(self.batch, trials.reshape(-1, 1), selection)
         reached = (results.verdicts != UNSTABLE).reshape(trials.shape)[1:4].any(axis=0)
         heights = self.response(results).reshape(trials.shape)[2]
         maxima = self._with_heights(brackets.with_heights(heights), self._is_unbounded(trials, results))
@@ -232,8 +232,8 @@ class CriticalSearch:
         failed = results.failed.reshape(5, -1)[1:4]
         if failed.any():
             # Multipliers exist even without an orbit.
-            others = self.solve_multipliers(trials[1:4][failed])
-            rho[failed], errors[failed] = others.multipliers, others.errors
+            multipliers_only = self.solve_multipliers(trials[1:4][failed])
+            rho[failed], errors[failed] = multipliers_only.multipliers, multipliers_only.errors
         return crosses_plus_one(rho, errors[..., 1] * np.abs(rho[..., 0]))
 
     @property

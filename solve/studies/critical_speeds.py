@@ -136,8 +136,8 @@ def _critical_speeds(
     system, omegas, orders = system.shown_in(speeds[0]), np.array(speeds), settings.orders
     (name,) = system.known_quantities(settings.quantity or system.coordinates[0])
     require_size("orders", orders, len(omegas) * system.n**2)
-    rest = MeanFrequencies(system, np.array([0.0]))
-    search, grid, notes = _prepare(rest, omegas, name, settings, sweep)
+    at_rest = MeanFrequencies(system, np.array([0.0]))
+    search, grid, notes = _prepare(at_rest, omegas, name, settings, sweep)
     constant = search.constant is not None
     with progress.steps(4) as step:
         step("all speeds")
@@ -158,7 +158,7 @@ def _critical_speeds(
         of_response = search.response_maxima(grid, results, resolved)
         values = np.where(resolved, radius(results), np.nan)
         of_radius = search.multiplier_maxima(grid, values, results, radius)
-        rows = _divisions(frequencies, rest, orders)
+        rows = _divisions(frequencies, at_rest, orders)
         rows = assign(rows, search.label_response_maxima(of_response), frequencies, "response")
         rows = assign(rows, search.label_real_part_maxima(of_real_part), frequencies, "multiplier")
         rows = assign(rows, search.label_radius_maxima(of_radius), frequencies, "radius")
@@ -189,8 +189,8 @@ def _prepare(
     """Search over a refined grid of speeds, the grid, and notes on the method and the engine."""
     system = rest.system
     ends = ends_with_matrices(system, omegas)
-    kept = Kept((name,), warnings=False)
-    task, notes = task_of(over_speed(system), settings.method, settings.rtol, settings.engine, kept)
+    selection = Kept((name,), warnings=False)
+    task, notes = task_of(over_speed(system), settings.method, settings.rtol, settings.engine, selection)
     # Without matrices at rest, frequencies at the lowest speed are used instead.
     first = rest if np.isfinite(rest.values).all() else MeanFrequencies(system, np.array([ends[0]]))
     stability = replace(task, request=replace(task.request, orbit=False))

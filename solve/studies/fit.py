@@ -26,7 +26,8 @@ _UNIDENTIFIABLE = 0.5
 """Relative standard deviation above which a combination of parameters counts as unidentifiable. A choice."""
 
 _SHARE = 0.1
-"""Least component of a parameter, relative to the largest, that is named in a combination. A choice."""
+"""Smallest component of a parameter, relative to the largest, with which it is listed in a combination. A
+choice."""
 
 
 Bounds = Mapping[str, tuple[float | str, float | str]]
@@ -156,19 +157,19 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Covariance (r, r) of x in the identifiable directions, whether parameters (r,) have components in the
-    others, and sentences that name unidentifiable combinations."""
+    """Covariance (r, r) of x in the identifiable directions, whether each parameter (r,) has a component in
+    the other directions, and sentences that name unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
-    known = sizes > np.finfo(float).eps * count * sizes[0]
-    spread = np.where(known, sigma / np.where(known, sizes, 1.0), np.inf)
+    is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]
+    spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)
     rate = np.where(problem.by_logarithm | (values == 0), 1.0, problem.unit / np.where(values, values, 1.0))
     unidentifiable = [
         _sentence(problem.names, axis * rate)
         for axis, deviation in zip(axes, spread, strict=True)
         if deviation > _UNIDENTIFIABLE
     ]
-    unresolved = np.asarray((np.abs(axes[~known]) > _SHARE).any(axis=0))
-    return (axes.T * np.where(known, spread, 0.0) ** 2) @ axes, unresolved, unidentifiable
+    unresolved = np.asarray((np.abs(axes[~is_identifiable]) > _SHARE).any(axis=0))
+    return (axes.T * np.where(is_identifiable, spread, 0.0) ** 2) @ axes, unresolved, unidentifiable
 
 
 def _sentence(names: Sequence[str], axis: Array) -> str:

@@ -33,8 +33,8 @@ round-off for entries that are polynomials of degree 8 or less."""
 
 @dataclass(eq=False)
 class Problem:
-    """Least-squares problem with variables x (r,): logarithms of positive parameters, and multiples of their
-    size at the start for others."""
+    """Least-squares problem with variables x (r,): logarithms of positive parameters, and ratios to the
+    initial size for other parameters."""
 
     model: Model
     sets: Sequence[Measured]

@@ -80,9 +80,9 @@ class _Solver:
         """Number of modes, and the largest relative error of a multiplier; infinite if the nodes do not
         resolve the harmonics."""
         solved = [self(x) for x in values]
-        found = [modes for modes in solved if modes is not None and modes.resolved]
-        errors = [2 * math.pi * modes.errors.max(initial=0.0) / modes.rotation for modes in found]
-        return sum(len(modes.exponents) for modes in found), float(max(errors, default=math.inf))
+        resolved = [modes for modes in solved if modes is not None and modes.resolved]
+        errors = [2 * math.pi * modes.errors.max(initial=0.0) / modes.rotation for modes in resolved]
+        return sum(len(modes.exponents) for modes in resolved), float(max(errors, default=math.inf))
 
 
 def _better(history: Sequence[tuple[int, float]]) -> bool:
@@ -162,8 +162,8 @@ def follow_modes(
     with progress.task("values", len(points.values)) as count:
         samples, failures = _solved(solver, points.values, count)
     branches = _followed(solver, samples)
-    found = identified(branches, [sample.x for sample in samples])
-    return _result(points, solver, found, failures, notes)
+    identities = identified(branches, [sample.x for sample in samples])
+    return _result(points, solver, identities, failures, notes)
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
@@ -198,13 +198,17 @@ class _Points:
         numbers = np.unique(numbers)
         if len(numbers) < 2:
             raise ValueOutOfBoundsError(f"over gives one value of {name}; give two or more: {name}=A:B:N")
-        given = speeds_given(system.speed_or_usual(None) if speeds is None else speeds)
-        if len(given) != 1:
-            raise ValueOutOfBoundsError(f"{len(given)} speeds and over {name}; give one speed with over")
+        given_speeds = speeds_given(system.speed_or_usual(None) if speeds is None else speeds)
+        if len(given_speeds) != 1:
+            raise ValueOutOfBoundsError(
+                f"{len(given_speeds)} speeds and over {name}; give one speed with over"
+            )
         require_name(f"parameter of {system.name}", name, system.parameters)
         for extreme in (numbers[0], numbers[-1]):
             system.require_bounds({name: float(extreme)})
-        return cls(system.shown_in(given[0]), name, numbers, np.full(len(numbers), float(given[0])))
+        return cls(
+            system.shown_in(given_speeds[0]), name, numbers, np.full(len(numbers), float(given_speeds[0]))
+        )
 
     def at(self, x: float) -> tuple[PeriodicSystem, float]:
         """System and speed at a value."""
@@ -233,11 +237,11 @@ def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Track
     """Tracks downwards and upwards from the sample whose modes are best separated."""
     start = min(range(len(samples)), key=lambda k: (samples[k].modes.coincident.sum(), k))
     branches = []
-    for others in (samples[:start][::-1], samples[start + 1 :]):
+    for following in (samples[:start][::-1], samples[start + 1 :]):
         tracks = Tracks(solver, _ADDED * len(samples))
         tracks.start(samples[start])
-        with progress.task("followed values", len(others)) as count:
-            for sample in others:
+        with progress.task("followed values", len(following)) as count:
+            for sample in following:
                 tracks.extend(sample)
                 count.add(1)
         branches.append(tracks)
@@ -256,9 +260,9 @@ def _result(
 
     def spread(values: Array) -> Array:
         missing = complex(np.nan, np.nan) if np.iscomplexobj(values) else np.nan
-        every = np.full((len(points.values), *values.shape[1:]), missing)
-        every[rows] = values
-        return every
+        spread_values = np.full((len(points.values), *values.shape[1:]), missing)
+        spread_values[rows] = values
+        return spread_values
 
     return FollowedModes(
         points.system,

@@ -76,16 +76,16 @@ def frequencies(
     for value in positions:
         require_size_of_number("position", float(value))
     require_size("positions", len(positions), system.freedoms**2 + NUMBERS_A_POINT)
-    found = natural(system, positions, _checked_count(system, count))
-    return Frequencies(system, positions, *found, _rigid_body_modes(system, positions[:1]))
+    natural_frequencies = natural(system, positions, _checked_count(system, count))
+    return Frequencies(system, positions, *natural_frequencies, _rigid_body_modes(system, positions[:1]))
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
     """First modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
     exist at speed 0."""
     if system.structure is not None:
-        found = system.structure.frequencies(positions, count)
-        return NaturalFrequencies(found, np.full(found.shape, np.nan))
+        omegas = system.structure.frequencies(positions, count)
+        return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
     if system.first_order:
         raise MatricesError(
             f"{system.name} has first-order states, such as {system.states[0]}, and no natural frequencies "
@@ -192,13 +192,13 @@ def frequencies_over(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
     )
     numbers = np.array([system.in_own_unit(parameter, value) for value in values])
-    found = np.full((2, len(values), len(positions), k), math.nan)
+    roots = np.full((2, len(values), len(positions), k), math.nan)
     pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
     errors: list[str | None] = []
     for number, value in enumerate(numbers.tolist()):
         try:
             varied = system.varied({parameter: value})
-            found[:, number] = natural(varied, positions, _checked_count(varied, k))
+            roots[:, number] = natural(varied, positions, _checked_count(varied, k))
         except SolveError as error:
             errors.append(str(error))
             continue
@@ -208,7 +208,7 @@ def frequencies_over(
             pinned[link][number] = frequency
     if all(errors):
         raise NoResultError(f"none of the {len(errors)} values of {parameter} has a result: {errors[0]}")
-    return Variation(system, parameter, numbers, positions, found[0], pinned, tuple(errors), found[1])
+    return Variation(system, parameter, numbers, positions, roots[0], pinned, tuple(errors), roots[1])
 
 
 def _checked_count(system: PeriodicSystem, count: int | None) -> int:

@@ -35,25 +35,25 @@ class KeptValues:
         """Each quantity with its largest change over the speeds and the allowed change."""
         return [
             (
-                each,
+                quantity,
                 max(
-                    float(np.abs(_values_of(point, each) - before[place]).max())
+                    float(np.abs(_values_of(point, quantity) - before[place]).max())
                     for point, before in zip(points, self.before, strict=True)
                 ),
-                min(each.allowed(before[place]) for before in self.before),
+                min(quantity.allowed(before[place]) for before in self.before),
             )
-            for place, each in enumerate(self.kept)
+            for place, quantity in enumerate(self.kept)
         ]
 
     def limits(self) -> list[Limited]:
         """Limits of the changes of quantities with a tolerance."""
         limits = []
         for at in range(len(self.before)):
-            for place, each in enumerate(self.kept):
-                if each.tolerance is not None:
+            for place, quantity in enumerate(self.kept):
+                if quantity.tolerance is not None:
                     smooth = self.smooth(at, place)
                     change = _Change(smooth, smooth.values(self.design.start))
-                    limits.append(Limited(change, each.tolerance, each.tolerance))
+                    limits.append(Limited(change, quantity.tolerance, quantity.tolerance))
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
@@ -101,7 +101,7 @@ class KeptValues:
         return Equations(lambda x: weights @ residuals(x), lambda x: weights @ slopes(x))
 
     def _values(self, point: DesignPoint) -> list[Array]:
-        return [_values_of(point, each) for each in self.kept]
+        return [_values_of(point, quantity) for quantity in self.kept]
 
 
 @dataclass(frozen=True)

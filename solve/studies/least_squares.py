@@ -157,9 +157,9 @@ def _offset(found: Any) -> float:
     to it, each divided by the square root of its degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
-    known = sizes > _ROUND_OFF * max(sizes, default=0.0)
-    inside = axes[:, known].T @ found.fun
-    rank, across = len(inside), found.fun - axes[:, known] @ inside
+    is_significant = sizes > _ROUND_OFF * max(sizes, default=0.0)
+    inside = axes[:, is_significant].T @ found.fun
+    rank, across = len(inside), found.fun - axes[:, is_significant] @ inside
     if not rank:
         return 0.0
     normal = np.sqrt(np.sum(across**2) / (len(found.fun) - rank))

@@ -97,11 +97,11 @@ class Trials:
 def peaks(values: Array, errors: Array) -> Array:
     """Positions (k, 3) of prominent local maxima of values (P,), NaN where unknown, and of their known
     neighbours. The prominence exceeds a hundredth of the height and twice the error (P,)."""
-    known = np.flatnonzero(np.isfinite(values))
-    top, prominences = find_peaks(values[known])
-    height, error = np.abs(values[known[top]]), np.nan_to_num(errors[known[top]], nan=0.0)
+    finite = np.flatnonzero(np.isfinite(values))
+    top, prominences = find_peaks(values[finite])
+    height, error = np.abs(values[finite[top]]), np.nan_to_num(errors[finite[top]], nan=0.0)
     top = top[prominences > np.maximum(_PROMINENCE * height, _ERROR_FACTOR * error)]
-    return known[top[:, None] + np.array([-1, 0, 1])]
+    return finite[top[:, None] + np.array([-1, 0, 1])]
 
 
 def find_peaks(values: Array) -> tuple[Array, Array]:
@@ -151,8 +151,8 @@ def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
     lanes = np.arange(len(narrow)), np.zeros(len(narrow), dtype=int)
     with progress.task(POINTS, len(narrow) * _EVALUATIONS):
         values = _CachedValues(brackets[narrow], np.full((len(narrow), 3), np.nan), value)
-        found = _find_minimum(values, x[narrow], lanes, {"xrtol": EPS, "frtol": _HEIGHT_TOLERANCE})
-    x[narrow], y[narrow] = found.x, found.y
+        narrowed = _find_minimum(values, x[narrow], lanes, {"xrtol": EPS, "frtol": _HEIGHT_TOLERANCE})
+    x[narrow], y[narrow] = narrowed.x, narrowed.y
     return Brackets(x, y)
 
 
@@ -167,10 +167,10 @@ def _find_minimum(
     all_tolerances = {"xatol": 0.0, "fatol": 0.0, **tolerances}
     # For three equal heights SciPy computes 0/0 and continues with a golden section.
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = find_minimum(
+        result = find_minimum(
             values, tuple(x.T), args=lanes, tolerances=all_tolerances, maxiter=_MAX_ITERATIONS
         )
-    return Brackets(np.stack(found.bracket, axis=1), -np.stack(found.f_bracket, axis=1))
+    return Brackets(np.stack(result.bracket, axis=1), -np.stack(result.f_bracket, axis=1))
 
 
 class _CachedValues:

@@ -49,7 +49,7 @@ class MeanFrequencies:
 
     @property
     def values(self) -> Array:
-        """Means (P, n)."""
+        """Mean frequencies (P, n) in rad/s."""
         return self._results[0]
 
     @property
@@ -81,7 +81,7 @@ class MeanFrequencies:
         return means, imaginary, rigid
 
     def at(self, speed: float) -> Array:
-        """Means (n,) at one speed."""
+        """Mean frequencies (n,) in rad/s at one speed."""
         return replace(self, speeds=np.array([speed])).values[0]
 
     def shift_notes(self, limit: float) -> list[str]:
@@ -105,13 +105,13 @@ class MeanFrequencies:
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Combination resonances (ω̄i ± ω̄j)/k within the speeds, in descending order of speed, for orders k up
     to `orders` that the period of the matrices allows; integer divisions are excluded."""
-    found = [
+    listed = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])
         for order, speed in multiples(frequencies, weights, orders)
     ]
-    found = [one for one in found if not one.is_division and is_excited(frequencies.system, one.order)]
-    return sorted(found, key=lambda one: -one.speed)
+    listed = [one for one in listed if not one.is_division and is_excited(frequencies.system, one.order)]
+    return sorted(listed, key=lambda one: -one.speed)
 
 
 def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]]:
@@ -132,9 +132,9 @@ def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iter
 
     speeds, order = frequencies.speeds, np.arange(1, orders + 1)[:, None]
     values = frequencies.values @ weights - order * speeds
-    known = np.isfinite(values[:, :-1] + values[:, 1:])
+    is_known = np.isfinite(values[:, :-1] + values[:, 1:])
     is_below = np.column_stack((values[:, :-1] < 0, values[:, -1] <= 0))
-    row, at = np.nonzero(known & (is_below[:, :-1] != is_below[:, 1:]))
+    row, at = np.nonzero(is_known & (is_below[:, :-1] != is_below[:, 1:]))
     if not len(row):
         return
     ends, tolerances = (speeds[at], speeds[at + 1]), {"xrtol": _TOLERANCE, "xatol": 0.0, "fatol": 0.0}

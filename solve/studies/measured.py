@@ -57,7 +57,7 @@ class Record(NamedTuple):
     texts: Sequence[Sequence[str]] = ()
 
     def values(self, place: int) -> Array:
-        """A column (k,). Raises CaseFileError."""
+        """Values (k,) of the column with an index. Raises CaseFileError."""
         if self.columns is not None:
             return self.columns[place]
         return np.array([number_in("data", self.path, row, place) for row in self.texts])
@@ -119,8 +119,12 @@ def _universal(path: Path) -> Record:
         raise MissingLibraryError.of_extra("a universal file", "pyuff", "uff") from None
     if not path.is_file():
         raise OSError
-    found = pyuff.UFF(str(path)).read_sets()
-    sets = [each for each in (found if isinstance(found, list) else [found]) if each.get("type") == 58]
+    read_sets = pyuff.UFF(str(path)).read_sets()
+    sets = [
+        function
+        for function in (read_sets if isinstance(read_sets, list) else [read_sets])
+        if function.get("type") == 58
+    ]
     if not sets:
         raise CaseFileError(f"data: {path.name} has no dataset 58; export functions of time, angle or order")
     label = _label(sets[0], "abscissa") or "s"
@@ -130,13 +134,13 @@ def _universal(path: Path) -> Record:
         )
     axis, x = _ABSCISSAS[label], np.asarray(sets[0]["x"], dtype=float)
     titles, columns = [f"{axis} ({'1' if axis == 'order' else label})"], [x]
-    for each in sets:
-        if len(each["x"]) != len(x) or not np.allclose(each["x"], x, rtol=1e-9, atol=0.0):
+    for function in sets:
+        if len(function["x"]) != len(x) or not np.allclose(function["x"], x, rtol=1e-9, atol=0.0):
             raise CaseFileError(
                 f"data: {path.name} has functions of several abscissas; export functions of a single one"
             )
-        name, values = str(each["id1"]).strip(), np.asarray(each["data"])
-        titles.append(f"{name} ({_label(each, 'ordinate') or '1'})")
+        name, values = str(function["id1"]).strip(), np.asarray(function["data"])
+        titles.append(f"{name} ({_label(function, 'ordinate') or '1'})")
         columns.append(np.abs(values) if np.iscomplexobj(values) else values)
         if np.iscomplexobj(values):
             titles.append(f"{name}_phase (rad)")
@@ -197,8 +201,8 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     if not channels or not len(at):
         raise CaseFileError(f"data: {read.path.name} has no coordinate or output, or no rows; give both")
     _require_valid(read.path.name, axis, at, speeds, channels)
-    given = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed
-    unit, sets = getattr(given, "unit", None), []
+    speed_given = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed
+    unit, sets = getattr(speed_given, "unit", None), []
     for omega in dict.fromkeys(speeds.tolist()):
         rows_of = speeds == omega
         here = at[rows_of] * (omega if axis == "time" else 1.0)
@@ -209,24 +213,29 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
 
 def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError if there is none."""
-    found = []
-    for each in sets:
-        if each.position is not None or not np.isclose(each.speed, orbit.speed, rtol=_ALIKE):
+    ValueOutOfBoundsError if nothing was measured at this speed."""
+    channels = []
+    for measurement in sets:
+        if measurement.position is not None or not np.isclose(measurement.speed, orbit.speed, rtol=_ALIKE):
             continue
-        for name, values in each.channels.items():
-            if each.orders:
-                computed = _orders_of(orbit, name, each.at, np.iscomplexobj(values))
+        for name, values in measurement.channels.items():
+            if measurement.orders:
+                computed = _orders_of(orbit, name, measurement.at, np.iscomplexobj(values))
             else:
-                computed = orbit.signal(name)(each.at)
-            found.append(Channel(each.speed, each.orders, name, each.at, values, computed))
-    if not found:
+                computed = orbit.signal(name)(measurement.at)
+            channels.append(
+                Channel(measurement.speed, measurement.orders, name, measurement.at, values, computed)
+            )
+    if not channels:
         unit = orbit.system.speed_unit
-        speeds = ", ".join(unit.text(each.speed) for each in sets if each.position is None) or "none"
+        speeds = (
+            ", ".join(unit.text(measurement.speed) for measurement in sets if measurement.position is None)
+            or "none"
+        )
         raise ValueOutOfBoundsError(
             f"nothing was measured at {unit.text(orbit.speed)}; the speeds of the data are: {speeds}"
         )
-    return found
+    return channels
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
@@ -286,11 +295,13 @@ def _frequencies(
             "Hz; allowed: above 0; leave rigid-body modes out"
         )
     positions = columns.get(_POSITION, np.zeros(len(modes)))
-    found = []
+    measurements = []
     for position in dict.fromkeys(positions.tolist()):
         here = positions == position
-        found.append(Measured(0.0, False, modes[here], {FREQUENCY: columns[FREQUENCY][here]}, position))
-    return found
+        measurements.append(
+            Measured(0.0, False, modes[here], {FREQUENCY: columns[FREQUENCY][here]}, position)
+        )
+    return measurements
 
 
 def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:

@@ -52,9 +52,9 @@ class _Path:
     @classmethod
     def of(cls, branches: tuple[Tracks, Tracks]) -> "_Path":
         down, up = branches
-        every = [*zip(down.samples[:0:-1], down.states[:0:-1], strict=True)]
-        every += zip(up.samples, up.states, strict=True)
-        samples, states = zip(*every, strict=True)
+        pairs = [*zip(down.samples[:0:-1], down.states[:0:-1], strict=True)]
+        pairs += zip(up.samples, up.states, strict=True)
+        samples, states = zip(*pairs, strict=True)
         return cls(samples, states)
 
     @property
@@ -71,11 +71,11 @@ class _Path:
 
     @property
     def rotations(self) -> Array:
-        """2π/T (S, 1) in rad/s."""
+        """Angular frequencies 2π/T (S, 1) in rad/s of the samples."""
         return np.array([[sample.modes.rotation] for sample in self.samples])
 
     def partners(self) -> Array:
-        """Tracks (S, T) of the complex conjugates; -1 for a track without one."""
+        """Tracks (S, T) of the complex conjugates; -1 for a real track."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             track_of = np.full(len(sample.modes.exponents) + 1, -1)
@@ -89,13 +89,13 @@ class _Path:
 def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Identities:
     """Modes of the tracks downwards and upwards from one sample, at the given values."""
     path = _Path.of(branches)
-    given = np.searchsorted(path.x, values)
-    main = np.array([_main_harmonic(path, given, track) for track in range(len(path.states[0].modes))])
+    indices = np.searchsorted(path.x, values)
+    main = np.array([_main_harmonic(path, indices, track) for track in range(len(path.states[0].modes))])
     shifts = np.array([state.shifts for state in path.states]) + main
     twins = {**branches[0].twins, **branches[1].twins}
-    every = path.of_modes("exponents") + 1j * shifts * path.rotations
-    tracks, every = _columns(path, every, twins)
-    first = np.nan_to_num(np.abs(np.imag(every[given[0], tracks])), nan=np.inf)
+    exponents = path.of_modes("exponents") + 1j * shifts * path.rotations
+    tracks, exponents = _columns(path, exponents, twins)
+    first = np.nan_to_num(np.abs(np.imag(exponents[indices[0], tracks])), nan=np.inf)
     tracks = tracks[np.argsort(first, kind="stable")]
     labels = [str(number) for number in range(1, len(tracks) + 1)]
     label_of = dict(zip(tracks.tolist(), labels, strict=True))
@@ -104,17 +104,17 @@ def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Iden
     ambiguous = _ambiguities(doubts, label_of)
     approaches = [approach for branch in branches for approach in branch.approaches]
     meetings = _veerings(approaches, label_of, path.x)
-    meetings += _crossings(path.x, every[:, tracks], labels, ambiguous)
+    meetings += _crossings(path.x, exponents[:, tracks], labels, ambiguous)
     errors = path.of_modes("errors")[:, tracks]
     return Identities(
-        every[given][:, tracks],
-        errors[given],
+        exponents[indices][:, tracks],
+        errors[indices],
         labels,
-        *_participation(path, given, tracks, shifts),
+        *_participation(path, indices, tracks, shifts),
         sorted(meetings, key=lambda meeting: meeting.value),
         ambiguous,
         path.x,
-        every[:, tracks],
+        exponents[:, tracks],
         4 * SURE * float(np.nanmax(errors, initial=0.0)),
     )
 
@@ -167,13 +167,13 @@ def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> t
     values = np.full((len(given), len(tracks), n, len(window)), np.nan)
     for row, at in enumerate(given.tolist()):
         sample, state = path.samples[at], path.states[at]
-        every = _every_harmonic(sample.modes)
-        power = sample.modes.power(every)
+        harmonics = _every_harmonic(sample.modes)
+        power = sample.modes.power(harmonics)
         power /= power.sum(axis=(1, 2), keepdims=True)
         for column, track in enumerate(tracks.tolist()):
             if state.modes[track] >= 0:
-                places = window + shifts[at, track] - every[0]
-                is_inside = (places >= 0) & (places < len(every))
+                places = window + shifts[at, track] - harmonics[0]
+                is_inside = (places >= 0) & (places < len(harmonics))
                 picked = power[state.modes[track]][:, np.where(is_inside, places, 0)]
                 values[row, column] = np.where(is_inside, picked, 0.0)
     sums = np.nan_to_num(values.sum(axis=2), nan=1.0)
@@ -201,9 +201,9 @@ def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[A
         pair = _pair(label_of, doubt)
         if pair is not None:
             low, high = sorted((doubt.low, doubt.high))
-            found.add(Ambiguity(pair, low, high, doubt.kind))
+            ambiguities.add(Ambiguity(pair, low, high, doubt.kind))
     joined: list[Ambiguity] = []
-    for one in sorted(found, key=lambda one: (one.modes, one.kind, one.low)):
+    for one in sorted(ambiguities, key=lambda one: (one.modes, one.kind, one.low)):
         last = joined[-1] if joined else None
         if last and (last.modes, last.kind) == (one.modes, one.kind) and one.low <= last.high:
             joined[-1] = Ambiguity(one.modes, last.low, max(last.high, one.high), one.kind)
@@ -215,7 +215,7 @@ def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[A
 def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Array) -> list[Meeting]:
     """Veerings narrower than the range of the values: pairs whose exceptional points lie on either side of
     the real axis."""
-    found: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
+    by_pair: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
     for approach in sorted(approaches, key=lambda approach: approach.gap):
         pair = _pair(label_of, approach)
         above, below = (root.imag for root in approach.roots)
@@ -223,10 +223,12 @@ def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Ar
         width = max(abs(above), abs(below))
         if pair is None or above * below >= 0 or _LEAST_EXCHANGE * width > np.ptp(x):
             continue
-        known = found.setdefault(pair, [])
-        if all(abs(place - other) > 2 * max(width, wide) for other, wide, _ in known):
-            known.append((place, width, approach.gap))
-    return [Meeting(pair, place, VEERING, gap) for pair, places in found.items() for place, _, gap in places]
+        listed = by_pair.setdefault(pair, [])
+        if all(abs(place - other) > 2 * max(width, wide) for other, wide, _ in listed):
+            listed.append((place, width, approach.gap))
+    return [
+        Meeting(pair, place, VEERING, gap) for pair, places in by_pair.items() for place, _, gap in places
+    ]
 
 
 def _crossings(

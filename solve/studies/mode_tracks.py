@@ -231,12 +231,12 @@ class Step:
     @cached_property
     def close(self) -> Array:
         """Pairs and shifts (r, S) of coupled tracks with exceptional points near the segment."""
-        found = self.meetings
+        meetings = self.meetings
         modes = self.tracks.states[self.tracks.base].modes[self.compared]
-        is_separate = ~self.before.modes.coincident[modes[found.first], modes[found.second]]
+        is_separate = ~self.before.modes.coincident[modes[meetings.first], modes[meetings.second]]
         is_held = np.isin(self.compared, list(self.tracks.held))
-        is_open = is_separate & ~self.twins & ~(is_held[found.first] & is_held[found.second])
-        return found.coupled & (found.distance < _CLEAR) & is_open[:, None]
+        is_open = is_separate & ~self.twins & ~(is_held[meetings.first] & is_held[meetings.second])
+        return meetings.coupled & (meetings.distance < _CLEAR) & is_open[:, None]
 
     @cached_property
     def locked(self) -> Array:
@@ -337,18 +337,19 @@ class Step:
 
     def _note_approaches(self) -> None:
         """Keep the exceptional points of coupled pairs whose middle lies in this step."""
-        found, width = self.meetings, self.sample.x - self.before.x
-        middle = np.real(found.roots).mean(axis=0)
-        is_near = found.coupled & (middle >= 0) & (middle < 1) & (found.distance < _FARTHEST)
+        meetings, width = self.meetings, self.sample.x - self.before.x
+        middle = np.real(meetings.roots).mean(axis=0)
+        is_near = meetings.coupled & (middle >= 0) & (middle < 1) & (meetings.distance < _FARTHEST)
         for row, column in np.argwhere(is_near).tolist():
-            first, second = (self.before.x + width * complex(root) for root in found.roots[:, row, column])
-            pair = sorted((int(self.compared[found.first[row]]), int(self.compared[found.second[row]])))
-            gap = float(found.gap[row, column])
+            first, second = (self.before.x + width * complex(root) for root in meetings.roots[:, row, column])
+            pair = sorted((int(self.compared[meetings.first[row]]), int(self.compared[meetings.second[row]])))
+            gap = float(meetings.gap[row, column])
             self.tracks.approaches.append(Approach(pair[0], pair[1], (first, second), gap))
 
 
 def _assigned(overlaps: Array) -> Array:
-    """Mode (T,) of each track, so that the sum of the overlaps (T, k) is largest; -1 without one."""
+    """Mode (T,) of each track, assigned so that the sum of the overlaps (T, k) is largest; -1 for a track
+    without a mode."""
     from scipy.optimize import linear_sum_assignment
 
     modes = np.full(len(overlaps), -1)

@@ -30,24 +30,26 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
     results = PointResults.blank(len(points), multipliers, task.kept)
     orbits = dict[int, NonlinearOrbit]()
     with ExitStack() as opening:
-        kept = None
+        opened_store = None
         if store is not None:
             columns = dict(zip(task.family.names, points.T, strict=True))
             description = {**task.description(points, points), "nonlinear": True}
-            kept = opening.enter_context(opened(store, description, columns, multipliers, task.kept, 1))
+            opened_store = opening.enter_context(
+                opened(store, description, columns, multipliers, task.kept, 1)
+            )
         count = opening.enter_context(progress.task(POINTS, len(points)))
         for at in range(len(points)):
             index = np.array([at])
-            stored = None if kept is None else kept.read(index)
+            stored = None if opened_store is None else opened_store.read(index)
             if stored is None:
                 stored = PointResults.blank(1, multipliers, task.kept)
                 _solve(task, points, at, stored, orbits)
-                if kept is not None:
-                    kept.write(index, stored)
+                if opened_store is not None:
+                    opened_store.write(index, stored)
             results.insert(index, stored)
             count.add()
-        if kept is not None:
-            kept.finish()
+        if opened_store is not None:
+            opened_store.finish()
     return results
 
 
@@ -77,21 +79,21 @@ def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]
     unstable one, the strategies of `solve.nonlinear` are used."""
     system, speed = task.family.system(points[at])
     request = task.request
-    given = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
-    found = None
+    settings = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
+    orbit = None
     if orbits:
         try:
-            found = nonlinear(system, speed, _predicted(points, at, orbits), **given)
+            orbit = nonlinear(system, speed, _predicted(points, at, orbits), **settings)
         except SolveError:
-            found = None
-        if found is not None and found.verdict != VERDICTS[UNSTABLE]:
-            return found
+            orbit = None
+        if orbit is not None and orbit.verdict != VERDICTS[UNSTABLE]:
+            return orbit
     try:
-        return nonlinear(system, speed, **given)
+        return nonlinear(system, speed, **settings)
     except SolveError:
-        if found is None:
+        if orbit is None:
             raise
-        return found
+        return orbit
 
 
 def _predicted(
@@ -121,5 +123,5 @@ def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:
     for row, name in enumerate(kept.names):
         statistics: Statistics = orbit.statistics(name)
         results.figures[0, row] = [getattr(statistics, figure) for figure in FIGURES]
-    for row, name in enumerate(kept.spectra):
-        results.amplitudes[0, row], _ = orbit.harmonics(name, kept.harmonics)
+    for row, name in enumerate(selection.spectra):
+        results.amplitudes[0, row], _ = orbit.harmonics(name, selection.harmonics)

@@ -238,7 +238,7 @@ class Search:
 
 
 def _safe_radius(point: DesignPoint) -> float:
-    """Spectral radius with its error."""
+    """Spectral radius plus its error."""
     return point.solved.spectral_radius * (1 + point.solved.error_estimate.multipliers)
 
 

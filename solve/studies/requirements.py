@@ -97,7 +97,7 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
 
 
 def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
-    """Bounds of texts; see `Bound.of`."""
+    """Bounds from texts; see `Bound.of`."""
     return [Bound.of(system, text) for text in texts]
 
 

@@ -274,7 +274,7 @@ def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: 
 
 
 def _belongs(row: Critical, label: Label, combination: Combination | None, column: str) -> bool:
-    """Whether a row without a division shows the same resonance as a label."""
+    """Whether a row without a division contains the resonance of a label."""
     if getattr(row, column) is not None:
         return False
     distance = abs(row.speed - label.maximum.speed) / label.maximum.speed

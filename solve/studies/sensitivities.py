@@ -98,9 +98,9 @@ def sensitivities_over(
     """
     periods_of(nonlinear, periods)
     settings = method, steps, rtol, engine, nonlinear, periods
-    given, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
+    given_speeds, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
     texts = [quantity.text for quantity in quantities]
-    system, omegas = system.shown_in(given[0]), np.array(given)
+    system, omegas = system.shown_in(given_speeds[0]), np.array(given_speeds)
     shape = len(omegas), len(texts), len(names)
     values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
     errors, reasons = np.full(shape, np.nan), {}
@@ -108,15 +108,18 @@ def sensitivities_over(
         for at, omega in enumerate(omegas.tolist()):
             with progress.subtask("speeds"):
                 try:
-                    found = sensitivities(system, omega, texts, names, *settings)
+                    at_speed = sensitivities(system, omega, texts, names, *settings)
                 except SolveError as reason:
                     reasons[at] = [f"no result: {reason}"]
                     continue
-            every = list(found.found.values())
-            values[at], derivatives[at] = [each.value for each in every], [each.derivatives for each in every]
-            errors[at] = [each.errors for each in every]
-            if found.warnings:
-                reasons[at] = found.warnings
+            all_sensitivities = list(at_speed.found.values())
+            values[at], derivatives[at] = (
+                [sensitivity.value for sensitivity in all_sensitivities],
+                [sensitivity.derivatives for sensitivity in all_sensitivities],
+            )
+            errors[at] = [sensitivity.errors for sensitivity in all_sensitivities]
+            if at_speed.warnings:
+                reasons[at] = at_speed.warnings
     if np.isnan(values).all():
         raise NoResultError(f"no speed has a result; at the first, {reasons[0][0]}")
     if not (np.imag(values).any() or np.imag(derivatives).any()):
@@ -173,8 +176,14 @@ def speed_sensitivities(
     with progress.task("speeds", len(places)):
         for name, of, speed in places:
             with progress.subtask("speeds"):
-                each = differentiate(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
-            by_name[name] = replace(each, reason=f"{name}: {each.reason}") if each.reason else each
+                sensitivity = (
+                    differentiate(of, speed, derivatives) if of else _none(speed, len(names), _UNBOUNDED)
+                )
+            by_name[name] = (
+                replace(sensitivity, reason=f"{name}: {sensitivity.reason}")
+                if sensitivity.reason
+                else sensitivity
+            )
     values = {name: system.parameters[name] for name in names}
     return Sensitivities(system, None, values, by_name, "", 0)
 
@@ -188,7 +197,7 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
             "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such "
             "as 'k1', or leave by out"
         )
-    return [name for name in every if name != SPEED]
+    return [name for name in differentiable if name != SPEED]
 
 
 def _edges(found: Bands) -> list[tuple[str, str, float]]:
@@ -221,9 +230,9 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
     """Name of the real part of the largest multiplier without those of rigid-body modes, which are +1."""
-    held = free(OnePoint(system, maximum.speed))
+    rigid = free(OnePoint(system, maximum.speed))
     largest = np.array([maximum.height])
-    before = 0 if held is None or before_rigid(largest) else int(held.modes.multiplicity[0])
+    before = 0 if rigid is None or before_rigid(largest) else int(rigid.modes.multiplicity[0])
     return f"rho{before + 1}.re"
 
 
@@ -231,20 +240,20 @@ Derivatives = Callable[[str, float], Sensitivity]
 
 
 def _of_edge(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
-    found = derivatives(of, speed)
+    of_radius = derivatives(of, speed)
     for _ in range(_NEWTON_STEPS):
-        moved = (1 - float(np.real(found.value))) / found.derivatives[-1]
+        moved = (1 - float(np.real(of_radius.value))) / of_radius.derivatives[-1]
         if not abs(moved) < _MAX_SHIFT * speed:
             break
         speed += moved
-        found = derivatives(of, speed)
-    *by, along = found.derivatives
-    *off, off_along = found.errors
+        of_radius = derivatives(of, speed)
+    *by, along = of_radius.derivatives
+    *off, off_along = of_radius.errors
     if not off_along < _MAX_ERROR * abs(along):
-        return _none(speed, len(by), f"{found.reason or _MEET}; {_DAMP}")
+        return _none(speed, len(by), f"{of_radius.reason or _MEET}; {_DAMP}")
     slopes = -np.array(by) / along
     return Sensitivity(
-        speed, "rad/s", slopes, (np.array(off) + np.abs(slopes) * off_along) / abs(along), found.reason
+        speed, "rad/s", slopes, (np.array(off) + np.abs(slopes) * off_along) / abs(along), of_radius.reason
     )
 
 

@@ -98,7 +98,8 @@ def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> A
 
 def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, float]:
     """Lowest and highest speed (rad/s) at which the system has valid matrices, among ascending speeds and
-    those that divide their range evenly. Raises the error of the highest speed if there is none."""
+    speeds that divide their range evenly. If the matrices are valid at no speed, raises the error at the
+    highest one."""
     evenly = np.linspace(speeds[0], speeds[-1], _INTERVALS + 1)
     candidates = np.unique(np.concatenate((speeds, evenly))).tolist()
     errors: list[SolveError] = []

@@ -48,7 +48,7 @@ class StabilitySamples:
 
     @classmethod
     def from_results(cls, points: Array, results: PointResults) -> "StabilitySamples":
-        """Samples from solved points."""
+        """Samples from the results of solved points."""
         failed, outside = results.failed, results.kinds != ""
         multipliers = np.where(failed[:, None], 0.0, results.multipliers)
         stable = ~(failed | outside | (results.verdicts == UNDETERMINED))

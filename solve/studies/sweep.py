@@ -100,18 +100,20 @@ def sweep(
     3
     """
     values = varied_values(over, system)
-    given = speeds_given(_speeds(system, speeds, over))
-    system, omegas = system.shown_in(given[0]), np.array(given)
+    given_speeds = speeds_given(_speeds(system, speeds, over))
+    system, omegas = system.shown_in(given_speeds[0]), np.array(given_speeds)
     names = system.known_quantities(quantities)
-    kept = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
+    selection = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
     if steps is not None:
         require_steps(steps)
     require_size("points", math.prod(map(len, (omegas, *values.values()))), NUMBERS_A_POINT)
     family = SystemFamily(system, [*values, SPEED])
-    points = np.column_stack([each.ravel() for each in np.meshgrid(*values.values(), omegas, indexing="ij")])
+    points = np.column_stack(
+        [coordinate.ravel() for coordinate in np.meshgrid(*values.values(), omegas, indexing="ij")]
+    )
     for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
         system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
-    task, notes = task_of(family, method, rtol, engine, kept, steps)
+    task, notes = task_of(family, method, rtol, engine, selection, steps)
     if nonlinear and executor is not None:
         raise ValueOutOfBoundsError(
             "a nonlinear sweep finds each orbit from its neighbour, in one process; omit the executor"
@@ -121,7 +123,7 @@ def sweep(
     elif system.vibrates:
         results = task.solved(task.batch(points), points, executor, store)
     elif store is None:
-        results = _rigid_points(family, points, kept)
+        results = _rigid_points(family, points, selection)
     else:
         raise ValueOutOfBoundsError(
             f"{system.name} has no coordinates, and its sweep uses no store; omit the store"
@@ -305,16 +307,18 @@ def sweeps(
         A subclass for bad input.
     """
     if not systems:
-        raise ValueOutOfBoundsError("no systems given; give one at least")
-    given, quantities, by_label = speeds_given(speeds), unique_names(quantities), {}
+        raise ValueOutOfBoundsError("no systems given; give at least one")
+    given_speeds, quantities, by_label = speeds_given(speeds), unique_names(quantities), {}
     with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
             names = [name for quantity in quantities for name in system.parts(quantity)]
             with progress.subtask("curves"):
                 folder = None if store is None else made_folder(store) / str(number)
-                by_label[label] = sweep(system, given, method, None, rtol, executor, names, store=folder)
-    first = next(iter(systems.values())).shown_in(given[0])
-    return Sweeps(title, np.array(given), by_label, quantities, first)
+                by_label[label] = sweep(
+                    system, given_speeds, method, None, rtol, executor, names, store=folder
+                )
+    first = next(iter(systems.values())).shown_in(given_speeds[0])
+    return Sweeps(title, np.array(given_speeds), by_label, quantities, first)
 
 
 def _number(model: Model, name: str, value: float | str) -> float:
@@ -366,8 +370,8 @@ def validity(
         raise LinearModelError(
             f"{system.name} is linear by construction; validity requires a model with nonlinear equations"
         )
-    given = speeds_given(speeds)
-    system, omegas = system.shown_in(given[0]), np.sort(given)
+    given_speeds = speeds_given(speeds)
+    system, omegas = system.shown_in(given_speeds[0]), np.sort(given_speeds)
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
     with progress.task("speeds", len(omegas)):
         for position, omega in enumerate(omegas.tolist()):

@@ -89,12 +89,12 @@ class Extrema:
 
     def _found(self, x: Array) -> tuple[Array, Array]:
         """Phases and values (k,) of the maxima in the windows, or at an end of a window without one."""
-        point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
+        point, refined, widths = self.design.points(x)[self.at], self.phases, self.widths
         for _ in range(_ZOOMS):
-            phases = found[:, None] + widths[:, None] * _WINDOW
+            phases = refined[:, None] + widths[:, None] * _WINDOW
             values = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
-            found, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
-        return found, self.sides * point.signal(self.name, found)
+            refined, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
+        return refined, self.sides * point.signal(self.name, refined)
 
 
 @dataclass(frozen=True)
@@ -121,10 +121,10 @@ class Differences:
     extrema: Sequence[Extrema]
 
     def values(self, x: Array) -> Array:
-        return self._combined([each.sides * each.values(x) for each in self.extrema])
+        return self._combined([extremum.sides * extremum.values(x) for extremum in self.extrema])
 
     def slopes(self, x: Array) -> Array:
-        return self._combined([each.sides[:, None] * each.slopes(x) for each in self.extrema])
+        return self._combined([extremum.sides[:, None] * extremum.slopes(x) for extremum in self.extrema])
 
     @staticmethod
     def _combined(parts: Sequence[Array]) -> Array:
@@ -171,20 +171,20 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
     values = design.points(x)[at].signal(quantity.subject, np.arange(_SAMPLES) * (period / _SAMPLES))
     largest = max(float((side * values).max()) for side in sides)
     for side in sides:
-        found = _maxima(side * values, largest - _LEADING * float(np.ptp(values)), period)
-        phases.append(found)
-        signs.append(np.full(len(found), side))
-        widths.append(_half_widths(found, period))
+        phases_of_side = _maxima(side * values, largest - _LEADING * float(np.ptp(values)), period)
+        phases.append(phases_of_side)
+        signs.append(np.full(len(phases_of_side), side))
+        widths.append(_half_widths(phases_of_side, period))
     return Extrema(design, at, quantity.subject, *map(np.concatenate, (signs, phases, widths)))
 
 
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
     """The largest local maxima of side · signal at one speed, several if they are equally large."""
-    every = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
-    assert isinstance(every, Extrema)
-    values = every.values(x)
+    extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
+    assert isinstance(extrema, Extrema)
+    values = extrema.values(x)
     largest = values >= values.max() - _EQUAL * np.abs(values).max()
-    return Extrema(design, at, name, every.sides[largest], every.phases[largest], every.widths[largest])
+    return Extrema(design, at, name, extrema.sides[largest], extrema.phases[largest], extrema.widths[largest])
 
 
 def _maxima(values: Array, least: float, period: float) -> Array:

@@ -268,15 +268,15 @@ def _free(
             f"an animated free vibration shows coordinates only ({', '.join(system.coordinates)}); "
             f"given: {outputs[0]}"
         )
-    found = transient(system, omega, FREE_TURNS, (np.ones(system.n), np.zeros(system.n)), rtol=rtol)
-    size = np.abs(found.q).max()
-    curve = CubicHermiteSpline(found.phase, found.q / size, found.qd / size / omega, axis=1)
+    motion = transient(system, omega, FREE_TURNS, (np.ones(system.n), np.zeros(system.n)), rtol=rtol)
+    size = np.abs(motion.q).max()
+    curve = CubicHermiteSpline(motion.phase, motion.q / size, motion.qd / size / omega, axis=1)
 
     def signal(name: str) -> Callable[[Array], Array]:
         row = system.coordinates.index(name)
         return lambda phase: curve(phase)[row]
 
-    doubt = "unstable: it grows" if found.orbit and found.orbit.verdict == "unstable" else ""
+    doubt = "unstable: it grows" if motion.orbit and motion.orbit.verdict == "unstable" else ""
     return Animation(
         system,
         omega,
@@ -287,7 +287,7 @@ def _free(
         frames,
         "free vibration",
         doubt,
-        [*filter(None, [doubt]), *(found.orbit.warnings if found.orbit else [])],
+        [*filter(None, [doubt]), *(motion.orbit.warnings if motion.orbit else [])],
     )
 
 

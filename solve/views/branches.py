@@ -60,14 +60,14 @@ def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
     """Draw the sections of a branch, each with one verdict, and the special points."""
     places, labelled = branch.system.unit_of(branch.over).of(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
-        own = np.flatnonzero(branch.numbers == number)
+        in_branch = np.flatnonzero(branch.numbers == number)
         first = 0
-        for verdict, section in groupby(_verdicts_between(branch, own)):
+        for verdict, section in groupby(_verdicts_between(branch, in_branch)):
             last = first + len([*section])
             color, line = _LINES[verdict]
             style = {"color": color, "linestyle": line, "marker": ".", "markersize": 4}
             style["label"] = None if verdict in labelled else verdict
-            axes.plot(places[own[first : last + 1]], values[own[first : last + 1]], **style)
+            axes.plot(places[in_branch[first : last + 1]], values[in_branch[first : last + 1]], **style)
             labelled.add(verdict)
             first = last
     for kind, (marker, label) in _MARKS.items():
@@ -97,8 +97,10 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
         units = [curves.system.unit_of(name) for name in curves.names]
         x, y = (unit.of(values) for unit, values in zip(units, curves.values.T, strict=True))
         for number, shade in enumerate(shades(count)):
-            own = curves.numbers == number
-            axes.plot(x[own], y[own], marker=".", label=f"{curves.kind}s, curve {number + 1}", **shade)
+            in_curve = curves.numbers == number
+            axes.plot(
+                x[in_curve], y[in_curve], marker=".", label=f"{curves.kind}s, curve {number + 1}", **shade
+            )
         if curves.cusps.any():
             axes.plot(x[curves.cusps], y[curves.cusps], "D", color=BLACK, label="cusp")
         if count:
@@ -119,10 +121,10 @@ def scatter_figure(scatter: Scatter) -> Figure:
     with page(4.6, f"{title_of(system)}: where {len(scatter.leads)} starts lead") as sheet:
         axes = sheet.subplots()
         for number, share in enumerate(scatter.shares):
-            own = scatter.leads == number
+            leads_here = scatter.leads == number
             peak = scatter.orbits[number].statistics(name).max_abs
             label = f"{100 * share:.3g} % to max|{name}| = {peak:.4g}"
-            x, y = scatter.starts[own, 0], scatter.starts[own, n]
+            x, y = scatter.starts[leads_here, 0], scatter.starts[leads_here, n]
             axes.plot(x, y, _SIGNS[number % len(_SIGNS)], color=MANY[number % len(MANY)], label=label)
         lost = scatter.leads < 0
         if lost.any():

@@ -75,7 +75,7 @@ def chart_figure(chart: Chart) -> Figure:
 
 
 def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
-    """Boxes with a proved verdict and without one, in the units shown."""
+    """Boxes with a proved verdict, and boxes without a verdict, in the units shown."""
     if chart.proved is None:
         return None, None
     open_ = chart.proved.verdicts == UNDETERMINED
@@ -83,7 +83,8 @@ def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
 
 
 def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
-    """Stable regions, unstable regions with their growth by kind of the multiplier, and boundaries."""
+    """Figure of stable regions, of unstable regions with the growth per period by kind of the multiplier, and
+    of boundaries."""
     from matplotlib.patches import Patch
 
     shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]

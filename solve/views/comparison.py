@@ -162,12 +162,12 @@ def newmark_region_figure() -> Figure:
         lines = axes.contour(coarse, beta, limit, levels=_LEVELS, colors=GREY, linewidths=0.7)
         places = [(0.86, 0.86 / 2 - 1 / level**2) for level in _LEVELS]
         axes.clabel(lines, fmt="%g", fontsize=7.5, manual=places)
-        apart: dict[str, Any] = {"textcoords": "offset fontsize"}
+        offset: dict[str, Any] = {"textcoords": "offset fontsize"}
         for name, place in _POINTS.items():
             axes.plot(*place, "o", color=BLACK, clip_on=False, zorder=3)
-            axes.annotate(name, place, (-0.7, 0.0), ha="right", va="center", **apart)
+            axes.annotate(name, place, (-0.7, 0.0), ha="right", va="center", **offset)
         axes.plot(0.25, 1 / 6, "o", color=VERMILION)
-        axes.annotate(_GROWING, (0.25, 1 / 6), (0, 0.8), ha="center", color=VERMILION, **apart)
+        axes.annotate(_GROWING, (0.25, 1 / 6), (0, 0.8), ha="center", color=VERMILION, **offset)
         axes.annotate("unstable at any step: energy grows", (0.34, 0.48), ha="center")
         axes.annotate("stable at any step", (0.62, 0.48), ha="center")
         white = {"boxstyle": "square,pad=0.15", "color": "white"}

@@ -157,23 +157,23 @@ def _label_order(
 
 def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     maxima = found.maxima("response")
-    known = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
-    factor = label_quantity(axes, found.system, found.quantity, known, found.figure)
+    heights = np.where(np.isfinite(found.response), np.abs(found.response), np.nan)
+    factor = label_quantity(axes, found.system, found.quantity, heights, found.figure)
     stable = np.where(found.unstable, np.nan, found.response)
     speeds, response = _curve(
         found.speeds, stable, [*maxima, *_near_poles(found.speeds, stable, found.unbounded)]
     )
     axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
     bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
-    every = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
-    largest, least = every.max(initial=0.0) * factor, every.min(initial=np.inf) * factor
+    shown_heights = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
+    largest, least = shown_heights.max(initial=0.0) * factor, shown_heights.min(initial=np.inf) * factor
     if least > 0 and (found.unbounded or largest > MOST_DECADES * least):
         axes.set_yscale("log")
         axes.set_ylim(least / _ROOM, largest * _ROOM)
     _draw_marks(axes, found.system.speed_unit, bounded, factor, BLUE, "maximum")
     for at, speed in enumerate(found.unbounded):
         style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
-        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "beyond all bounds", **style)
+        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "unbounded", **style)
     _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
     legend_above(axes, 5)
 
@@ -196,8 +196,8 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     for sign, label in ((1, "±|ρ|"), (-1, None)):
         dots = {"color": GREY, "linewidth": 0.7, "linestyle": ":", "label": label}
         axes.plot(shown(at), sign * rooted(radius), **dots)
-    every = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
-    for some, color, name in every:
+    marked = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
+    for some, color, name in marked:
         marks = [(speed, float(rooted(np.array(height)))) for speed, height in some]
         _draw_marks(axes, found.system.speed_unit, marks, 1, color, name)
     reach = float(np.nanmax(found.radius, initial=1e-12))

@@ -78,15 +78,16 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
     shown = channels[:_MOST_PANELS]
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
-        for (axes, spectra), each in zip(rows, shown, strict=True):
-            factor, unit = _draw(axes, system, each)
-            measured = _evenly(system, each)
+        for (axes, spectra), channel in zip(rows, shown, strict=True):
+            factor, unit = _draw(axes, system, channel)
+            measured = _evenly(system, channel)
             if measured is None:
                 spectra.set_axis_off()
                 continue
             most = min(_MOST_ORDERS, (len(measured) - 1) // 2)
             found, computed = (
-                spectrum(factor * values[measured], most)[0][1:] for values in (each.measured, each.computed)
+                spectrum(factor * values[measured], most)[0][1:]
+                for values in (channel.measured, channel.computed)
             )
             for amplitudes, mark, color in ((found, "o", VERMILION), (computed, "x", BLUE)):
                 spectra.plot(np.arange(1, most + 1), amplitudes, mark, markersize=3, color=color)
@@ -102,7 +103,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
 def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str]:
     """Draw measured and computed values; return the factor from SI units and the unit."""
     measured, computed = (
-        np.abs(part) if np.iscomplexobj(part) else part for part in (each.measured, each.computed)
+        np.abs(values) if np.iscomplexobj(values) else values for values in (each.measured, each.computed)
     )
     unit = "rad/s" if each.position is not None else system.units.get(each.name, "")
     factor, unit = prefixed(unit, float(np.abs(measured).max()))

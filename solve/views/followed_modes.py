@@ -122,10 +122,10 @@ def _styles(followed: FollowedModes) -> Sequence[dict[str, Any]]:
 def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
     """Frequencies and damping over the values; the strongest harmonics; crossings, veerings and ambiguous
     pairs."""
-    found: list[RenderableType] = [_frequency_table(followed), _mode_table(followed)]
+    printed: list[RenderableType] = [_frequency_table(followed), _mode_table(followed)]
     if followed.meetings or followed.ambiguous:
-        found.append(_meeting_table(followed))
-    return found
+        printed.append(_meeting_table(followed))
+    return printed
 
 
 def _frequency_table(followed: FollowedModes) -> Table:

@@ -78,8 +78,8 @@ def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[
     row = 0.3 + 0.95 * PAGE_WIDTH / columns * height / width
     where = f" at {math.degrees(position):.4g}°" if system.moves else ""
     lowest = f", the lowest {len(shapes)} of {len(all_shapes)}" if len(shapes) < len(all_shapes) else ""
-    with page(0.4 + rows * row, f"{title_of(system)}: mode shapes{where}{lowest}") as made:
-        axes = made.subplots(rows, columns, squeeze=False)
+    with page(0.4 + rows * row, f"{title_of(system)}: mode shapes{where}{lowest}") as drawing:
+        axes = drawing.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
             place.set_axis_off()
         for k, (place, shape) in enumerate(zip(axes.flat, shapes, strict=False), start=1):
@@ -87,7 +87,7 @@ def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[
             place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             hertz = shape.frequency / (2 * math.pi)
             place.set_title(f"{k}: {shape.frequency:.5g} rad/s, {hertz:.4g} Hz", pad=2)
-    return made
+    return drawing
 
 
 def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
@@ -96,8 +96,8 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
-    with page(3.6, f"{title_of(system)}: natural frequencies over the turn") as made:
-        axes = made.subplots()
+    with page(3.6, f"{title_of(system)}: natural frequencies over the turn") as drawing:
+        axes = drawing.subplots()
         for k, values in enumerate(frequencies.T):
             color = _COLORS[k % len(_COLORS)]
             label = f"mode {k + 1}"
@@ -114,35 +114,35 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
         axes.set_xlabel("position of the drive (deg)")
         _label_frequencies(axes)
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(frequencies.shape[1], 4))
-    return made
+    return drawing
 
 
 @figure.register(Variation)
 def variation_figure(found: Variation) -> Figure:
     """Lowest elastic frequency over the parameter, with its range over the revolution, and the frequencies of
-    the links alone (thesis Fig. 9.1)."""
+    the separate links (thesis Fig. 9.1)."""
     system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
     figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
     several = not np.array_equal(figures["min"], figures["max"], equal_nan=True)
-    with page(3.8, f"{title_of(system)}: {which} over {parameter}") as made:
-        axes = made.subplots()
+    with page(3.8, f"{title_of(system)}: {which} over {parameter}") as drawing:
+        axes = drawing.subplots()
         if several:
             axes.fill_between(values, figures["min"], figures["max"], color=BLUE, alpha=0.15, linewidth=0)
         label = "mechanism: mean and range over the revolution" if several else "mechanism"
         axes.plot(values, figures["mean"], color=BLUE, marker="o", label=label)
         top = 2.2 * np.nanmax(figures["max"], initial=0.0)
-        for (link, alone), color in zip(
+        for (link, pinned), color in zip(
             found.pinned.items(), (GREY, VERMILION, GREEN, *_COLORS), strict=False
         ):
-            if np.nanmin(alone, initial=math.inf) < top:
-                axes.plot(values, alone, color=color, linestyle="--", label=f"{link} alone, pinned")
+            if np.nanmin(pinned, initial=math.inf) < top:
+                axes.plot(values, pinned, color=color, linestyle="--", label=f"{link} alone, pinned")
         axes.set_ylim(*_limits(figures["min"], top))
         axes.set_xlim(values.min(), values.max())
         axes.set_xlabel(axis_label(system, parameter))
         _label_frequencies(axes)
         axes.legend(loc="best")
-    return made
+    return drawing
 
 
 def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
@@ -165,9 +165,9 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
     for link, place, moved in zip(links, shape.places, _drawn(shape), strict=True):
         axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
         axes.plot(*moved.T, color=BLUE)
-        for held, end in zip(link.ends, (0, -1), strict=True):
-            if held in _MARKERS:
-                axes.plot(*moved[end], zorder=3, **_MARKERS[held])
+        for support, end in zip(link.ends, (0, -1), strict=True):
+            if support in _MARKERS:
+                axes.plot(*moved[end], zorder=3, **_MARKERS[support])
 
 
 def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None]:
@@ -199,11 +199,11 @@ def _label_frequencies(axes: Axes) -> None:
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Columns of the table, with one row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_MODES), found.system.most_frequencies)
-    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
-    made.add_section()
+    rows = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
+    rows.add_section()
     for name, values in found.statistics(0).items():
-        made.add_row(name, *map(found.text_of, values[:MOST_MODES]))
-    return [made]
+        rows.add_row(name, *map(found.text_of, values[:MOST_MODES]))
+    return [rows]
 
 
 @tables.register(Variation)

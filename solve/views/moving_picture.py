@@ -135,8 +135,8 @@ def still(drawn: Drawn) -> Figure:
     rows = math.ceil(count / columns)
     row = (PAGE_WIDTH - 0.6) / columns * (high - low).imag / (high - low).real + 0.12
     with page(1.1 + rows * row, drawn.title) as figure:
-        every = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-        for frame, axes in enumerate(every.flat):
+        panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for frame, axes in enumerate(panels.flat):
             if frame >= count:
                 axes.set_axis_off()
                 continue
@@ -195,7 +195,7 @@ def _mechanism(axes: Axes, drawn: Drawn) -> list[Mover]:
             if is_still(end[None], size) and not is_closed(moved, size):
                 axes.plot(end[0].real, end[0].imag, **_HELD)
     joints = _joints(drawn, size)
-    return [*movers, *(_mover(axes, each[None], _JOINT) for each in joints)]
+    return [*movers, *(_mover(axes, joint[None], _JOINT) for joint in joints)]
 
 
 def _joints(drawn: Drawn, size: float) -> list[Plane]:
@@ -211,13 +211,13 @@ def meeting_ends(
     mechanism."""
     open_lines = [name for name, places in rigid.items() if not is_closed(places, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
-    found = []
+    meeting = []
     for number, (name, end) in enumerate(ends):
         others = [rigid[other][at] for other, at in ends[number + 1 :] if other != name]
         meets = any(np.abs(rigid[name][end] - other).max() < _SAME * size for other in others)
         if meets and not is_still(moved[name][end][None], size):
-            found.append((name, end))
-    return found
+            meeting.append((name, end))
+    return meeting
 
 
 def is_still(places: Plane, size: float) -> bool:
@@ -369,7 +369,7 @@ def _part(artist, places: Plane) -> tuple[str, dict]:
             for a, b in zip(means, turns, strict=True)
         ]
         return f'<path {style} d="{_path(arms)}"/>', {"name": "transform", "values": moves}
-    return f"<path {style}/>", {"name": "d", "values": [_path(each) for each in places.T]}
+    return f"<path {style}/>", {"name": "d", "values": [_path(points) for points in places.T]}
 
 
 def _path(places: Plane) -> str:

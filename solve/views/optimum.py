@@ -34,14 +34,14 @@ def optimum_figure(optimum: Optimum) -> Figure:
     heights += [2.2] if optimum.curves else []
     worst = optimum.speeds[int(np.argmax(optimum.values))]
     title = f"{titled(optimum.system, worst)}: least {optimum.minimised}"
-    with page(0.6 + sum(heights), title) as made:
-        panels = list(made.subplots(len(heights), 1, squeeze=False, height_ratios=heights[::-1])[:, 0])
+    with page(0.6 + sum(heights), title) as drawing:
+        panels = list(drawing.subplots(len(heights), 1, squeeze=False, height_ratios=heights[::-1])[:, 0])
         if optimum.curves:
             _draw_curves(panels.pop(0), optimum, optimum.curves)
         if len(optimum.speeds) > 1:
             _draw_over_speed(panels.pop(0), optimum)
         _draw_parameters(panels.pop(0), optimum, names)
-    return made
+    return drawing
 
 
 def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:

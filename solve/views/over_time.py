@@ -81,15 +81,15 @@ def transient_tables(transient: Transient) -> Sequence[RenderableType]:
     distances = Column(transient.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
     speeds = speeds_of(transient.system, transient.ends[1:], heading="to {}")
     columns["end"] = speeds if transient.ramp else distances
-    made = [table_of("Largest moduli, turn by turn", columns, most=MOST_ROWS), *_output_tables(transient)]
+    printed = [table_of("Largest moduli, turn by turn", columns, most=MOST_ROWS), *_output_tables(transient)]
     if transient.ramp:
-        return made
+        return printed
     words = f"the orbit is not reached to {transient.rtol:g} within {transient.turns} turns"
     if transient.reached is not None:
         words = (
             f"the orbit is reached to {transient.rtol:g} after {transient.reached} of {transient.turns} turns"
         )
-    return [*made, text("\n" + words)]
+    return [*printed, text("\n" + words)]
 
 
 def _output_tables(transient: Transient) -> list[RenderableType]:
@@ -154,8 +154,8 @@ def curves_figure(
         axes = figure.subplots()
         factor = label_quantity(axes, system, name, np.array([*curves.values()]))
         axes.axhline(0.0, color=GREY, linewidth=0.7)
-        others = [label for label in curves if label not in styles]
-        styled = {**styles, **dict(zip(others, shades(len(others)), strict=True))}
+        unstyled = [label for label in curves if label not in styles]
+        styled = {**styles, **dict(zip(unstyled, shades(len(unstyled)), strict=True))}
         for label, values in curves.items():
             axes.plot(np.degrees(phase), values * factor, label=label, **styled[label])
         label_phases(axes, system.period)
@@ -182,11 +182,11 @@ def fits_figure(model: Model) -> Figure:
     there is none."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
-    turn = np.linspace(0.0, 2 * np.pi, SAMPLES)
+    offsets = np.linspace(0.0, 2 * np.pi, SAMPLES)
     with page(0.8 + 2.4 * len(model.fits), f"{title_of(model)}: series fitted to tables") as figure:
         panels = figure.subplots(len(model.fits), squeeze=False)[:, 0]
         for axes, fit in zip(panels, model.fits.values(), strict=True):
-            angles = turn + fit.angles.min()
+            angles = offsets + fit.angles.min()
             axes.plot(np.degrees(fit.angles), fit.values, ".", color=GREY, label=fit.table)
             axes.plot(np.degrees(angles), fit.at(angles), color=VERMILION, label=f"{fit.harmonics} harmonics")
             axes.set_title(fit.sentence, loc="left", color=GREY, wrap=True)

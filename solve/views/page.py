@@ -166,7 +166,7 @@ def _section(heading: str, content: str) -> str:
 
 
 def _anchor(heading: str) -> str:
-    """Identifier of a section."""
+    """HTML identifier of a section, from its heading."""
     return re.sub(r"\W+", "-", heading.lower())
 
 
@@ -226,8 +226,8 @@ def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...
         name, value, unit, meaning, source = row
         return _NUMBER.sub("", name), value, unit, _NUMBER.sub("", meaning), source
 
-    for _, alike in itertools.groupby(rows, kind):
-        first, *_, last = [*alike] * 2
+    for _, run in itertools.groupby(rows, kind):
+        first, *_, last = [*run] * 2
         cells = zip(first, last, strict=True)
         yield tuple(one if one == other else _joined(one, other) for one, other in cells)
 

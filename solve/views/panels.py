@@ -44,16 +44,16 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more rows than fit on a page."""
     if not names:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
-    known = system.known_quantities(names)
-    if len(known) > MOST_SHOWN:
+    quantities = system.known_quantities(names)
+    if len(quantities) > MOST_SHOWN:
         raise ValueOutOfBoundsError(
-            f"{len(known)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
+            f"{len(quantities)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
         )
-    return list(known)
+    return list(quantities)
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
-    """Model, case and speed."""
+    """Title of a figure: model, case and speed."""
     return f"{title_of(system)}, {system.speed_unit.text(speed)}"
 
 
@@ -72,7 +72,7 @@ def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) 
 
 
 def title_of(system: PeriodicSystem) -> str:
-    """Model and case."""
+    """Title of a figure: model and case."""
     case = f", case {system.case}" if system.case else ""
     return f"{system.name.replace('_', ' ')}{case}"
 

@@ -17,7 +17,7 @@ _LINES, _WIDTH = 15, 80
 
 @singledispatch
 def figure(result: Result, *_: Any, **__: Any) -> Figure:
-    """Figure (matplotlib) of a result. Raises NotImplementedError for a class without one."""
+    """Figure (matplotlib) of a result. Raises NotImplementedError for a class without a figure."""
     raise NotImplementedError(f"no figure of {type(result).__name__}")
 
 

@@ -38,13 +38,13 @@ def stability_figure(result: Stability) -> Figure:
 
 @tables.register(Stability)
 def stability_tables(result: Stability) -> Sequence[RenderableType]:
-    """Multipliers and the verdict."""
+    """Table of the multipliers, and the verdict."""
     return [_multiplier_table(result), _verdict_line(result)]
 
 
 @brief.register(Stability)
 def stability_in_brief(result: Stability) -> RenderableType:
-    """Heading and verdict."""
+    """Short form of the result: heading and verdict."""
     return stacked(heading_of(result), _verdict_line(result))
 
 

@@ -194,7 +194,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     if others:
         raise ValueOutOfBoundsError(
             f"{', '.join([*others, along])} vary; a spectrum is drawn over one of them: give one value "
-            "of the others"
+            "of each other quantity"
         )
     if amplitudes.shape[1] < 2:
         raise ValueOutOfBoundsError("no harmonics above the mean are stored; give the sweep harmonics=60")
@@ -206,16 +206,16 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     factor, unit = prefixed(system.units.get(name, ""), largest)
     with np.errstate(divide="ignore"):
         decibels = 20 * np.log10(heights / largest)
-    with page(4.4, f"{title_of(system)}: spectrum of {name} over {along}") as made:
-        axes = made.subplots()
+    with page(4.4, f"{title_of(system)}: spectrum of {name} over {along}") as drawing:
+        axes = drawing.subplots()
         orders = np.arange(1, len(heights) + 1) * rotation
         seen = np.where(decibels > _FLOOR, decibels, np.nan)
         scale = f"amplitude (dB re {largest * factor:.3g} {unit})"
-        draw_map(made, axes, x, orders, seen, scale, cmap="magma_r", vmin=_FLOOR, vmax=0.0)
+        draw_map(drawing, axes, x, orders, seen, scale, cmap="magma_r", vmin=_FLOOR, vmax=0.0)
         axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
         axes.set_xlabel(label)
         axes.set_ylabel("order of rotation")
-    return made
+    return drawing
 
 
 @figure.register(Bands)

@@ -37,7 +37,7 @@ _REFERENCE_OPTIONS = {"element": "internal", "elements": 2}
 @serializable
 @dataclass(frozen=True)
 class OneModel:
-    """Result of one model.
+    """Result computed with one model.
 
     drawn: name of the largest output, whose statistics are `figures`; values (k,): output drawn for the
     reference, at phases over a revolution with both ends.

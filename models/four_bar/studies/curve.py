@@ -117,7 +117,9 @@ def coupler_curve(
     Raises ValueOutOfBoundsError.
     """
     if not np.isfinite(across):
-        raise ValueOutOfBoundsError(f"distance beside the coupler is {across} m; allowed: finite numbers")
+        raise ValueOutOfBoundsError(
+            f"distance from the axis of the coupler is {across} m; allowed: finite numbers"
+        )
     q, _, _ = motion.state(phase)
     return CouplerCurve(phase, *model.path("coupler", along, across, phase, q))
 

@@ -124,8 +124,10 @@ class DesignResult(Outcome, Result):
         needed, stresses, axes = self.design.needed, self.map, ("speed",)
         columns = {"speed": Column(stresses.speeds, "rad/s", "speed of the crank", axes=axes)}
         for number, link in enumerate(stresses.links):
-            own = stresses.stress[:, stresses.own, number]
-            columns[f"{link}_stress"] = Column(own, "Pa", f"largest of the {link} at its own L4", axes=axes)
+            own_stress = stresses.stress[:, stresses.own, number]
+            columns[f"{link}_stress"] = Column(
+                own_stress, "Pa", f"largest of the {link} at its own L4", axes=axes
+            )
         for name, ratio, how in (
             ("fixed", needed.fixed, "with L4 fixed"),
             ("moving", needed.moving, "with L4 changing"),

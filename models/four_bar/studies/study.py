@@ -42,15 +42,15 @@ def study(
     rtol: EachTolerance = 1e-6,
 ) -> None:
     """Stress, deflection or energy over speed for several values of a parameter or option."""
-    omegas, kept, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
+    omegas, statistic, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
     title, systems = _systems(model, over, corrected)
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
     shown(model, [model.parts(name)[0] for name in names])
-    with places.given() as given:
-        compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **given)
+    with places.given() as resources:
+        compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **resources)
     if all(sweep.results.failed.all() for sweep in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
-    result = replace(compared, system=model.shown_in(omegas[0]), figure=kept)
+    result = replace(compared, system=model.shown_in(omegas[0]), figure=statistic)
     deliver_result(results, result, four_bar.choices)
 
 

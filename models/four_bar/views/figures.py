@@ -88,7 +88,7 @@ def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], sho
     for path in _joints(turn)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
     for k, point in enumerate(points):
-        path, label = turn.position(2, point), f"({point.real:g}, {point.imag:g}) m"
+        path, label = motion.position(2, point), f"({point.real:g}, {point.imag:g}) m"
         axes.plot(path.real, path.imag, color=_PATHS[k % len(_PATHS)], linewidth=1.8, label=label, zorder=3)
     pale = linkage.motion(np.arange(_POSITIONS) * (TURN / _POSITIONS))
     for joints in np.transpose(_joints(pale)):
@@ -220,15 +220,17 @@ def design_figure(result: Outcome) -> Figure:
 
 def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
     stresses, unit = result.map, result.map.model.speed_unit
-    speeds, lengths, own = unit.of(stresses.speeds), stresses.L4 * 1e3, stresses.own_L4 * 1e3
+    speeds, lengths, own_L4 = unit.of(stresses.speeds), stresses.L4 * 1e3, stresses.own_L4 * 1e3
     ratio, norm = np.nan_to_num(stresses.ratio, posinf=1e9), BoundaryNorm(_LEVELS, 256, extend="max")
     filled = axes.contourf(speeds, lengths, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max")
     axes.contour(speeds, lengths, ratio.T, levels=[1.0], colors=BLACK, linewidths=1.3)
     peaks, columns = np.nonzero((ratio[1:-1] > ratio[:-2]) & (ratio[1:-1] >= ratio[2:]))
     axes.plot(speeds[peaks + 1], lengths[columns], ".", color=GREY, markersize=2)
-    axes.axhline(own, color=GREY, linewidth=0.8, linestyle=":")
+    axes.axhline(own_L4, color=GREY, linewidth=0.8, linestyle=":")
     for band in result.design.quiet:
-        axes.plot([max(unit.of(band.start), speeds[0]), unit.of(band.end)], [own, own], color=GREEN, lw=2.5)
+        axes.plot(
+            [max(unit.of(band.start), speeds[0]), unit.of(band.end)], [own_L4, own_L4], color=GREEN, lw=2.5
+        )
     if result.plan is not None:
         along, target = np.linspace(stresses.speeds[0], result.target, 600), unit.of(result.target)
         last = result.plan.L4[-1] * 1e3
@@ -236,7 +238,7 @@ def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
             axes.plot(unit.of(along), result.plan.rounded(along)[0] * 1e3, color=color, linewidth=width)
         axes.plot(target, last, "o", color=BLACK)
         if result.returns:
-            axes.annotate("", (target, own), (target, last), arrowprops={"arrowstyle": "->", "lw": 1.6})
+            axes.annotate("", (target, own_L4), (target, last), arrowprops={"arrowstyle": "->", "lw": 1.6})
     axes.set_xlabel(f"speed ({unit.name})")
     axes.set_ylabel("$L_4$ (mm)")
     axes.grid(False)

@@ -58,11 +58,11 @@ def _linkage_heading(record: Mapping[str, Any]) -> Table:
 
 
 def _extremes(record: Mapping[str, Any]) -> Table:
-    turn = table("Over one turn", "quantity", "unit", "max", "at t1", "min", "at t1", "mean", left=2)
+    extremes = table("Over one turn", "quantity", "unit", "max", "at t1", "min", "at t1", "mean", left=2)
 
     def add(label: str, unit: str, figures: Mapping[str, float], high: str, low: str, mean: str) -> None:
         places = _degrees(figures["max_position"]), _degrees(figures["min_position"])
-        turn.add_row(label, unit, high, places[0], low, places[1], mean)
+        extremes.add_row(label, unit, high, places[0], low, places[1], mean)
 
     gamma = record["transmission_angle"]
     high, low = (f"{math.degrees(gamma[key]):.4f}" for key in ("max", "min"))
@@ -75,7 +75,7 @@ def _extremes(record: Mapping[str, Any]) -> Table:
         factor, unit = prefixed(unit, size)
         texts = (fixed(figures[key] * factor, size * factor, 5) for key in ("max", "min", "mean"))
         add(label, unit, figures, *texts)
-    return turn
+    return extremes
 
 
 def _remarks(record: Mapping[str, Any]) -> list[str]:
@@ -195,10 +195,10 @@ def _damping(result: Outcome, speeds: Sequence[float]) -> Columns:
     """Effect of damping on the stress at these speeds, one column per link; empty where it was not
     computed."""
     effects = {effect.speed: effect.sensitivity for effect in result.damping}
-    known = [effects.get(speed) for speed in speeds]
+    effects_at = [effects.get(speed) for speed in speeds]
     return {
         link: Column(
-            speeds, heading=link, text=[f"{effect[link]:+.2f}" if effect else "" for effect in known]
+            speeds, heading=link, text=[f"{effect[link]:+.2f}" if effect else "" for effect in effects_at]
         )
         for link in result.map.links
     }
@@ -242,10 +242,10 @@ def _quiet(result: Outcome) -> RenderableType:
 def _quiet_above(result: Outcome) -> list[RenderableType]:
     quiet = result.design.quiet_above
     columns = {
-        "above": _speeds(result, [each.peak for each in quiet], "above", ".3f"),
-        "speed": _speeds(result, [each.speed for each in quiet], "speed", ".3f"),
-        "needed": _numbers([each.needed for each in quiet], "allowable needed"),
-        "fixed": _numbers([each.fixed for each in quiet], "with L4 fixed"),
+        "above": _speeds(result, [quiet_speed.peak for quiet_speed in quiet], "above", ".3f"),
+        "speed": _speeds(result, [quiet_speed.speed for quiet_speed in quiet], "speed", ".3f"),
+        "needed": _numbers([quiet_speed.needed for quiet_speed in quiet], "allowable needed"),
+        "fixed": _numbers([quiet_speed.fixed for quiet_speed in quiet], "with L4 fixed"),
     }
     title = f"Quiet speeds above critical ones ({result.map.model.speed_unit.name})"
     remark = "in multiples of the allowable stress; L4 changes during the run-up and returns"

@@ -73,7 +73,7 @@ class Background:
             self._end_process()
 
     def close(self) -> None:
-        """End the process."""
+        """End the background process."""
         with self._lock:
             if self._process is not None:
                 self._end_process()

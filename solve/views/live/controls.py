@@ -145,7 +145,7 @@ def parameter_range(value: float, bound: str, scale: float) -> Range:
 
 
 def _limits(conditions: Sequence[str]) -> tuple[float, float]:
-    """Lower and upper limit of the conditions, infinite without one."""
+    """Lower and upper limits that follow from conditions; infinite where there is no condition."""
     relations = [text.split() for text in conditions if text != "integer"]
     lower = (float(limit) for relation, limit in relations if relation.startswith(">"))
     upper = (float(limit) for relation, limit in relations if relation.startswith("<"))
@@ -153,7 +153,7 @@ def _limits(conditions: Sequence[str]) -> tuple[float, float]:
 
 
 def widened(span: Range, value: float) -> Range:
-    """Range that contains a value.
+    """Range, widened if necessary so that it contains a value.
 
     >>> widened(Range(1.0, 10.0), 12.0).high
     12.0
@@ -172,7 +172,7 @@ def rounded(value: float, digits: int = _DIGITS) -> float:
 
 
 def number(value: float) -> str:
-    """Shortest text of a number.
+    """Shortest text that represents a number exactly.
 
     >>> number(8e4), number(0.1)
     ('80000', '0.1')
@@ -209,11 +209,10 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     try:
         value = model.in_own_unit(name, text)
     except ValueError:
-        own = model.parameter_labels[name][0]
+        own_unit = model.parameter_labels[name][0]
         raise ValueOutOfBoundsError(
-            f"{name} is '{text}'; give a number, in {own} unless a unit follows, such as '1.5 {own}'".replace(
-                " 1'", "'"
-            )
+            f"{name} is '{text}'; give a number, in {own_unit} unless a unit follows, such as "
+            f"'1.5 {own_unit}'".replace(" 1'", "'")
         ) from None
     model.require_bounds({name: value})
     return value

@@ -72,7 +72,7 @@ def _size(lines: Sequence[Plane]) -> float:
 
 def _corners(lines: Sequence[Plane]) -> tuple[complex, complex]:
     """Lower left and upper right corners of the bounding box of lines."""
-    x, y = (np.concatenate([part(line).ravel() for line in lines]) for part in (np.real, np.imag))
+    x, y = (np.concatenate([component(line).ravel() for line in lines]) for component in (np.real, np.imag))
     return complex(x.min(), y.min()), complex(x.max(), y.max())
 
 

@@ -28,7 +28,7 @@ _NUMBERED = re.compile(r"(.*?)([0-9]+)")
 
 @dataclass(frozen=True)
 class Origin:
-    """Files of a model.
+    """Paths of the files of a model.
 
     argument: name or path by which commands find it; None for a model in memory. cases: another case file.
     """
@@ -53,8 +53,8 @@ class Origin:
         if self.argument is None:
             return {}
         missing = missing_parameters(self.argument, model.case or None, self.cases, {})
-        others = {name: float(model.parameters[name]) for name in missing}
-        case = case_numbers(self.argument, model.case or None, self.cases, others)
+        placeholders = {name: float(model.parameters[name]) for name in missing}
+        case = case_numbers(self.argument, model.case or None, self.cases, placeholders)
         return {name: value for name, value in case.parameters.items() if name not in missing}
 
 
@@ -131,14 +131,14 @@ class State:
             rows.append((name, number(float(value)), model.parameter_labels[name][0], source))
         for (base, unit, source), group in groupby(rows, lambda row: (_base(row[0]), *row[2:])):
             members = list(group)
-            rest = f'unit = "{_escaped(unit)}", source = "{_escaped(source)}" }}'
+            unit_and_source = f'unit = "{_escaped(unit)}", source = "{_escaped(source)}" }}'
             if len(members) > 1 and [member[0] for member in members] == [
                 f"{base}{k}" for k in range(1, len(members) + 1)
             ]:
                 values = ", ".join(value for _, value, *_ in members)
-                yield f"{base} = {{ values = [{values}], {rest}"
+                yield f"{base} = {{ values = [{values}], {unit_and_source}"
             else:
-                yield from (f"{name} = {{ value = {value}, {rest}" for name, value, *_ in members)
+                yield from (f"{name} = {{ value = {value}, {unit_and_source}" for name, value, *_ in members)
 
 
 def save_case(state: State, name: str, file: str) -> str:
@@ -169,7 +169,7 @@ def save_case(state: State, name: str, file: str) -> str:
     try:
         old = path.read_text(encoding="utf-8-sig") if path.exists() else ""
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another") from None
+        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another file") from None
     if old and name in read_cases(path, units, series):
         raise CaseFileError(f"'{file}' already has a case '{name}'; give another name")
     text = f"{old.rstrip()}\n\n{block}" if old else block
