@@ -3,13 +3,13 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from solve.arguments import SMALL
 from solve.arrays import Array, LazyMapping, Plane, Recent
-from solve.beams.assembly import Beams, Kinematics, Positions
+from solve.beams.assembly import POSITIONS, Beams, Kinematics, Positions
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frequencies import lowest, shapes
 from solve.beams.motion import Motion, State
@@ -20,9 +20,6 @@ from solve.model.bounds import REDUCE
 from solve.model.model import Model
 from solve.model.modes import beyond_critical
 from solve.model.setup import Setup, samples_of
-
-if TYPE_CHECKING:
-    pass
 
 MOST = 200
 """Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
@@ -39,9 +36,6 @@ _SPEED_NODES = 3
 
 _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
 """Values of the options of the motion for structures at rest, which do not have them."""
-
-_ASSEMBLY_POSITIONS = 36
-"""Positions per revolution at which the assembly of the links is checked. A choice."""
 
 
 class Response(Protocol):
@@ -109,7 +103,7 @@ class StructureModel(Model):
         chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts, *elastic)
         beams = Beams(chosen, kinematics.properties, kinematics.angle)
         if module.MOVES:
-            Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLY_POSITIONS, endpoint=False))
+            Positions(beams, np.linspace(0.0, module.PERIOD, POSITIONS, endpoint=False))
         terms = {name: setup.options.get(name, default) for name, default in _AT_REST.items()}
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 

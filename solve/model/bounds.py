@@ -69,7 +69,21 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
     return checked
 
 
-def validity_limit(name: str, bound: float, unit: str) -> Limit:
+def stated_limits(
+    rows: Sequence[tuple[str, str, str]], validity: Mapping[str, float], units: Mapping[str, str]
+) -> list[Limit]:
+    """Limits of validity by coordinate, and of the rows (quantity, bound, meaning) of a generated module."""
+    return [
+        *(_validity_limit(name, bound, units[name]) for name, bound in validity.items()),
+        *(
+            _bound_limit(name, meaning, units[name], clause)
+            for name, bound, meaning in rows
+            for clause in clauses(bound)
+        ),
+    ]
+
+
+def _validity_limit(name: str, bound: float, unit: str) -> Limit:
     """Limit of validity of the linearisation."""
 
     def message(values: Statistics) -> str:
@@ -79,7 +93,7 @@ def validity_limit(name: str, bound: float, unit: str) -> Limit:
     return Limit(name, lambda values: values.max_abs > bound, message)
 
 
-def bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
+def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
     """Limit from a condition of a bound in a generated module."""
 
     def extreme(values: Statistics) -> Any:

@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.contracts import Columns, Dependence
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError, require_name
 from solve.labels import SPEED
+from solve.matrices import SAME_PHASE
 from solve.model.bounds import clauses
 from solve.model.dependence import (
     AssembledDependence,
@@ -26,9 +27,6 @@ _BREAK_STEP = 1e-2
 """Largest relative change of a parameter in finite differences of the breaks. A choice."""
 
 SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
-
-_SAME_BREAK = 1e-12
-"""Distance of breaks, relative to the period, below which they coincide. A choice."""
 
 
 class ModelDerivatives:
@@ -151,4 +149,4 @@ def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
 def _distinct(breaks: Array, period: float) -> Array:
     """Breaks that differ by more than round-off around the period."""
     phases = np.sort(breaks % period)
-    return phases[np.diff(phases, append=phases[:1] + period) > _SAME_BREAK * period]
+    return phases[np.diff(phases, append=phases[:1] + period) > SAME_PHASE * period]

@@ -14,7 +14,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_options, checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.domain import Domain
-from solve.model.events import EventFinder, switches
+from solve.model.events import MAX_CACHED, EventFinder, switches
 from solve.model.formulas import c_text, roundoff_bound
 from solve.model.sampling import Sampler, folded
 
@@ -206,12 +206,7 @@ class Setup:
         return lines
 
 
-_MAX_CACHED = 64
-"""Number of generated functions whose code is kept, so that other values of the parameters need no new code.
-A choice: few models are used at a time."""
-
-
-@lru_cache(_MAX_CACHED)
+@lru_cache(MAX_CACHED)
 def _text_of(
     module: ModuleType,
     options: tuple[tuple[str, Any], ...],
@@ -226,7 +221,7 @@ def _text_of(
     return c_text(function), function.size1_out(0)
 
 
-@lru_cache(_MAX_CACHED)
+@lru_cache(MAX_CACHED)
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
     """Function of the bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))

@@ -7,10 +7,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.rigid_body import RigidBodyModes
+from solve.results.contents import MOST_SHOWN
 from solve.results.serialization import serializable
-
-_MOST_MOVING = 6
-"""Number of coordinates of a rigid-body mode that a sentence names."""
 
 
 @serializable
@@ -31,7 +29,7 @@ class RigidBodyMode(NamedTuple):
         'motor : gear = 1 : -0.5'
         """
         moving = [(name, part) for name, part in zip(coordinates, self.vector, strict=True) if part]
-        shown = moving[:_MOST_MOVING]
+        shown = moving[:MOST_SHOWN]
         names, parts = " : ".join(name for name, _ in shown), " : ".join(f"{part:.4g}" for _, part in shown)
         more = len(moving) - len(shown)
         return f"{names} = {parts}" + (f" and {more} more" if more else "")

@@ -35,6 +35,12 @@ _FEW = 60
 MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one figure."""
 
+HEADROOM = 1.15
+"""Ratio of the height of a Campbell diagram to the highest frequency."""
+
+DEFLECTION = 0.1
+"""Largest displacement in figures, relative to the size of the structure or path: visible without overlap."""
+
 _LABEL = 54
 """Number of characters per line of a label."""
 
