@@ -14,7 +14,7 @@ from solve.arrays import Array, Plane
 from solve.results.formatting import prefixed
 from solve.system import PeriodicSystem
 from solve.views.page import document, svg_of
-from solve.views.panels import labelled
+from solve.views.panels import frame_of, labelled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled
 
 if TYPE_CHECKING:
@@ -245,11 +245,8 @@ def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
     """Lower left and upper right corner of the area that all frames need."""
-    places = np.concatenate([each.ravel() for lines in (drawn.rigid, drawn.moved) for each in lines.values()])
-    low = complex(places.real.min(), places.imag.min())
-    high = complex(places.real.max(), places.imag.max())
-    room = 0.07 * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
-    return low - room, high + room
+    lines = (*drawn.rigid.values(), *drawn.moved.values())
+    return frame_of(np.concatenate([places.ravel() for places in lines]))
 
 
 def _framed(axes: Axes, low: complex, high: complex, unit: str) -> None:
