@@ -87,6 +87,11 @@ def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Arr
     return leading(M, C, first_order), damping, stiffness
 
 
+def inertia_units(M: Array) -> Array:
+    """Units (…, n) of coordinates in which the diagonal of M (…, n, n) is ±1."""
+    return 1 / np.sqrt(np.abs(np.einsum("...ii->...i", M)))
+
+
 def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
     """Entries (P, k, 3n² + n) for derivatives by time, converted in place to derivatives by the phase."""
     entries[:, :, : n**2] *= (speeds**2)[:, None, None]

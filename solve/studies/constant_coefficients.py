@@ -13,7 +13,7 @@ from solve.arrays import Array, solved
 from solve.batch.batch import Batch
 from solve.batch.family import Family
 from solve.batch.gathering import gathered
-from solve.matrices import split_entries
+from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
@@ -203,7 +203,7 @@ def _exponents(
     coordinates of their rigid-body modes. States are the other coordinates, relative to the modes, and all
     velocities."""
     n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
-    unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
+    unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
     M, C, K = (part * unit[:, :, None] * unit[:, None] for part in (M, C, K))
     vectors = modes.vectors[:, :, : len(places)]
