@@ -19,7 +19,7 @@ from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.bounds import REDUCE
 from solve.model.model import Model
 from solve.model.modes import beyond_critical
-from solve.model.setup import Setup, samples_of
+from solve.model.setup import Setup, samples_of, stated_lines
 
 MOST = 200
 """Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
@@ -288,7 +288,7 @@ class StructureModel(Model):
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
             for link in self.links
         }
-        return {**links, **self.setup.stated_lines(phase, speed, q[:0], fineness)}
+        return {**links, **stated_lines(self.setup, phase, speed, q[:0], fineness)}
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
         """Positions x + iy (k,) in m, rigid and with deflections q (n, k), of a point of a link.

@@ -22,7 +22,7 @@ from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
 from solve.model.sampling import MatrixSampler, Sampler, tangent
-from solve.model.setup import Setup
+from solve.model.setup import Setup, stated_lines
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ class Model(PeriodicSystem):
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
     def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        lines = self.setup.stated_lines(phase, speed, q, fineness)
+        lines = stated_lines(self.setup, phase, speed, q, fineness)
         return lines or super().sketched(phase, speed, q)
 
     @property
