@@ -214,7 +214,7 @@ class StructureStatement(MechanismStatement):
 
     def rotation(self, link: Link, joint: str) -> str:
         """Name of the rotational degree of freedom at the end of a link: shared if welded, "" if clamped."""
-        together = next(
+        welded = next(
             (names for at, names in self.welded if at == joint and link.name in names), (link.name,)
         )
         return "" if any((joint, name) in self.clamped for name in welded) else f"{welded[0]}_{joint}"

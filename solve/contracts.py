@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from solve.arrays import Array
 
 Matrices = tuple[Array, Array, Array, Array]
@@ -41,6 +43,12 @@ class Limit(NamedTuple):
     quantity: str
     exceeded: Callable[[Statistics], Any]
     message: Callable[[Statistics], str]
+
+    @classmethod
+    def finite(cls, name: str) -> "Limit":
+        """Limit of a quantity that must be finite."""
+        text = f"{name} is no finite number at some phases, and has no figures"
+        return cls(name, lambda values: ~np.isfinite(values.max - values.min), lambda _: text)
 
 
 class ModeShape(NamedTuple):

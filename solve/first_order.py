@@ -11,11 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import MatricesError, ValueOutOfBoundsError
-from solve.matrices import (
-    leading,
-    require_inertia,
-    require_shapes,
-)
+from solve.matrices import checked_phases, leading, require_inertia, require_shapes
 from solve.samples import sampled
 from solve.system import PeriodicSystem
 
@@ -27,7 +23,9 @@ outputs."""
 class FirstOrderSystem(PeriodicSystem):
     """System ẋ = A(Ωt)x + B(Ωt)u + b(Ωt), y = C(Ωt)x + D(Ωt)u with named states.
 
-    Parameters ---------- matrices : callable
+    Parameters
+    ----------
+    matrices : callable
         matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) at phases φ = Ωt of shape
         (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time. If inputs or outputs
         are named, it returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
@@ -156,7 +154,8 @@ class FirstOrderSystem(PeriodicSystem):
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes and are periodic."""
-        phase, (N, r, y) = self._checked_phases, map(len, (self.states, self.inputs, self.outputs))
+        phase = checked_phases(self.period, self.breaks)
+        N, r, y = map(len, (self.states, self.inputs, self.outputs))
         sizes = {"A": (4, N, N), "b": (4, N), "B": (4, N, r), "C": (4, y, N), "D": (4, y, r)}
         arrays = dict(zip(self._symbols, self.equations_at(phase, speed), strict=True))
         require_shapes(arrays, sizes, f"{N} states ({', '.join(self.states)})")
@@ -253,7 +252,7 @@ class MixedSystem(PeriodicSystem):
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and determine the highest
         derivatives."""
-        n, phase = self.n, self._checked_phases
+        n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
         require_shapes(matrices, shapes, f"{n} coordinates and states ({', '.join(self.coordinates)})")

@@ -1,5 +1,6 @@
 """Entries of M, C, K and d, and checks of their periodicity and inertia."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,6 +12,9 @@ from solve.errors import MatricesError
 PERIODIC = 1e-9
 """Relative difference of the matrices at both ends of the period below which they count as periodic. A
 choice."""
+
+SAME_PHASE = 1e-12
+"""Distance of phases, relative to the period, within which they coincide: their round-off. A choice."""
 
 _ROUNDOFF = 64 * EPS
 """Round-off of an entry relative to the largest term of the equations. A choice."""
@@ -83,12 +87,30 @@ def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Arr
     return leading(M, C, first_order), damping, stiffness
 
 
+def inertia_units(M: Array) -> Array:
+    """Units (…, n) of coordinates in which the diagonal of M (…, n, n) is ±1."""
+    return 1 / np.sqrt(np.abs(np.einsum("...ii->...i", M)))
+
+
 def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
     """Entries (P, k, 3n² + n) for derivatives with respect to time, converted in place to derivatives with
     respect to the phase."""
     entries[:, :, : n**2] *= (speeds**2)[:, None, None]
     entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
     return entries
+
+
+def checked_phases(period: float, breaks: Sequence[float]) -> Array:
+    """Four phases of a period, inside it if there are breaks."""
+    phase, inset = np.array([0.0, 0.281, 0.618, 1.0]) * period, SAME_PHASE * period
+    if breaks:
+        phase[[0, -1]] += [inset, -inset]
+    return phase
+
+
+def jumps_at_zero(period: float, breaks: Sequence[float]) -> bool:
+    """Whether one of the breaks is the end of the period."""
+    return any(abs(math.remainder(b, period)) <= SAME_PHASE * period for b in breaks)
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:

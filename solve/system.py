@@ -36,6 +36,8 @@ from solve.errors import (
 from solve.labels import Labels, require_vibration
 from solve.matrices import (
     changes,
+    checked_phases,
+    jumps_at_zero,
     real_arrays,
     require_finite_entries,
     require_inertia,
@@ -43,12 +45,6 @@ from solve.matrices import (
     with_neighbours,
 )
 from solve.samples import Samples, checked_period, sampled
-
-_LOAD_PHASES = 128
-"""Phases per period at which a load is sampled to determine whether it is zero. A choice."""
-
-_INSET = 1e-12
-"""Fraction of the period by which phases next to a jump are moved away from it. A choice."""
 
 
 class PeriodicSystem(Labels):
@@ -225,14 +221,7 @@ class PeriodicSystem(Labels):
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
         """Limits of these quantities within which a solution is valid. linear: whether the linearised
         equations are solved."""
-
-        def not_finite(values: Statistics) -> Any:
-            return ~np.isfinite(values.max - values.min)
-
-        def message(name: str) -> Callable[[Statistics], str]:
-            return lambda _: f"{name} is not finite at some phases, so it has no statistics"
-
-        return [Limit(name, not_finite, message(name)) for name in quantities]
+        return [Limit.finite(name) for name in quantities]
 
     def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
         """Warnings about the limits that a solution with these statistics by quantity exceeds. linear: as in
@@ -362,26 +351,19 @@ class PeriodicSystem(Labels):
 
     def checked(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular."""
-        n, phase = self.n, self._checked_phases
+        n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
         require_shapes(matrices, shapes, f"{n} coordinates ({', '.join(self.coordinates)})")
         self._require_periodicity(phase, speed, "MCKd")
         require_inertia(matrices["M"])
 
-    @property
-    def _checked_phases(self) -> Array:
-        """Four phases, inside the period if there are breaks."""
-        phase, inset = np.array([0.0, 0.281, 0.618, 1.0]) * self.period, _INSET * self.period
-        if self.breaks:
-            phase[[0, -1]] += [inset, -inset]
-        return phase
-
     def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
         """Raise MatricesError unless M, C, K and d, with these symbols in messages, are periodic."""
-        jumps_at_zero = any(abs(math.remainder(b, self.period)) <= _INSET * self.period for b in self.breaks)
+        if jumps_at_zero(self.period, self.breaks):
+            return
         ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
-        for symbol, change in () if jumps_at_zero else changes(ends, speed):
+        for symbol, change in changes(ends, speed):
             raise MatricesError(
                 f"{symbols['MCKd'.index(symbol)]} is not periodic: between phase 0 and {self.period:.6g} it "
                 f"changes by {change:.3g}; give the right period, or the jump at 0 as a break"
@@ -409,8 +391,8 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d is zero over the entire period, so that the periodic vibration is zero."""
-    phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
+    """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
+    phase = (np.arange(128) + 0.5) * (system.period / 128)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.name} has no load: its periodic vibration is zero at every speed")
 

@@ -14,20 +14,16 @@ from solve.errors import ValueOutOfBoundsError
 from solve.results.formatting import fixed, prefixed
 from solve.results.formatting import round_magnification as rounded
 from solve.results.orbit import Orbit
-from solve.views.panels import titled
+from solve.views.panels import SAMPLES, frame_of, titled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, new_figure, styled
 
 MOST_POSITIONS = 12
 """Maximum number of positions: as many as fit on a page. A choice."""
 
 _COLUMNS = 4
-_TURN_POINTS = 720
 _DRAWN = 0.2
 """Largest deflection in the figure with automatic magnification, as a fraction of the coupler's length. A
 choice."""
-
-_MARGIN = 0.14
-"""Margin around the linkage, as a fraction of its larger extent."""
 
 _LABELS = 0.8
 """Width of the axes' labels, inches."""
@@ -78,9 +74,8 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
-    """Largest of 1, 2, 5, 10, 20, … with which the drawn deflection is at most a fifth of the length; at
-    least 1."""
-    turn = np.arange(_TURN_POINTS) * (orbit.system.period / _TURN_POINTS)
+    """Largest of 1, 2, 5, 10, 20, … with a drawn deflection up to a fifth of the length; at least 1."""
+    turn = np.linspace(0.0, orbit.system.period, SAMPLES)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
 
@@ -97,7 +92,7 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
     factor = checked_magnification(magnification)
     phase = np.arange(checked_positions(positions)) * (orbit.system.period / positions)
     deformed = bent(model, orbit, phase, factor)
-    low, high = _frame(deformed)
+    low, high = frame_of(np.concatenate((deformed.joints.ravel(), deformed.line.ravel())))
     columns = min(_COLUMNS, positions)
     rows = math.ceil(positions / columns)
     panel = (PAGE_WIDTH - _LABELS) / columns * (high - low).imag / (high - low).real
@@ -126,15 +121,6 @@ def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: fl
             ncols=3,
         )
     return figure
-
-
-def _frame(deformed: BentCoupler) -> tuple[complex, complex]:
-    """Lower left and upper right corner of the frame of all positions."""
-    places = np.concatenate((deformed.joints.ravel(), deformed.line.ravel()))
-    low = complex(places.real.min(), places.imag.min())
-    high = complex(places.real.max(), places.imag.max())
-    room = _MARGIN / 2 * max((high - low).real, (high - low).imag) * (1 + 1j)
-    return low - room, high + room
 
 
 def _draw_position(axes: Axes, deformed: BentCoupler, k: int) -> None:

@@ -18,6 +18,7 @@ PROGRAM = Program(
     _COMMANDS,
     "The four-bar linkage of the thesis.",
     'linkage --speed "300 rpm" --coupler-point 0.164,0.1 --plot linkage.png',
+    {"elements": "modes"},
 )
 run, commands, main = PROGRAM.run, PROGRAM.commands, PROGRAM.main
 

@@ -196,8 +196,12 @@ class Beams:
         return tables[..., :HELD, :HELD]
 
 
-_ROUNDING = 1e-9
-"""Distance, or singular value, relative to the largest one, that counts as round-off. A choice."""
+POSITIONS = 36
+"""Positions per revolution at which assembly and frequencies are sampled: one every 10 degrees. A choice."""
+
+ROUNDING = 1e-9
+"""Distance, difference of frequencies or singular value, relative to the largest, that counts as round-off.
+A choice."""
 
 
 class Positions:
@@ -292,7 +296,7 @@ class Positions:
                 f"the links cannot be assembled at {np.degrees(worst):.6g} deg; choose lengths with "
                 "which every loop closes at every position"
             )
-        allowed = _ROUNDING * self.beams.properties.length.max()
+        allowed = ROUNDING * self.beams.properties.length.max()
         for member, span in zip(self.beams.members, self._spans.T, strict=True):
             missed = np.abs(self.joints[:, member.start] + span - self.joints[:, member.end]).max()
             if missed > allowed:
@@ -323,7 +327,7 @@ class Positions:
         if not rows:
             return None
         _, values, vectors = np.linalg.svd(np.stack(rows, axis=1), full_matrices=True)
-        ranks = (values > _ROUNDING * values[:, :1]).sum(axis=1)
+        ranks = (values > ROUNDING * values[:, :1]).sum(axis=1)
         if np.ptp(ranks) > 0:
             worst = self.phase[ranks != ranks[0]][0]
             raise StructureError(

@@ -10,7 +10,7 @@ bracketing method finds fast. Frequencies at which no joint moves are the jumps 
 import numpy as np
 
 from solve.arrays import Array
-from solve.beams.assembly import Beams, Positions
+from solve.beams.assembly import ROUNDING, Beams, Positions
 from solve.contracts import ModeShape
 from solve.errors import StructureError
 from solve.model.modes import lowest_frequencies, modes, roundoff_frequency
@@ -123,9 +123,6 @@ def _upper_bound(positions: Positions, count: int) -> Array:
 _POINTS = 48
 """Minimum number of intervals between points along a link. A choice."""
 
-_SAME = 1e-9
-"""Relative difference below which frequencies count as one multiple frequency. A choice."""
-
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
     """Mode shapes of the lowest frequencies (count,) of the beams at a phase."""
@@ -148,7 +145,7 @@ def _exact_mode(
     """
     # The modes of a multiple frequency are computed at its first copy: other round-off would reorder them.
     frequency = max(float(frequencies[number]), np.finfo(float).tiny)
-    before = np.count_nonzero(np.abs(frequencies[:number] / frequency - 1) < _SAME)
+    before = np.count_nonzero(np.abs(frequencies[:number] / frequency - 1) < ROUNDING)
     omega = frequencies[number - before : number - before + 1]
     positions = Positions(beams, np.array([phase]))
     for parts in PARTS:

@@ -18,7 +18,7 @@ import numpy as np
 
 from solve.approximation import interpolated
 from solve.arrays import Array, Latest
-from solve.beams.assembly import Beams, Positions
+from solve.beams.assembly import POSITIONS, Beams, Positions
 from solve.beams.elements import AXIAL, HELD, Member
 from solve.model.modes import lowest_frequencies, modal_damping
 
@@ -64,14 +64,10 @@ def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
     return load[:, :HELD]
 
 
-_RAYLEIGH_POSITIONS = 36
-"""Positions per revolution over which the lowest frequencies are averaged for Rayleigh damping. A choice."""
-
-
 def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
     """Rayleigh damping C = αM + βK (m, n, n) at phases (m,), with the ratio ζ of the two lowest modes at
     their mean frequencies over a revolution."""
-    phase = np.linspace(0.0, period, _RAYLEIGH_POSITIONS, endpoint=False)
+    phase = np.linspace(0.0, period, POSITIONS, endpoint=False)
     first, second = lowest_frequencies(*Positions(beams, phase).matrices(), 2).mean(axis=0)
     ratio = 2 * beams.properties.damping_ratio / (first + second)
 

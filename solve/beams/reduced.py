@@ -18,7 +18,7 @@ import numpy as np
 
 from solve.approximation import interpolated
 from solve.arrays import Array, Latest
-from solve.beams.assembly import Positions
+from solve.beams.assembly import POSITIONS, Positions
 from solve.beams.elements import EXACT
 from solve.beams.frequencies import shape
 from solve.beams.motion import Motion, State, inertia_load
@@ -159,9 +159,6 @@ class ReducedMotion:
         ]
 
 
-_POSITIONS = 36
-"""Positions of a period at which natural frequencies are compared."""
-
 _TRUSTED = 0.5
 """Fraction of the lowest discarded frequency up to which natural frequencies are compared. The usual rule of
 component mode synthesis retains modes up to twice the highest frequency of interest."""
@@ -220,7 +217,7 @@ class ReducedStructure(StructureModel):
     def frequency_error(self) -> float:
         """Estimated relative error of the natural frequencies below half the lowest discarded one: the
         largest at 36 positions of a period, relative to those of the enriched structure."""
-        phase = np.linspace(0.0, self.period, _POSITIONS, endpoint=False)
+        phase = np.linspace(0.0, self.period, POSITIONS, endpoint=False)
         reduced, enriched = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (enriched < _TRUSTED * self.discarded) & (enriched > 0)
         relative = np.abs(reduced / np.where(compared, enriched, 1.0) - 1)

@@ -3,13 +3,13 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
 from solve.arguments import SMALL
 from solve.arrays import Array, LazyMapping, Plane, Recent
-from solve.beams.assembly import Beams, Kinematics, Positions
+from solve.beams.assembly import POSITIONS, Beams, Kinematics, Positions
 from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frequencies import lowest, shapes
 from solve.beams.motion import Motion, State
@@ -19,10 +19,7 @@ from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
 from solve.model.bounds import REDUCE
 from solve.model.model import Model
 from solve.model.modes import beyond_critical
-from solve.model.setup import Setup, samples_of
-
-if TYPE_CHECKING:
-    pass
+from solve.model.setup import Setup, samples_of, stated_lines
 
 MOST = 200
 """Maximum number of frequencies with exact elements, which have infinitely many. A choice."""
@@ -39,9 +36,6 @@ _SPEED_NODES = 3
 
 _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
 """Values of the options of the motion for structures at rest, which do not declare these options."""
-
-_ASSEMBLY_POSITIONS = 36
-"""Positions per revolution at which the assembly of the links is checked. A choice."""
 
 
 class Response(Protocol):
@@ -109,7 +103,7 @@ class StructureModel(Model):
         chosen = freedoms(module.LINKS, module.JOINTS, _of_each_link(setup, "element"), counts, *elastic)
         beams = Beams(chosen, kinematics.properties, kinematics.angle)
         if module.MOVES:
-            Positions(beams, np.linspace(0.0, module.PERIOD, _ASSEMBLY_POSITIONS, endpoint=False))
+            Positions(beams, np.linspace(0.0, module.PERIOD, POSITIONS, endpoint=False))
         terms = {name: setup.options.get(name, default) for name, default in _AT_REST.items()}
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 
@@ -295,7 +289,7 @@ class StructureModel(Model):
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
             for link in self.links
         }
-        return {**links, **self.setup.stated_lines(phase, speed, q[:0], fineness)}
+        return {**links, **stated_lines(self.setup, phase, speed, q[:0], fineness)}
 
     def path(self, link: str, along: float, across: float, phase: Array, q: Array) -> tuple[Array, Array]:
         """Positions x + iy (k,) in m, rigid and with deflections q (n, k), of a point of a link.

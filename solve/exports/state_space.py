@@ -13,7 +13,7 @@ from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.first_order import FirstOrderSystem
-from solve.matrices import leading
+from solve.matrices import SAME_PHASE, leading
 from solve.model.model import LinearisedModel, Model
 from solve.period.points import rate_of
 from solve.system import PeriodicSystem, derivatives_of, of_system
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 
 SAMPLES = 360
 """Default number of phases per period: one per degree of a revolution."""
-
-_INSET = 1e-12
-"""Distance from a jump, relative to the period, within which a sample counts as lying at the jump. A
-choice."""
 
 _FORCES = {"m": "N", "rad": "N m"}
 """Units of forces, by the unit of the coordinate."""
@@ -151,12 +147,19 @@ def _output_slopes(
     return np.stack([dependence.output(name, phase, speed, states)[1] for name in names], axis=1) / rates
 
 
+def _coefficient(name: str, description: str) -> Any:
+    """Property that is one of the coefficients."""
+    return property(lambda space: getattr(space.coefficients, name), doc=description)
+
+
 @dataclass(frozen=True, repr=False)
 class StateSpace:
     """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period, derivatives with
     respect to time.
 
-    Parameters ---------- system : PeriodicSystem
+    Parameters
+    ----------
+    system : PeriodicSystem
         System.
     speed : float
         Ω in rad/s.
@@ -176,40 +179,13 @@ class StateSpace:
     coefficients: Coefficients
     signals: Signals
 
-    @property
-    def A(self) -> Array:
-        """State matrices (m, 2n, 2n)."""
-        return self.coefficients.A
-
-    @property
-    def B(self) -> Array:
-        """Input matrices (m, 2n, n)."""
-        return self.coefficients.B
-
-    @property
-    def C(self) -> Array:
-        """Output matrices (m, p, 2n)."""
-        return self.coefficients.C
-
-    @property
-    def D(self) -> Array:
-        """Feedthrough matrices (m, p, n)."""
-        return self.coefficients.D
-
-    @property
-    def d(self) -> Array:
-        """Loads (m, n), which are added to the inputs."""
-        return self.coefficients.d
-
-    @property
-    def y0(self) -> Array:
-        """Outputs (m, p) without states and forces."""
-        return self.coefficients.y0
-
-    @property
-    def b(self) -> Array:
-        """Constant terms (m, N) of the states."""
-        return self.coefficients.b
+    A = _coefficient("A", "State matrices (m, 2n, 2n).")
+    B = _coefficient("B", "Input matrices (m, 2n, n).")
+    C = _coefficient("C", "Output matrices (m, p, 2n).")
+    D = _coefficient("D", "Feedthrough matrices (m, p, n).")
+    d = _coefficient("d", "Loads (m, n), which are added to the inputs.")
+    y0 = _coefficient("y0", "Outputs (m, p) without states and forces.")
+    b = _coefficient("b", "Constant terms (m, N) of the states.")
 
     def frozen(self, phase: float) -> "control.StateSpace":
         """Time-invariant state space of python-control at a fixed phase; if the matrices jump there, just
@@ -305,8 +281,8 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,); those at a jump of the matrices are moved just behind it."""
-    period, inset = system.period, _INSET * system.period
+    """Phases (k,), moved just behind a jump of the matrices."""
+    period, inset = system.period, SAME_PHASE * system.period
     distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
     return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)
 

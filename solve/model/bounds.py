@@ -69,8 +69,22 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
     return checked
 
 
-def validity_limit(name: str, bound: float, unit: str) -> Limit:
-    """Limit of a quantity beyond which the linearisation may be invalid."""
+def stated_limits(
+    rows: Sequence[tuple[str, str, str]], validity: Mapping[str, float], units: Mapping[str, str]
+) -> list[Limit]:
+    """Limits of validity by coordinate, and of the rows (quantity, bound, meaning) of a generated module."""
+    return [
+        *(_validity_limit(name, bound, units[name]) for name, bound in validity.items()),
+        *(
+            _bound_limit(name, meaning, units[name], clause)
+            for name, bound, meaning in rows
+            for clause in clauses(bound)
+        ),
+    ]
+
+
+def _validity_limit(name: str, bound: float, unit: str) -> Limit:
+    """Limit of validity of the linearisation."""
 
     def message(values: Statistics) -> str:
         reached = f"max|{name}| = {values.max_abs:.3g} {unit}, beyond {bound:g}"
@@ -79,8 +93,8 @@ def validity_limit(name: str, bound: float, unit: str) -> Limit:
     return Limit(name, lambda values: values.max_abs > bound, message)
 
 
-def bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
-    """Limit of an output, from a condition of its bound in a generated module."""
+def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
+    """Limit from a condition of a bound in a generated module."""
 
     def extreme(values: Statistics) -> Any:
         return values.min if clause.startswith(">") else values.max

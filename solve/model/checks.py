@@ -8,6 +8,7 @@ from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.errors import MatricesError
 from solve.matrices import PERIODIC, changes, negligible_changes, require_inertia, with_neighbours
+from solve.model.domain import BISECTIONS
 from solve.model.sampling import MatrixSampler
 from solve.system import PeriodicSystem
 
@@ -22,10 +23,6 @@ _STEEPER_THAN_NEIGHBOURS = 8.0
 """Change, relative to the larger of the changes before and after it, above which a jump is searched for. The
 changes of a parabola form an arithmetic progression, whose middle term is at most the larger of its
 neighbours."""
-
-_BISECTIONS = 40
-"""Number of bisections of the interval between two phases, down to 4e-14 of the period. Over this distance, a
-flank of width 1e-9 of the period changes by 1e-4 of its height, a jump by all of it."""
 
 _JUMP = 1e-2
 """Remaining change after the bisections, relative to the total variation, above which the change is a jump: a
@@ -92,7 +89,7 @@ def require_no_jump(system: PeriodicSystem, speed: float) -> None:
     if not index.size:
         return
     low, high, first, last = ends[index], ends[index + 1], values[index, entry], values[index + 1, entry]
-    for _ in range(_BISECTIONS):
+    for _ in range(BISECTIONS):
         middle = (low + high) / 2
         between = entries(system.at(middle, speed))[np.arange(len(index)), entry]
         left = np.abs(between - first) >= np.abs(last - between)

@@ -12,6 +12,7 @@ from solve.arrays import Array
 from solve.contracts import Columns, Dependence
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError, require_name
 from solve.labels import SPEED
+from solve.matrices import SAME_PHASE
 from solve.model.bounds import clauses
 from solve.model.dependence import (
     AssembledDependence,
@@ -27,9 +28,6 @@ _BREAK_STEP = 1e-2
 """Largest relative change of a parameter in finite differences of the breaks. A choice."""
 
 SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
-
-_SAME_BREAK = 1e-12
-"""Distance of breaks, relative to the period, below which they coincide. A choice."""
 
 
 class ModelDerivatives:
@@ -156,4 +154,4 @@ def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
 def _distinct(breaks: Array, period: float) -> Array:
     """Breaks that differ by more than round-off, modulo the period."""
     phases = np.sort(breaks % period)
-    return phases[np.diff(phases, append=phases[:1] + period) > _SAME_BREAK * period]
+    return phases[np.diff(phases, append=phases[:1] + period) > SAME_PHASE * period]

@@ -26,9 +26,9 @@ _ROUNDING = 1e-12
 errors of some 1e-16, and the value of a minimum that touches zero is accurate to the square of the error of
 its phase."""
 
-_BISECTIONS = 40
-"""Number of bisections of the interval between two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections
-need 1.44 times as many for the same reduction."""
+BISECTIONS = 40
+"""Bisections of the distance of two samples: 0.049 rad · 2⁻⁴⁰ is 4e-14 rad. Golden sections need 1.44 times
+as many for the same reduction."""
 
 _JUMP_SIZE = 1e-6
 """Fraction of the largest margin: if the margin is larger on both sides of a change of sign, this is a jump,
@@ -170,7 +170,7 @@ class Domain:
         step = self._period / margins.shape[1]
         low = self._phases[at]
         high, first = low + step, margins[point, at, row]
-        for _ in range(_BISECTIONS if len(point) else 0):
+        for _ in range(BISECTIONS if len(point) else 0):
             middle = (low + high) / 2
             same = self._margins(middle, speeds[point], values[point])[np.arange(len(row)), row] * first > 0
             low, high = np.where(same, middle, low), np.where(same, high, middle)
@@ -196,7 +196,7 @@ class Domain:
             margin = self._at(phase, point, row, speeds, values)
             return np.where(np.isnan(margin), -np.inf, np.where(self._zero[row], np.abs(margin), margin))
 
-        for _ in range(round(1.44 * _BISECTIONS) if len(point) else 0):
+        for _ in range(round(1.44 * BISECTIONS) if len(point) else 0):
             inner = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
             first = sized(inner[0]) < sized(inner[1])
             left, right = np.where(first, left, inner[0]), np.where(first, inner[1], right)

@@ -11,24 +11,22 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Events, Motion
+from solve.matrices import SAME_PHASE
 from solve.model.formulas import operation_names
 from solve.model.sampling import Sampler, inputs_of
 
 if TYPE_CHECKING:
     import casadi
 
-_MAX_CACHED = 64
-"""Number of modules whose switches are cached. A choice."""
+MAX_CACHED = 64
+"""Number of generated functions that are kept, so that other values of the parameters need no new code. A
+choice: few models are used at a time."""
 
 _STATES = "q", "qd", "qdd"
 
 _SAMPLES, _MIN_SAMPLES = 8, 512
 """Number of phases per step, and smallest total number, at which the switches are evaluated. If a switch is
 passed twice between two of these phases, the events are missed, but grazing is reported. Choices."""
-
-_SAME = 1e-12
-"""Distance of phases of different switches, relative to the period, below which they count as the same:
-round-off."""
 
 _GRAZING = 1e-3
 """Largest modulus of a switch between two events, or at an extremum, relative to its range over the period,
@@ -38,7 +36,7 @@ _REST = 1e-13
 """Range of a switch, relative to its largest modulus, below which it counts as constant: round-off."""
 
 
-@lru_cache(_MAX_CACHED)
+@lru_cache(MAX_CACHED)
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
     """Function of the inputs of a generated residual that returns its switches (s,); None without any."""
     import casadi
@@ -94,7 +92,7 @@ class EventFinder:
                 ),
             ]
         ]
-        same = _SAME * float(phase[-1])
+        same = SAME_PHASE * float(phase[-1])
         return Events(_ascending(phases, same), _ascending(grazing, same))
 
     def _values(self, motion: Motion, speed: float, phase: Array) -> Array:

@@ -14,7 +14,7 @@ from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matric
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.labels import require_vibration
 from solve.matrices import by_the_phase, split_entries
-from solve.model.bounds import bound_limit, checked_parameters, clauses, validity_limit
+from solve.model.bounds import checked_parameters, stated_limits
 from solve.model.cases import Case
 from solve.model.checks import require_no_jump, require_valid, valid_at_all_speeds
 from solve.model.derivatives import ModelDerivatives, SlopesCache
@@ -22,7 +22,7 @@ from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
 from solve.model.sampling import MatrixSampler, Sampler, tangent
-from solve.model.setup import Setup
+from solve.model.setup import Setup, stated_lines
 from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
@@ -68,8 +68,7 @@ class Model(PeriodicSystem):
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         self.fits = setup.case.fits
-        fitted = (fit.sentence for fit in self.fits.values())
-        self.equation_warnings = (*self.left_out, *fitted)
+        self.equation_warnings = (*self.left_out, *(fit.sentence for fit in self.fits.values()))
         self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
         self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
@@ -199,7 +198,7 @@ class Model(PeriodicSystem):
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
     def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        lines = self.setup.stated_lines(phase, speed, q, fineness)
+        lines = stated_lines(self.setup, phase, speed, q, fineness)
         return lines or super().sketched(phase, speed, q)
 
     @property
@@ -315,21 +314,13 @@ class Model(PeriodicSystem):
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
         names = list(quantities)
-        bounds = [(name, bound, meaning) for name, bound, meaning in self.module.LIMITS if name in names]
-        validity = [(name, bound) for name, bound in self.validity.items() if linear and name in names]
-        return [
-            *super().limits(names, linear),
-            *(validity_limit(name, bound, self.units[name]) for name, bound in validity),
-            *(
-                bound_limit(name, meaning, self.units[name], clause)
-                for name, bound, meaning in bounds
-                for clause in clauses(bound)
-            ),
-        ]
+        rows = [row for row in self.module.LIMITS if row[0] in names]
+        validity = {name: bound for name, bound in self.validity.items() if linear and name in names}
+        return [*super().limits(names, linear), *stated_limits(rows, validity, self.units)]
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
-"""Decorator of public functions whose first argument must be a model that vibrates."""
+"""Decorator of public functions of a vibrating model."""
 
 
 class LinearisedModel(Model):

@@ -14,7 +14,7 @@ from solve.errors import ValueOutOfBoundsError
 from solve.model.bounds import checked_options, checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.domain import Domain
-from solve.model.events import EventFinder, switches
+from solve.model.events import MAX_CACHED, EventFinder, switches
 from solve.model.formulas import c_text, roundoff_bound
 from solve.model.sampling import Sampler, folded
 
@@ -52,7 +52,7 @@ class Setup:
         UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
         case = replace(case, parameters=checked_parameters(module, case.parameters))
         setup = cls(module, case, checked_options(module, options))
-        setup.require_conditions()
+        setup._require_conditions()
         if setup.domain is not None:
             setup.domain.require()
         return setup
@@ -90,20 +90,19 @@ class Setup:
         phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
-                phases = self.module.breaks(None, p.tolist(), **self.module_options)
+                phases = self.module.breaks(None, p.tolist(), **self._module_options)
             except ValueError as error:
                 raise ValueOutOfBoundsError(f"{self.module.NAME}: {error}") from None
         return tuple(sorted(set(phases)))
 
     @property
-    def module_options(self) -> dict[str, Any]:
-        """Options of the generated functions, without those of a structure's elements, which concern only its
-        assembly."""
+    def _module_options(self) -> dict[str, Any]:
+        """Options of the generated functions; those of a structure's elements concern its assembly only."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     def function(self, name: str) -> "casadi.Function":
-        """Generated function of a name."""
-        return getattr(self.module, name)(**self.module_options)
+        """Generated function of this name."""
+        return getattr(self.module, name)(**self._module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
         """Sampler of a generated function at many phases, with separate values of the free parameters at each
@@ -115,12 +114,12 @@ class Setup:
     def residual_roundoff(self) -> Sampler:
         """Bounds (k, n) on the round-off in the nonlinear residual, in units of the machine precision, at
         phases, speeds and states q, qd, qdd (k, n), with parameters (p,)."""
-        return Sampler(_roundoff_of(self.module, tuple(self.module_options.items())), shared=1)
+        return Sampler(_roundoff_of(self.module, tuple(self._module_options.items())), shared=1)
 
     @cached_property
     def event_finder(self) -> EventFinder | None:
         """Switches of the residual that depend on the motion, if any."""
-        function = switches(self.module, tuple(self.module_options.items()))
+        function = switches(self.module, tuple(self._module_options.items()))
         return None if function is None else EventFinder(function, self.p)
 
     def formulas(
@@ -133,7 +132,7 @@ class Setup:
         `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
-        options = tuple(self.module_options.items())
+        options = tuple(self._module_options.items())
         text, count = _text_of(self.module, options, name, transform, tuple(free), len(order))
         names = tuple(order[k] for k in free)
         return Formulas(text, count, names, self.p[free]) if text else None
@@ -172,7 +171,7 @@ class Setup:
             self.module.PERIOD / _CONDITION_PHASES
         )
 
-    def require_conditions(self) -> None:
+    def _require_conditions(self) -> None:
         """Raise ValueOutOfBoundsError if the parameters violate a condition."""
         if not self.conditions:
             return
@@ -187,35 +186,33 @@ class Setup:
                     f"{meaning}: {condition} does not hold for {values}; choose values for which it holds"
                 )
 
-    def stated_lines(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> dict[str, Plane]:
-        """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
-        (k,). fineness: fraction of the usual points of curves. Raises ValueOutOfBoundsError for a line
-        without finite points."""
-        lines: dict[str, Plane] = {}
-        if not getattr(self.module, "SKETCH", ()):
-            return lines
-        function = self.function("sketch")
-        for number, (name, _, kind) in enumerate(self.module.SKETCH):
-            samples = samples_of(kind, fineness)
-            fractions = np.tile(np.linspace(0.0, 1.0, samples), len(phase))
-            columns = np.repeat(np.vstack((phase, np.full(len(phase), speed), q)), samples, axis=1)
-            values = function.call([columns[:1], columns[1:2], columns[2:], fractions[None], self.p])
-            coordinates = values[number].full()
-            points = coordinates[::2] + 1j * coordinates[1::2]
-            if not np.isfinite(points).all():
-                raise ValueOutOfBoundsError(
-                    f"sketch {name} of {self.module.NAME} is not defined at some phase; check the parameters"
-                )
-            lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
+
+def stated_lines(
+    setup: Setup, phase: Array, speed: float, q: Array, fineness: float = 1.0
+) -> dict[str, Plane]:
+    """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
+    (k,). fineness: fraction of the usual points of curves. Raises ValueOutOfBoundsError for a line
+    without finite points."""
+    lines: dict[str, Plane] = {}
+    if not getattr(setup.module, "SKETCH", ()):
         return lines
+    function = setup.function("sketch")
+    for number, (name, _, kind) in enumerate(setup.module.SKETCH):
+        samples = samples_of(kind, fineness)
+        fractions = np.tile(np.linspace(0.0, 1.0, samples), len(phase))
+        columns = np.repeat(np.vstack((phase, np.full(len(phase), speed), q)), samples, axis=1)
+        values = function.call([columns[:1], columns[1:2], columns[2:], fractions[None], setup.p])
+        coordinates = values[number].full()
+        points = coordinates[::2] + 1j * coordinates[1::2]
+        if not np.isfinite(points).all():
+            raise ValueOutOfBoundsError(
+                f"sketch {name} of {setup.module.NAME} has no place at some phase; look at its parameters"
+            )
+        lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
+    return lines
 
 
-_MAX_CACHED = 64
-"""Number of generated functions whose code is cached, so that other parameter values need no new code. A
-choice: few models are used at a time."""
-
-
-@lru_cache(_MAX_CACHED)
+@lru_cache(MAX_CACHED)
 def _text_of(
     module: ModuleType,
     options: tuple[tuple[str, Any], ...],
@@ -230,7 +227,7 @@ def _text_of(
     return c_text(function), function.size1_out(0)
 
 
-@lru_cache(_MAX_CACHED)
+@lru_cache(MAX_CACHED)
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
     """Function of the bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))

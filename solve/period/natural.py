@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.matrices import inertia_units
 from solve.period.eigenvalues import EPS
 from solve.period.rigid_body import rigid_body_modes
 
@@ -121,7 +122,7 @@ def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[i
 
 def _symmetric(A: Array, M: Array) -> Array:
     """Whether matrices (m, n, n) are symmetric (m,), in coordinates of unit inertia."""
-    unit = 1 / np.sqrt(np.abs(np.einsum("mii->mi", M)))
+    unit = inertia_units(M)
     scaled = A * unit[:, :, None] * unit[:, None, :]
     asymmetry = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
     return np.asarray(asymmetry <= _SYMMETRIC * np.abs(scaled).max(axis=(1, 2)))

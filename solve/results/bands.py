@@ -8,13 +8,11 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
+from solve.results.formatting import listed
 from solve.results.result import Figure, Result
 from solve.results.serialization import serializable, stored_property
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
-
-_MOST_NAMED = 4
-"""Maximum number of bands in the summary."""
 
 _MEANINGS = {"+1": "period T", "-1": "period 2T", "complex": "combination"}
 
@@ -121,9 +119,8 @@ class Bands(Sequence[Band], Result):
         unit = self.system.speed_unit
         if not self:
             return f"No unstable band found from {unit.span(*self.range)}."
-        bands = ", ".join(unit.span(band.low, band.high, form=".5g") for band in self[:_MOST_NAMED])
-        more = f" and {len(self) - _MOST_NAMED} more" if len(self) > _MOST_NAMED else ""
-        return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}{more}."
+        bands = listed([unit.span(band.low, band.high, form=".5g") for band in self])
+        return f"Unstable between {unit.span(*self.range, word='and')}: from {bands}."
 
     def header_rows(self) -> HeaderRows:
         return [("M, C, K", "constant over the period")] * self.constant_matrices

@@ -179,8 +179,12 @@ class Branch(BranchPoints):
         """Jumps of the response during a slow change of the parameter along the first branch: direction,
         value of the parameter, and largest modulus of the first coordinate before and after the jump; None if
         the branch has no stable orbit on that side."""
-        own, found = np.flatnonzero(self.numbers == 0), []
-        values, peaks, verdicts = self.values[own], self.peaks[own, 0], np.array(self.verdicts)[own]
+        first_branch, records = np.flatnonzero(self.numbers == 0), []
+        values, peaks, verdicts = (
+            self.values[first_branch],
+            self.peaks[first_branch, 0],
+            np.array(self.verdicts)[first_branch],
+        )
         stable = (verdicts[:-1] == STABLE) | (verdicts[1:] == STABLE)
         stable &= (verdicts[:-1] != UNSTABLE) & (verdicts[1:] != UNSTABLE)
         for at in np.flatnonzero(self.turns[first_branch]).tolist():

@@ -101,7 +101,7 @@ class ProvedBoxes:
     def at(self, x: Array, y: Array) -> Array:
         """Positions in VERDICTS (ny, nx) at the points of a grid; for a point on a common edge, the verdict
         of either box."""
-        found = np.full((len(y), len(x)), UNDETERMINED)
+        verdicts = np.full((len(y), len(x)), UNDETERMINED)
         first = np.stack([np.searchsorted(axis, self.ends[:, k]) for axis, k in ((x, 0), (y, 2))], axis=1)
         last = np.stack(
             [np.searchsorted(axis, self.ends[:, k], side="right") for axis, k in ((x, 1), (y, 3))], axis=1

@@ -9,6 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import require_name
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
+from solve.results.formatting import listed
 from solve.results.result import ResultOver
 from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
@@ -22,9 +23,6 @@ _REASONS = {
 }
 _DOUBTFUL = 1e-4
 """Relative error of an exponent above which a warning is issued: four digits are shown."""
-
-_MOST_NAMED = 4
-"""Maximum number of pairs in a warning."""
 
 
 @serializable
@@ -179,11 +177,8 @@ class FollowedModes(ModesOver):
         pairs = [pair for pair in self.ambiguous if pair.kind == kind]
         if not pairs:
             return []
-        places = [
-            f"{pair.modes[0]} and {pair.modes[1]} at {self.text_of(pair.low)}" for pair in pairs[:_MOST_NAMED]
-        ]
-        more = f" and {len(pairs) - _MOST_NAMED} more" if len(pairs) > _MOST_NAMED else ""
-        return [f"the identity of modes {', '.join(places)}{more} is undetermined: {reason}"]
+        places = [f"{pair.modes[0]} and {pair.modes[1]} at {self.text_of(pair.low)}" for pair in pairs]
+        return [f"the identity of modes {listed(places)} is undetermined: {reason}"]
 
     def text_of(self, value: float) -> str:
         """Text of a speed in rad/s or a value of the parameter."""

@@ -13,15 +13,24 @@ from solve.arrays import Array
 from solve.contracts import ModeShape
 from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
-from solve.results.contents import Column, Columns, FileContents, HeaderRows, known, model_info, to_json
+from solve.results.contents import (
+    MOST_SHOWN,
+    Column,
+    Columns,
+    FileContents,
+    HeaderRows,
+    known,
+    model_info,
+    to_json,
+)
 from solve.results.formatting import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
 from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem, structure_of
 
-MOST_MODES, _MOST_LINKS = 6, 3
-"""Maximum numbers of columns of a table."""
+_MOST_LINKS = 3
+"""Maximum number of links alone in a table."""
 
 
 class Roots(Result):
@@ -154,7 +163,7 @@ class Frequencies(Roots):
         frequencies, growth_rates = self._roots
         for k, (omegas, rates) in enumerate(zip(frequencies.T, growth_rates.T, strict=True), start=1):
             heading, texts = (
-                f"mode {k}" if k <= MOST_MODES else "",
+                f"mode {k}" if k <= MOST_SHOWN else "",
                 [*map(self.text_of, self.signed[:, k - 1])],
             )
             columns[f"frequency{k}"] = Column(omegas, "rad/s", f"natural frequency {k}", heading, texts)

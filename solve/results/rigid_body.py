@@ -7,10 +7,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.period.rigid_body import RigidBodyModes
+from solve.results.contents import MOST_SHOWN
 from solve.results.serialization import serializable
-
-_MOST_MOVING = 6
-"""Maximum number of coordinates of a rigid-body mode that a sentence names."""
 
 
 @serializable
@@ -30,14 +28,9 @@ class RigidBodyMode(NamedTuple):
         >>> RigidBodyMode((1.0, -0.5, 0.0), False, 0.0).ratio(("motor", "gear", "case"))
         'motor : gear = 1 : -0.5'
         """
-        moving = [
-            (name, component) for name, component in zip(coordinates, self.vector, strict=True) if component
-        ]
-        shown = moving[:_MOST_MOVING]
-        names, parts = (
-            " : ".join(name for name, _ in shown),
-            " : ".join(f"{component:.4g}" for _, component in shown),
-        )
+        moving = [(name, part) for name, part in zip(coordinates, self.vector, strict=True) if part]
+        shown = moving[:MOST_SHOWN]
+        names, parts = " : ".join(name for name, _ in shown), " : ".join(f"{part:.4g}" for _, part in shown)
         more = len(moving) - len(shown)
         return f"{names} = {parts}" + (f" and {more} more" if more else "")
 

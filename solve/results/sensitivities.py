@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.results.contents import Column, Columns, HeaderRows, speeds_of
+from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, speeds_of
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
 from solve.system import PeriodicSystem
 
-MOST_ROWS, _MOST_NAMED = 12, 6
+MOST_ROWS = 12
+"""Maximum number of parameters of a quantity in figures and tables at one speed."""
+
 _UNCERTAIN = 0.01
 """Relative error of a derivative above which a warning is issued."""
 
@@ -32,7 +34,9 @@ tolerance of orbits and multipliers."""
 class Sensitivity:
     """Sensitivity of one quantity.
 
-    Attributes ---------- value, unit : float or complex, str
+    Attributes
+    ----------
+    value, unit : float or complex, str
         Value of the quantity.
     derivatives, errors : (r,) array
         Derivatives with respect to the parameters and their estimated absolute errors, in SI units; NaN with
@@ -150,7 +154,7 @@ class Sensitivities(Result):
     def summary(self) -> str:
         """Sentence on the parameter with the largest elasticity of each quantity."""
         parts = []
-        for quantity, one in itertools.islice(self.found.items(), _MOST_NAMED):
+        for quantity, one in itertools.islice(self.found.items(), MOST_SHOWN):
             certain = one.errors <= _UNCERTAIN * np.abs(one.derivatives)
             sizes = self.elasticities(quantity)
             accurate = {
@@ -176,9 +180,6 @@ def number(value: Any, digits: int) -> str:
         return f"{value.real:.{digits - 2}g}{value.imag:+.{digits - 2}g}i"
     return f"{value:.{digits}g}" if math.isfinite(value) else "–"
 
-
-_MOST = 6
-"""Maximum number of parameters per quantity in figures and tables."""
 
 _AXES = ("speed", "quantity", "by")
 
@@ -271,4 +272,4 @@ class SensitivitiesOver(Result):
         """Indices of the parameters with the largest elasticities of a quantity over the speeds, largest
         first."""
         sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
-        return np.argsort(-sizes, kind="stable")[:_MOST].tolist()
+        return np.argsort(-sizes, kind="stable")[:MOST_SHOWN].tolist()

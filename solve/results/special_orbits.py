@@ -14,6 +14,7 @@ from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, repeats_early
 from solve.results.contents import HeaderRows
+from solve.results.formatting import listed
 from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion
 from solve.results.serialization import stored_property
@@ -24,9 +25,8 @@ _STEPS = 256
 """Number of steps between the nodes of prescribed motion in files. A choice that does not affect the
 statistics, which are computed from the continuous curve."""
 
-_MOST_EVENTS, _MOST_NAMED = 32, 3
-"""Number of events per period of the model above which an orbit may chatter, and maximum number of phases
-named in a warning. Choices."""
+_MOST_EVENTS = 32
+"""Number of events per period of the model above which an orbit may chatter. A choice."""
 
 _ROUNDOFF = 1e-14
 """Relative error of an output of prescribed motion: about a hundred operations, each accurate to 1e-16."""
@@ -107,7 +107,7 @@ class NonlinearOrbit(Orbit):
                 "start to find one of longer period"
             )
         if self.grazing:
-            places = ", ".join(f"{phase:.4g}" for phase in self.grazing[:_MOST_NAMED])
+            places = listed([f"{phase:.4g}" for phase in self.grazing])
             sentences.append(
                 f"the orbit grazes a switch of the equations, such as a stop, at phase {places} rad: its "
                 "multipliers change abruptly nearby, and the verdict is undetermined"

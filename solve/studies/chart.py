@@ -178,7 +178,7 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
 def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
     """Warnings: the number of points with a stability verdict but without an orbit, and the reason; the
     bounds of the model that orbits violate, with the largest excess."""
-    names, known = orbits.kept.names, orbits.figures[~orbits.failed]
+    names, valid_figures = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
     without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
     if not len(valid_figures):

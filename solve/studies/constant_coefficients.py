@@ -13,7 +13,7 @@ from solve.arrays import Array, solved
 from solve.batch.batch import Batch
 from solve.batch.family import Family
 from solve.batch.gathering import gathered
-from solve.matrices import split_entries
+from solve.matrices import inertia_units, split_entries
 from solve.methods.method import Method
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, EPS, STABLE, UNIT_CIRCLE, UNSTABLE
 from solve.period.rigid_body import BOUND, RigidBodyModes, rigid_body_modes
@@ -205,8 +205,8 @@ def _exponents(
     """Growth, angular rates and errors (3, P, N) of points with M, C, K (P, n, n) and the reference
     coordinates (places) of their rigid-body modes. The states are the other coordinates, relative to these
     modes, and all velocities."""
-    n, rest = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
-    unit = 1 / np.sqrt(np.abs(np.einsum("pii->pi", M)))
+    n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
+    unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
     M, C, K = (matrix * unit[:, :, None] * unit[:, None] for matrix in (M, C, K))
     vectors = modes.vectors[:, :, : len(places)]

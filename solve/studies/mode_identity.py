@@ -196,7 +196,7 @@ def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str
 
 def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
     """Ambiguities in ascending order, those of the same pair and kind joined where their ranges touch."""
-    found = set()
+    ambiguities = set()
     for doubt in doubts:
         pair = _pair(label_of, doubt)
         if pair is not None:

@@ -119,8 +119,8 @@ def _predicted(
 
 def _write_figures(results: PointResults, orbit: NonlinearOrbit) -> None:
     """Write statistics and amplitudes of the stored quantities."""
-    kept: Kept = results.kept
-    for row, name in enumerate(kept.names):
+    selection: Kept = results.kept
+    for row, name in enumerate(selection.names):
         statistics: Statistics = orbit.statistics(name)
         results.figures[0, row] = [getattr(statistics, figure) for figure in FIGURES]
     for row, name in enumerate(selection.spectra):

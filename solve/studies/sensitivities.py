@@ -138,7 +138,9 @@ def speed_sensitivities(
 ) -> Sensitivities:
     """Derivatives of edges of unstable bands, or of maxima of critical speeds, with respect to parameters.
 
-    Parameters ---------- found : Bands or CriticalSpeeds
+    Parameters
+    ----------
+    found : Bands or CriticalSpeeds
         Result of `solve.bands` or `solve.critical_speeds`.
     by : sequence of str, optional
         Names of parameters, by default all by which there are derivatives.
@@ -191,8 +193,8 @@ def speed_sensitivities(
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
     """Names of parameters on which speeds may depend; by default all with respect to which derivatives are
     available. Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
-    _, every = quantities_by(system, [RADIUS], by)
-    if by is not None and SPEED in every:
+    _, differentiable = quantities_by(system, [RADIUS], by)
+    if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(
             "by is speed, but the quantities to differentiate are themselves speeds; give parameters, such "
             "as 'k1', or leave by out"

@@ -14,7 +14,7 @@ from solve.views.panels import axis_label, draw_map, title_of
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, GREY, Axes, Figure, page
 from solve.views.sweep import KIND_COLORS, KIND_NAMES
-from solve.views.tables import RenderableType, table, text
+from solve.views.tables import MOST_LISTED, RenderableType, table, text
 
 _LINES = {"+1": "-", "-1": (0, (5, 2)), "complex": (0, (1, 1.2))}
 _SHORT = {"+1": "+1", "-1": "−1", "complex": "pair"}
@@ -31,9 +31,6 @@ _LETTER = 0.007, 0.035
 
 _FEWEST = 5
 """Minimum number of points of a curve for smoothing by Akima's cubics."""
-
-
-_MOST_CURVES = 20
 
 
 class Field(NamedTuple):
@@ -279,7 +276,7 @@ def _boundary_table(chart: Chart) -> RenderableType:
     if not chart.boundaries:
         return text("\nno boundary in this range")
     names = chart.x_name, chart.y_name
-    curves = sorted(chart.boundaries, key=lambda curve: -len(curve.points))[:_MOST_CURVES]
+    curves = sorted(chart.boundaries, key=lambda curve: -len(curve.points))[:MOST_LISTED]
     rows = [(name, str(len(points)), *map(chart.span, names, points.T)) for name, points in curves]
     shorter = len(chart.boundaries) - len(curves)
     caption = f"and {shorter} shorter ones" if shorter else None

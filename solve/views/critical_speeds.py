@@ -11,12 +11,10 @@ from solve.results.contents import Column, digits, speeds_of
 from solve.results.critical_speeds import MOST_DECADES, CriticalSpeeds
 from solve.results.formatting import named
 from solve.units import ShownUnit
-from solve.views.panels import label_quantity, legend_above, panels_over, through
+from solve.views.panels import HEADROOM, label_quantity, legend_above, panels_over, through
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, VERMILION, Axes, Figure
-from solve.views.tables import RenderableType, Table, table_of, text
-
-_MOST_COMBINATIONS = 20
+from solve.views.tables import MOST_LISTED, RenderableType, Table, table_of, text
 
 _CAPTIONS = {
     "–": "mode –: no division of a frequency and no combination up to order {0} explains it",
@@ -26,7 +24,6 @@ _CAPTIONS = {
     "|ρ|": "a row with |ρ| alone shows the multiplier at the maximum of |ρ|",
 }
 
-_HEADROOM = 1.15
 _ROOM = 1.6
 """Factor of free space above and below curves on a logarithmic axis."""
 
@@ -81,7 +78,7 @@ def _rows_table(found: CriticalSpeeds) -> Table:
 
 
 def _combinations_table(found: CriticalSpeeds) -> Table:
-    some = found.combinations[:_MOST_COMBINATIONS]
+    some = found.combinations[:MOST_LISTED]
     columns = {
         "speed": speeds_of(found.system, [one.speed for one in some], "", "speed", found.decimals),
         "i": Column([one.modes[0] for one in some], heading="i"),
@@ -217,7 +214,7 @@ def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     speeds = unit.of(found.speeds)
     orders = sorted({order for *_, order in divided})
     shown = sorted({mode for _, mode, _ in divided}) or [1 + int(found.frequencies.any(axis=0).argmax())]
-    top = _HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
+    top = HEADROOM * float(np.nanmax(found.frequencies[:, [mode - 1 for mode in shown]])) / (2 * math.pi)
     for order in orders:
         rays = order * found.speeds / (2 * math.pi)
         axes.plot(speeds, rays, color=LIGHT if order % 5 else GREY, linewidth=0.7, zorder=1)

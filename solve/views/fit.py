@@ -129,14 +129,11 @@ def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
     return order if even and each.by_phase else None
 
 
-_MOST_BARS = 12
-
-
 @figure.register(Sensitivities)
 def sensitivities_figure(result: Sensitivities) -> Figure:
     """Elasticities of every quantity as bars, the largest at the top; real and imaginary parts of complex
     ones."""
-    ranked = {quantity: result.ranked(quantity)[:_MOST_BARS] for quantity in result.found}
+    ranked = {quantity: result.ranked(quantity)[:MOST_ROWS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
     name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
     with page(0.6 + sum(heights), f"{name}: what matters most") as figure:

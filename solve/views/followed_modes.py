@@ -10,7 +10,7 @@ from solve.arrays import Array
 from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN
 from solve.results.followed_modes import CROSSING, FollowedModes, damping_ratios
-from solve.views.panels import legend_above, panels_over, shades
+from solve.views.panels import HEADROOM, legend_above, panels_over, shades
 from solve.views.show import figure, tables
 from solve.views.style import BLACK, GREY, LIGHT, MANY, VERMILION, Axes, Figure
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table
@@ -23,9 +23,6 @@ _LEAST_NAMED = 0.01
 
 _MOST_HARMONICS, _WIDTH = 3, 48
 """Maximum number of harmonics that tables name, and of characters for them in 80 columns."""
-
-_HEADROOM = 1.15
-"""Factor of free space above the highest frequency."""
 
 _MOST_RAYS = 12
 """Maximum number of rays of the harmonics of the speed, so that curves remain visible."""
@@ -47,7 +44,7 @@ def followed_modes_figure(followed: FollowedModes) -> Figure:
 
 def _draw_frequencies(axes: Axes, followed: FollowedModes) -> None:
     x, hertz = _places(followed, followed.path), np.abs(np.imag(followed.path_exponents)) / (2 * math.pi)
-    top = _HEADROOM * float(np.nanmax(hertz, initial=0.0))
+    top = HEADROOM * float(np.nanmax(hertz, initial=0.0))
     _draw_rays(axes, followed, top)
     for column, (label, style) in enumerate(zip(followed.labels, _styles(followed), strict=True)):
         _draw_sidebands(axes, followed, column, style)

@@ -10,10 +10,10 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import DrawnLink, ModeShape
 from solve.errors import ValueOutOfBoundsError
-from solve.results.contents import Column, digits
-from solve.results.frequencies import MOST_MODES, Findings, Frequencies, Variation
+from solve.results.contents import MOST_SHOWN, Column, digits
+from solve.results.frequencies import Findings, Frequencies, Variation
 from solve.system import PeriodicSystem
-from solve.views.panels import axis_label, title_of
+from solve.views.panels import DEFLECTION, axis_label, title_of
 from solve.views.show import figure, tables
 from solve.views.style import (
     BLACK,
@@ -33,9 +33,6 @@ from solve.views.style import (
 from solve.views.tables import MOST_ROWS, RenderableType, Table, table_of
 
 _COLORS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-
-_DEFLECTION = 0.1
-"""Largest displacement in figures, relative to the size of the structure: visible without overlap."""
 
 _MOST_SHAPES = 8
 
@@ -154,8 +151,8 @@ def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
 
 
 def _drawn(shape: ModeShape) -> list[Array]:
-    """Points x + iy of the displaced links, one array per link."""
-    scale = _DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
+    """Places of the displaced links."""
+    scale = DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     links = zip(shape.places, shape.displacements, strict=True)
     return [place + scale * displacement for place, displacement in links]
 
@@ -197,13 +194,13 @@ def _label_frequencies(axes: Axes) -> None:
 
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
-    """Columns of the table, with one row per position, and statistics."""
-    listed = _lowest(min(found.values.shape[1], MOST_MODES), found.system.most_frequencies)
-    rows = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
-    rows.add_section()
+    """Row per position, and statistics."""
+    listed = _lowest(min(found.values.shape[1], MOST_SHOWN), found.system.most_frequencies)
+    made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
+    made.add_section()
     for name, values in found.statistics(0).items():
-        rows.add_row(name, *map(found.text_of, values[:MOST_MODES]))
-    return [rows]
+        made.add_row(name, *map(found.text_of, values[:MOST_SHOWN]))
+    return [made]
 
 
 @tables.register(Variation)

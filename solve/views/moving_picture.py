@@ -14,25 +14,13 @@ from solve.arrays import Array, Plane
 from solve.results.formatting import prefixed
 from solve.system import PeriodicSystem
 from solve.views.page import document, svg_of
-from solve.views.panels import labelled
+from solve.views.panels import frame_of, labelled
 from solve.views.style import BLACK, BLUE, GREY, LIGHT, PAGE_WIDTH, VERMILION, Axes, Figure, page, styled
 
 if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
-_DPI = 100
-_FRAME_MS = 40
-_TALLEST, _LOWEST = 4.8, 2.0
-_PANEL = 0.85
-_MECHANISM = 3.7
-"""Sizes in inches: largest and smallest height of the mechanism's axes, height of a panel with a curve, and
-width of the mechanism's axes."""
-
-_TALL = 1.8
-"""Ratio of height to width of a mechanism above which six positions fit side by side."""
-
-_MARGIN = 0.07
 _SAME = 1e-9
 """Distance, relative to the mechanism's size, up to which two points count as equal; it bounds the
 round-off."""
@@ -109,7 +97,8 @@ def scene(drawn: Drawn) -> Scene:
     """Scene with the mechanism on the left, and a panel per quantity with a moving mark on the right."""
     low, high = _frame(drawn)
     width, height = (high - low).real, (high - low).imag
-    tall = min(max(_MECHANISM * height / width, _LOWEST, _PANEL * len(drawn.panels)), _TALLEST)
+    # In inches: axes 3.7 wide, at least 0.85 a panel.
+    tall = min(max(3.7 * height / width, 2.0, 0.85 * len(drawn.panels)), 4.8)
     with page(tall + 0.95, drawn.title) as figure:
         grid = figure.add_gridspec(len(drawn.panels), 2, width_ratios=(1.3, 1))
         axes = figure.add_subplot(grid[:, 0])
@@ -130,7 +119,7 @@ def still(drawn: Drawn) -> Figure:
     """Figure of the mechanism at several positions, one panel each."""
     count = len(drawn.phase)
     low, high = _frame(drawn)
-    tall = (high - low).imag > _TALL * (high - low).real
+    tall = (high - low).imag > 1.8 * (high - low).real
     columns = count if count <= (6 if tall else 3) else 3 if count in (5, 6, 9) else 4
     rows = math.ceil(count / columns)
     row = (PAGE_WIDTH - 0.6) / columns * (high - low).imag / (high - low).real + 0.12
@@ -153,9 +142,7 @@ def gif(drawn: Drawn) -> bytes:
     """Animated GIF that repeats endlessly."""
     images = [*_images(scene(drawn))]
     stream = BytesIO()
-    images[0].save(
-        stream, "GIF", save_all=True, append_images=images[1:], duration=_FRAME_MS, loop=0, optimize=True
-    )
+    images[0].save(stream, "GIF", save_all=True, append_images=images[1:], duration=40, loop=0, optimize=True)
     return stream.getvalue()
 
 
@@ -164,7 +151,7 @@ def _images(made: Scene) -> Iterator:
     from PIL import Image
 
     artists = [*(mover.artist for mover in made.movers), made.label]
-    made.figure.set_dpi(_DPI)
+    made.figure.set_dpi(100)
     canvas, palette = made.figure.canvas, None
     with styled():
         for artist in artists:
@@ -258,12 +245,9 @@ def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
 
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
-    """Lower left and upper right corner of the area that contains all frames."""
-    places = np.concatenate([each.ravel() for lines in (drawn.rigid, drawn.moved) for each in lines.values()])
-    low = complex(places.real.min(), places.imag.min())
-    high = complex(places.real.max(), places.imag.max())
-    room = _MARGIN * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
-    return low - room, high + room
+    """Lower left and upper right corner of the area that all frames need."""
+    lines = (*drawn.rigid.values(), *drawn.moved.values())
+    return frame_of(np.concatenate([places.ravel() for places in lines]))
 
 
 def _framed(axes: Axes, low: complex, high: complex, unit: str) -> None:
@@ -284,9 +268,6 @@ def _caption(figure: Figure, drawn: Drawn) -> None:
 
 
 _SCRIPT = Path(__file__).with_name("moving_page.js")
-_POINTS_PER_INCH = 72
-"""Points per inch of SVG pictures of matplotlib."""
-
 _RIGID_TOLERANCE = 1e-6
 """Distance from a rigid motion, relative to the size of the line, that counts as zero: below a pixel."""
 
@@ -325,7 +306,8 @@ def _picture(made: Scene) -> tuple[str, list[dict]]:
     """SVG picture with its moving lines, and for each line an attribute and its values by frame."""
     figure = made.figure
     with styled():
-        figure.set_dpi(_POINTS_PER_INCH)
+        # SVG pictures of matplotlib have 72 points per inch.
+        figure.set_dpi(72)
         figure.canvas.draw()
     figure.set_layout_engine("none")
     height = figure.bbox.height

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.results.contents import MOST_SHOWN
@@ -34,6 +34,12 @@ _FEW = 60
 
 MOST_CURVES = 12
 """Maximum number of curves that can be distinguished in one figure."""
+
+HEADROOM = 1.15
+"""Ratio of the height of a Campbell diagram to the highest frequency."""
+
+DEFLECTION = 0.1
+"""Largest displacement in figures, relative to the size of the structure or path: visible without overlap."""
 
 _LABEL = 54
 """Number of characters per line of a label."""
@@ -179,6 +185,14 @@ def shades(count: int) -> list[dict[str, Any]]:
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
     return [{"color": colour, "dashes": _DASHES[k % len(_DASHES)]} for k, colour in enumerate(colours)]
+
+
+def frame_of(places: Plane) -> tuple[complex, complex]:
+    """Lower left and upper right corner around places x + iy, with a margin."""
+    low = complex(places.real.min(), places.imag.min())
+    high = complex(places.real.max(), places.imag.max())
+    room = 0.07 * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
+    return low - room, high + room
 
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:

@@ -140,8 +140,6 @@ def _write_summary(axes: Axes, result: Stability) -> None:
     axes.text(0.0, 0.88, "\n".join(lines), linespacing=1.6, **place)
 
 
-_MOST_DISCS = 8
-
 _LONGEST = 60
 """Number of digits of a bound that fit next to its name in 80 columns."""
 
@@ -175,12 +173,12 @@ def _disc_table(proof: Proof) -> RenderableType:
     """Discs that contain the multipliers; one row per pair."""
     discs = [*zip(proof.multipliers.tolist(), proof.radii.tolist(), proof.isolated.tolist(), strict=True)]
     pairs, rows = [disc for disc in discs if disc[0].imag >= 0 or not disc[2]], []
-    for center, radius, isolated in pairs[:_MOST_DISCS]:
+    for center, radius, isolated in pairs[:_MOST_MULTIPLIERS]:
         pair = isolated and center.imag
         imaginary = f"±{center.imag:.17g}" if pair else f"{center.imag:.17g}"
         count = "one each" if pair else "one" if isolated else "several"
         rows.append((f"{center.real:.17g}", imaginary, rounded(radius, 2, ROUND_CEILING), count))
-    caption = f"and {len(pairs) - _MOST_DISCS} smaller" if len(pairs) > _MOST_DISCS else None
+    caption = f"and {len(pairs) - _MOST_MULTIPLIERS} smaller" if len(pairs) > _MOST_MULTIPLIERS else None
     title, headings = "Discs that contain the multipliers", ("Re ρ", "Im ρ", "radius", "multipliers")
     return table(title, *headings, left=0, rows=rows, caption=caption)
 

@@ -21,6 +21,9 @@ else:
 MOST_ROWS = 40
 """Maximum number of rows of long tables, so that they fit on two screens; every k-th row is shown."""
 
+MOST_LISTED = 20
+"""Maximum number of rows of lists in the order of their importance; the others are counted."""
+
 _UNBROKEN = 10_000
 """Width in columns at which no table wraps."""
 

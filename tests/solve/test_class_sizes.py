@@ -14,7 +14,6 @@ EXCEPTIONS = {
     "Method": "properties of a discretisation, most of which a method does not override",
     "Model": "capabilities of a generated system",
     "PeriodicSystem": "capabilities that systems may have",
-    "Setup": "numbers of a generated model",
     "StructureModel": "capabilities of a structure of beams",
 }
 """Classes above this number."""

@@ -14,7 +14,6 @@ from tests.solve.first_order_systems import (
     orbit_difference,
     restated,
     rotated,
-    with_load,
 )
 
 METHODS = "radau", "gauss", "rk4", "hsu", "fourier", "hill"
@@ -290,64 +289,6 @@ def test_comparison_leaves_out_methods_of_second_order():
     rows = solve.compare(FirstOrderSystem(relaxation, ["x"]), 1.0, steps=[32], targets=[1e-4]).rows
     refused = {row.method for row in rows if row.reason and "second order only" in row.reason}
     assert refused == set(REFUSED)
-
-
-@pytest.fixture
-def filtered():
-    """Two states with an input, an output and a load."""
-    A, _ = rotated(np.random.default_rng(9), 2)
-
-    def matrices(phase, speed):
-        B, C = np.ones((len(phase), 2, 1)), np.zeros((len(phase), 1, 2))
-        C[:, 0, 0] = np.cos(phase)
-        return (*with_load(A)(phase, speed), B, C, np.full((len(phase), 1, 1), 0.5))
-
-    return FirstOrderSystem(matrices, names("x", 2), inputs=["u"], outputs=["y"])
-
-
-def test_outputs_follow_from_the_states(filtered):
-    orbit = solve.periodic(filtered, 1.0)
-    assert orbit.outputs["y"] == pytest.approx(np.cos(orbit.phase) * orbit.x[0], abs=1e-12)
-    assert solve.sweep(filtered, [1.0]).figures("y") == pytest.approx(
-        [orbit.statistics("y").max_abs], rel=1e-6
-    )
-
-
-def test_state_space_has_the_matrices_of_the_system(filtered):
-    space = solve.state_space(filtered, 1.0, samples=8)
-    A, b, B, C, D = filtered.equations_at(space.phase, 1.0)
-    for found, expected in ((space.A, A), (space.b, b), (space.B, B), (space.C, C), (space.D, D)):
-        assert np.array_equal(found, expected)
-    assert space.signals.inputs == ("u",)
-    assert space.signals.outputs == ("y",)
-
-
-def test_harmonic_transfer_function_gives_the_response(filtered):
-    """To an input at the frequency of the matrices, against the orbit with this input in the load."""
-    transfer = solve.harmonic_transfer(filtered, 1.0, harmonics=3)
-    u = np.zeros(7, dtype=complex)
-    u[[2, 4]] = 0.5  # cos t
-    y = np.einsum("iok,k->io", transfer.at(0.0).values[..., 0], u)[:, 0] + transfer.rest[:, 0]
-
-    def loaded(phase, speed):
-        A, b, B, C, D = filtered.equations_at(phase, speed)
-        return A, b + B[..., 0] * np.cos(phase)[:, None], B, C, D
-
-    system = FirstOrderSystem(loaded, filtered.states, inputs=["u"], outputs=["y"])
-    orbit = solve.periodic(system, 1.0, rtol=1e-10)
-    values = orbit.system.output_values(orbit.phase, 1.0, orbit.q, orbit.qd, orbit.qdd)["y"]
-    values = values + 0.5 * np.cos(orbit.phase)
-    expected = np.fft.fft(values[:-1]) / (len(values) - 1)
-    assert y[3:] == pytest.approx(expected[:4], abs=1e-7)
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_state_space_of_other_forms_gives_the_same_response(order):
-    second, *others = restated(4, 2)
-    system = others[order - 1]
-    transfers = [solve.harmonic_transfer(one, 1.3, harmonics=12) for one in (second, system)]
-    responses = [np.einsum("iokj,kj->io", one.at(0.0).values, one.excitation) + one.rest for one in transfers]
-    assert np.abs(responses[1][:, :2] - responses[0]).max() <= 1e-7 * np.abs(responses[0]).max()
 
 
 def conduction(phase, speed):

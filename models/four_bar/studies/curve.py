@@ -17,13 +17,10 @@ from solve.results.contents import Column, Columns, sized, to_json
 from solve.results.formatting import prefixed, round_magnification
 from solve.results.periodic_motion import PeriodicMotion
 from solve.results.serialization import serializable
-from solve.views.panels import SAMPLES
+from solve.views.panels import DEFLECTION, SAMPLES
 from solve.views.show import tables
 from solve.views.style import BLACK, BLUE, GREY, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table_of
-
-_DRAWN = 0.1
-"""Largest deviation in the figure with automatic magnification, as a fraction of the size of the path."""
 
 
 @serializable
@@ -140,9 +137,9 @@ def curve_of_point(
 
 
 def _magnification(curve: CouplerCurve) -> float:
-    """Magnification with which the drawn deviation is at most `_DRAWN` of the path's larger extent."""
+    """Factor that limits the drawn deviation to `DEFLECTION` of the path's larger extent."""
     size = max(float(np.ptp(np.real(curve.rigid))), float(np.ptp(np.imag(curve.rigid))))
-    return round_magnification(_DRAWN * size / (float(np.abs(curve.deviation).max()) or np.inf))
+    return round_magnification(DEFLECTION * size / (float(np.abs(curve.deviation).max()) or np.inf))
 
 
 def curve_figure(title: str, curve: CouplerCurve) -> Figure:

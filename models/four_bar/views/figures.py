@@ -84,8 +84,8 @@ def linkage_figure(
 
 def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], shown: float) -> None:
     """Paths of the joints and coupler points, pale positions, and one position in full."""
-    turn = linkage.motion(np.linspace(0.0, TURN, SAMPLES))
-    for path in _joints(turn)[1:3]:
+    motion = linkage.motion(np.linspace(0.0, TURN, SAMPLES))
+    for path in _joints(motion)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
     for k, point in enumerate(points):
         path, label = motion.position(2, point), f"({point.real:g}, {point.imag:g}) m"

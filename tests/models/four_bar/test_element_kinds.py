@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import solve
-from models.four_bar.studies.elements import element_kinds
+from models.four_bar.studies.modes import element_kinds
 from solve.errors import ValueOutOfBoundsError
 
 

@@ -44,7 +44,7 @@ def test_the_nonlinear_orbit(command):
 
 
 def test_model_without_lines_is_refused_with_advice(command, tmp_path, monkeypatch):
-    monkeypatch.setattr("solve.model.setup.Setup.stated_lines", lambda *_: {})
+    monkeypatch.setattr("solve.model.model.stated_lines", lambda *_: {})
     ran = command(*CAM, "--out", "mine.gif")
     assert (ran.status, ran.out) == (2, "")
     assert "cam states no lines to draw; add mechanism.sketch(name, points)" in ran.err

@@ -12,9 +12,8 @@ from models.four_bar.design_map import design_map
 from models.four_bar.studies.corrected import corrections
 from models.four_bar.studies.curve import curve_of_point
 from models.four_bar.studies.design import carry_out
-from models.four_bar.studies.elements import element_kinds
 from models.four_bar.studies.linkage import rigid_motion
-from models.four_bar.studies.modes import mode_contributions
+from models.four_bar.studies.modes import element_kinds, mode_contributions
 
 
 @cache
