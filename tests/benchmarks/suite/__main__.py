@@ -42,6 +42,8 @@ def measured(system: FourierSystem, solver: Solver, target: float) -> tuple[floa
             seconds, result = median(lambda tolerance=tolerance: solver(tolerance), repeats=1)
         except Exception as reason:
             raise ValueError(f"{type(reason).__name__}") from reason
+        if not all(np.isfinite(values).all() for values in result):
+            raise ValueError("not resolved")
         error = max(errors(system, *result))
         if error <= target:
             # The first call prepared what later ones reuse: compiled code, an integrator.

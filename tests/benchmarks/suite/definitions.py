@@ -112,7 +112,8 @@ def _single() -> Iterator[Definition]:
     yield Definition(
         "crank_inertia",
         "Torsion of a crank train, inertia I = 1 - 0.5 cos 2φ: I q̈ + (I′Ω + 0.02) q̇ + (40 + I″Ω²/2) q = "
-        "-I′Ω²/2 (secondary resonance; compare M. S. Pasricha, W. D. Carnegie, J. Sound Vib. 66 (1979) 181-186)",
+        "-I′Ω²/2 (secondary resonance; compare M. S. Pasricha, W. D. Carnegie, J. Sound Vib. 66 (1979) "
+        "181-186)",
         6.1,
         lambda phase: 1 - 0.5 * cos(2 * phase),
         lambda phase: 6.1 * sin(2 * phase) + 0.02,
