@@ -1,0 +1,95 @@
+"""python -m tests.benchmarks.suite [--target 1e-6] [NAME …]: processor times at equal measured accuracy.
+
+Each program gets the loosest power of ten as its tolerance for which multipliers, relative to the spectral
+radius, and q and q̇ at φ = 0, each relative to its largest entry, are accurate to the target. What a program
+prepares before its first solution, such as compiled code, is not timed. NAME: of a program or a system. Run
+it with OMP_NUM_THREADS=1.
+"""
+
+import argparse
+import math
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from solve.arrays import Array
+from tests.benchmarks.suite.contenders import CONTENDERS, Solver, UnsuitableError
+from tests.benchmarks.suite.systems import FourierSystem, load
+from tests.benchmarks.timing import median
+
+LOOSEST, TIGHTEST = 2, 13
+MOST_SECONDS = 20.0
+"""A program that needs longer for one solution is given up."""
+
+
+def errors(system: FourierSystem, multipliers: Array, state: Array) -> tuple[float, float]:
+    """Errors of the multipliers and of the state at φ = 0, both relative."""
+    distances = np.abs(np.asarray(multipliers)[:, None] - system.multipliers)
+    matched = distances[linear_sum_assignment(distances)]
+    halves = np.split(state - system.state, 2), np.split(system.state, 2)
+    sizes = [np.abs(half).max() for half in halves[1]]
+    differences = [
+        np.abs(difference).max() / (size or 1.0) for difference, size in zip(halves[0], sizes, strict=True)
+    ]
+    return float(matched.max() / np.abs(system.multipliers).max()), float(max(differences))
+
+
+def measured(system: FourierSystem, solver: Solver, target: float) -> tuple[float, float, int]:
+    """Seconds, error and the power of ten of the tolerance; ValueError if the target is not reached."""
+    for power in range(LOOSEST, TIGHTEST + 1):
+        tolerance = 10.0**-power
+        try:
+            seconds, result = median(lambda tolerance=tolerance: solver(tolerance), repeats=1)
+        except Exception as reason:
+            raise ValueError(f"{type(reason).__name__}") from reason
+        if not all(np.isfinite(values).all() for values in result):
+            raise ValueError("not resolved")
+        error = max(errors(system, *result))
+        if error <= target:
+            # The first call prepared what later ones reuse: compiled code, an integrator.
+            repeats = 3 if seconds < 2.0 else 1
+            seconds, _ = median(lambda tolerance=tolerance: solver(tolerance), repeats)
+            return seconds, error, power
+        if seconds > MOST_SECONDS:
+            break
+    raise ValueError(f"error {error:.0e}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*")
+    parser.add_argument("--target", type=float, default=1e-6)
+    arguments = parser.parse_args()
+    programs = [name for name in CONTENDERS if name in arguments.names] or [*CONTENDERS]
+    systems = load()
+    systems = [system for system in systems if system.name in arguments.names] or systems
+    print(f"Milliseconds at an error of at most {arguments.target:g}; a text is why there is no time\n")
+    print(f"{'':30}" + "".join(f"{name:>15}" for name in programs))
+    times: dict[str, dict[str, float]] = {name: {} for name in programs}
+    for system in systems:
+        row = f"{system.name:30}"
+        for name in programs:
+            try:
+                seconds, _, _ = measured(system, CONTENDERS[name](system), arguments.target)
+            except (ValueError, UnsuitableError) as reason:
+                row += f"{str(reason)[:14]:>15}"
+            else:
+                times[name][system.name] = seconds
+                row += f"{1e3 * seconds:15.2f}"
+        print(row, flush=True)
+    print(f"\n{'systems solved':30}" + "".join(f"{len(times[name]):15}" for name in programs))
+    print(
+        f"{'time over that of ' + programs[0]:30}"
+        + "".join(_ratio(times, name, programs[0]) for name in programs)
+    )
+
+
+def _ratio(times: dict[str, dict[str, float]], name: str, reference: str) -> str:
+    """Geometric mean over the systems that both solved."""
+    both = times[name].keys() & times[reference].keys()
+    mean = math.fsum(math.log(times[name][key] / times[reference][key]) for key in both) / max(len(both), 1)
+    return f"{math.exp(mean):15.3g}"
+
+
+if __name__ == "__main__":
+    main()
