@@ -196,7 +196,7 @@ class _Refinement:
     ) -> _GridComparison:
         """Two solutions of points, with the errors of the first."""
         errors = SAFETY * self.solver.differences(solutions, better, positions)
-        roundoff = roundoff_errors(solutions)
+        roundoff = self.comparison.roundoff(steps, positions, solutions, errors)
         errors = np.maximum(errors, roundoff)
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
