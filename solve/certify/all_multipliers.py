@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import Certified, SolveRequest
-from solve.certify.estimates import NO_DIGIT
+from solve.certify.estimates import NO_DIGIT, SAFETY
 from solve.errors import StepsError
 from solve.kernel import slicot
 from solve.methods.free import anchored_for, free, solutions_on
@@ -247,9 +247,8 @@ class Spectrum:
         if has_digit.all() or not certified.errors[0, 1] < NO_DIGIT or self._factored is None:
             return logarithms, errors
         eigenvalues, order = self._factored[1], self._order[~self.rigid]
-        method, steps = certified.method.with_another_stage, self._factor_steps
-        if method is None:
-            method, steps = certified.method, 2 * steps
+        method, ratio = _better(certified.method)
+        steps = ratio * self._factor_steps
         blocks = _blocks_on_steps(self._equations, method, certified.request, steps, loss=_DEFAULT_LOSS)
         try:
             small = multiplier_errors(eigenvalue_logarithms(blocks.factors[0]), eigenvalues)
@@ -304,8 +303,9 @@ def refined_multipliers(
 ) -> RefinedMultipliers | None:
     """All multipliers, of which `rigid` are those of rigid-body modes.
 
-    Steps are doubled until the error of each is at most `rtol`, or until that gains nothing or takes too
-    long; with given steps, they are doubled once. None without SLICOT, or if its iteration does not converge.
+    Steps are doubled until the error of each, twice the difference from a better method, is at most `rtol`,
+    or until that gains nothing or takes too long; given steps remain. None without SLICOT, or if its
+    iteration does not converge.
     """
     if not slicot.available():
         return None
@@ -321,25 +321,32 @@ def _refined_multipliers(
     max_steps, points = _MAX_WORK[2] / state_size(point) ** 2, balanced(point, frozen(point))
     rigid_modes = free(point) if method.linear else None
 
-    def eigenvalues(steps: int) -> ProductEigenvalues:
-        blocks = _blocks_on_steps(points, method, request, steps, rigid_modes)
-        return product_eigenvalues(blocks.factors, blocks.rounding)
+    def blocks(method: Method, steps: int) -> Blocks:
+        return _blocks_on_steps(points, method, request, steps, rigid_modes)
 
-    coarse, previous_error = eigenvalues(steps), math.inf
+    finer, ratio = _better(method)
+    previous_error = math.inf
     while True:
-        steps *= 2
-        fine = eigenvalues(steps)
-        logarithms, errors = fine.logarithms[0].copy(), multiplier_errors(coarse.logarithms[0], fine)
+        factors = blocks(method, steps)
+        eigenvalues = product_eigenvalues(factors.factors, factors.rounding)
+        better = eigenvalue_logarithms(blocks(finer, ratio * steps).factors[0])
+        logarithms, errors = eigenvalues.logarithms[0].copy(), multiplier_errors(better, eigenvalues)
         nearest_one = np.argsort(np.abs(logarithms), kind="stable")[:rigid]
         logarithms[nearest_one], errors[nearest_one] = 0.0, 0.0
         largest = float(errors.max())
-        is_last = largest <= request.rtol or request.steps is not None or 2 * steps > max_steps
+        is_last = largest <= request.rtol or request.steps is not None or 2 * ratio * steps > max_steps
         # Steps that do not halve the error gain nothing.
         if is_last or largest > 0.5 * previous_error:
             errors = np.where(errors < NO_DIGIT, errors, np.nan)
             is_rigid = np.isin(np.arange(len(errors)), nearest_one)
             return RefinedMultipliers(logarithms, errors, steps, is_rigid)
-        coarse, previous_error = fine, largest if largest < NO_DIGIT else math.inf
+        steps, previous_error = 2 * steps, largest if largest < NO_DIGIT else math.inf
+
+
+def _better(method: Method) -> tuple[Method, int]:
+    """Better method with which one is compared, and the ratio of its steps."""
+    finer = method.with_another_stage
+    return (method, 2) if finer is None else (finer, 1)
 
 
 def rigid_multipliers(certified: Certified) -> int:
@@ -387,12 +394,12 @@ def _blocks_on_steps(
         return joined_blocks(blocks, loss)
 
 
-def multiplier_errors(others: Array, eigenvalues: ProductEigenvalues) -> Array:
-    """Relative errors (N,) of multipliers from round-off and from the logarithms (N,) on another grid."""
-    distances = log_distances(eigenvalues.logarithms[0], others)
+def multiplier_errors(better: Array, eigenvalues: ProductEigenvalues) -> Array:
+    """Relative errors (N,) of multipliers from round-off and from the better logarithms (N,)."""
+    distances = log_distances(eigenvalues.logarithms[0], better)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)
     is_mutual = distances.argmin(axis=0)[nearest] == np.arange(len(distances))
     # A multiplier far from all others has no digit in any assignment.
     if not (is_mutual | (distance >= NO_DIGIT)).all():
         distance = distances[matched(distances)]
-    return np.maximum(distance, eigenvalues.errors[0])
+    return np.maximum(SAFETY * distance, eigenvalues.errors[0])

@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.methods.collocation import Collocation, lagrange
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
-from solve.period.points import Points, Tables
+from solve.period.points import DerivedPoints, Points, Tables
 
 PHASES = 1001
 """Number of fixed phases at which coefficients are compared with their interpolant: odd, so that few coincide
@@ -255,7 +255,7 @@ def _differences(
 _cached_differences = _ArrayCache(_differences)
 
 
-class ResampledPoints:
+class ResampledPoints(DerivedPoints):
     """Points whose coefficients at the stages of a grid are projected from those at further phases.
 
     A collocation method weights the residual of a step by the Lagrange polynomials of its stages. These
@@ -263,17 +263,8 @@ class ResampledPoints:
     its integral. Polynomial coefficients of the degree that the stages resolve do not change."""
 
     def __init__(self, points: Points, phases: SampledPhases):
-        self.points, self.phases = points, phases
-        self.n, self.first_order = points.n, points.first_order
-        self.period, self.breaks = points.period, points.breaks
-        self.bytes_a_phase = points.bytes_a_phase
-
-    @property
-    def alone(self) -> bool:
-        return self.points.alone
-
-    def __len__(self) -> int:
-        return len(self.points)
+        super().__init__(points)
+        self.phases = phases
 
     def __getitem__(self, positions: Array) -> "ResampledPoints":
         return ResampledPoints(self.points[positions], self.phases)

@@ -21,6 +21,10 @@ PHASES_PER_STEP = 4
 """Smallest number of phases per step at which curves are compared. With 2 and 8, 65 results on 14 systems of
 both populations remain honest with the same verdicts."""
 
+SAFETY = 2.0
+"""Ratio of the error estimate to the difference from a better solution. The difference equals the error to
+first order, and is at least half of it in 99.8 % of the stored population."""
+
 NO_DIGIT = 0.1
 """Relative error above which a number is not accurate to even one digit."""
 

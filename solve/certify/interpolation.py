@@ -22,8 +22,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.all_multipliers import RefinedMultipliers
 from solve.certify.certified import Certified, InterpolationError
-from solve.certify.estimates import NO_DIGIT, differences
-from solve.certify.refinement import SAFETY
+from solve.certify.estimates import NO_DIGIT, SAFETY, differences
 from solve.errors import SolveError
 from solve.methods.free import free, solutions_on
 from solve.period.points import OnePoint

@@ -18,7 +18,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.certified import Certified, Failed, ReductionError
-from solve.certify.refinement import SAFETY, certified
+from solve.certify.estimates import SAFETY
+from solve.certify.refinement import certified
 from solve.contracts import Reduction
 from solve.errors import SolveError
 from solve.methods.method import Solutions

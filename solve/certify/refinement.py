@@ -10,6 +10,7 @@ from solve.certify.certified import Certified, Failed, SolveRequest, verdicts_of
 from solve.certify.comparison import Comparison, comparison_of
 from solve.certify.estimates import (
     NO_DIGIT,
+    SAFETY,
     roundoff_errors,
 )
 from solve.certify.point_solver import PointSolver
@@ -29,10 +30,6 @@ from solve.terminal import progress
 
 STEPS = "steps"
 """Name of the progress counter for the steps of a single solution."""
-
-SAFETY = 2.0
-"""Ratio of the error estimate to the difference from a better solution. The difference equals the error to
-first order, and is at least half of it in 99.8 % of the stored population."""
 
 _MAX_GROWTH = 6.0
 """Largest ratio of the steps of successive grids. With 3 and 12, 65 results on 14 systems of both populations
@@ -196,7 +193,7 @@ class _Refinement:
     ) -> _GridComparison:
         """Two solutions of points, with the errors of the first."""
         errors = SAFETY * self.solver.differences(solutions, better, positions)
-        roundoff = roundoff_errors(solutions)
+        roundoff = self.comparison.roundoff(steps, positions, solutions, errors)
         errors = np.maximum(errors, roundoff)
         tolerances = np.maximum(self.request.rtol, roundoff)
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)

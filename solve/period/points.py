@@ -52,7 +52,11 @@ class Tables:
     def multiplied(self, factors: Array) -> "Tables":
         """Tables of equations multiplied by factors (P, n)."""
         equation = np.concatenate((np.tile(np.repeat(np.arange(self.n), self.n), 3), np.arange(self.n)))
-        factors = factors[:, equation[self.entry]]
+        return self.scaled(factors[:, equation])
+
+    def scaled(self, factors: Array) -> "Tables":
+        """Tables of entries multiplied by factors (P, 3n² + n), or (1, 3n² + n) for all points."""
+        factors = factors[:, self.entry]
         if self.own:
             return replace(self, table=self.table * factors[:, None])
         return replace(self, coefficients=self.coefficients * factors)
@@ -214,23 +218,48 @@ class AtSpeeds(_OfSystem):
         return Tables(*terms, self.n, self.first_order)
 
 
-class Multiplied:
-    """Points with equations multiplied by factors (P, n), which do not change the solutions."""
+class DerivedPoints:
+    """Base class of points whose tables follow from those of other points."""
 
-    def __init__(self, points: Points, factors: Array):
-        self.points, self.factors = points, factors
-        self.n, self.first_order = points.n, points.first_order
+    def __init__(self, points: Points):
+        self.points, self.n, self.first_order = points, points.n, points.first_order
         self.period, self.breaks = points.period, points.breaks
-        self.bytes_a_phase, self.alone = points.bytes_a_phase, points.alone
+        self.bytes_a_phase = points.bytes_a_phase
+
+    @property
+    def alone(self) -> bool:
+        return self.points.alone
 
     def __len__(self) -> int:
         return len(self.points)
+
+
+class Multiplied(DerivedPoints):
+    """Points with equations multiplied by factors (P, n), which do not change the solutions."""
+
+    def __init__(self, points: Points, factors: Array):
+        super().__init__(points)
+        self.factors = factors
 
     def __getitem__(self, positions: Array) -> "Multiplied":
         return Multiplied(self.points[positions], self.factors[positions])
 
     def tables(self, phase: Array) -> Tables:
         return self.points.tables(phase).multiplied(self.factors)
+
+
+class Scaled(DerivedPoints):
+    """Points with entries multiplied by factors (1, 3n² + n)."""
+
+    def __init__(self, points: Points, factors: Array):
+        super().__init__(points)
+        self.factors = factors
+
+    def __getitem__(self, positions: Array) -> "Scaled":
+        return Scaled(self.points[positions], self.factors)
+
+    def tables(self, phase: Array) -> Tables:
+        return self.points.tables(phase).scaled(self.factors)
 
 
 def matrices(points: Points, phase: Array) -> Matrices:

@@ -8,17 +8,18 @@ import argparse
 import time
 from importlib import import_module
 
-from solve.certify import coefficients, comparison, estimates, refinement, resolution
+from solve.certify import coefficients, comparison, estimates, point_solver, refinement, resolution
 from tests.solve.certificates import fresh, population
 from tests.solve.certificates.trials import TRIALS, outcomes, rates
 
-MODULES = coefficients, comparison, estimates, refinement, resolution
+MODULES = coefficients, comparison, estimates, point_solver, refinement, resolution
 CONSTANTS = {
-    "refinement": ("SAFETY", "_MAX_GROWTH", "_UNKNOWN", "_STALLED"),
+    "refinement": ("_MAX_GROWTH", "_UNKNOWN", "_STALLED"),
     "resolution": ("MIN_STEPS", "_UNRESOLVED", "AIM"),
-    "comparison": ("_COEFFICIENTS", "_AMPLIFICATION"),
+    "comparison": ("_COEFFICIENTS", "_PERTURBATION", "_AMPLIFICATION"),
+    "point_solver": ("_AMPLIFIED",),
     "coefficients": ("PHASES", "ROUND_OFF"),
-    "estimates": ("PHASES_PER_STEP", "NO_DIGIT", "ROUND_OFF"),
+    "estimates": ("PHASES_PER_STEP", "SAFETY", "NO_DIGIT", "ROUND_OFF"),
 }
 CACHED = comparison._sampled_phases, resolution._collocation_angle, coefficients._fixed_phases
 
