@@ -6,6 +6,7 @@ from functools import cache, partial
 import mpmath
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 pytest.importorskip("flint")
 
@@ -14,7 +15,7 @@ from solve.errors import LinearModelError, ValueOutOfBoundsError
 from solve.proof import existence as of_existence
 from solve.proof import nonlinear as of_nonlinear
 from solve.proof.balls import arb
-from tests.solve.newton.mechanisms import duffing, model_of
+from tests.solve.newton.mechanisms import duffing, model_of, stop
 from tests.solve.proof.taylor import duffing_orbit
 
 NUMBERS = {"zeta": 0.1, "k": 1.0, "alpha": 1.0, "f": 1.0}
@@ -136,6 +137,27 @@ def test_coexisting_orbits_are_unique_in_disjoint_regions():
             if one is not other:
                 apart = abs(harmonics(one.orbit) - harmonics(other.orbit))
                 assert apart > one.orbit.unique["q"][0]
+
+
+def test_an_orbit_is_not_unique_beyond_a_kink_of_the_equations():
+    """Second derivatives of an elastic stop are zero on both sides. A second orbit meets the stop."""
+    numbers, speed = {"zeta": 0.02, "k": 1.0, "kappa": 10.0, "gap": 1.0, "f": 0.5}, 1.35
+    found = solve.prove(solve.nonlinear(model_of(stop(), **numbers), speed))
+    amplitude = 0.5 / abs(1 - speed**2 + 0.04j * speed)
+    low, high = found.statistics("q")
+    assert low <= amplitude * (1 + 1e-14)
+    assert high >= amplitude * (1 - 1e-14)
+
+    def rates(t, y):
+        return y[1], 0.5 * np.cos(speed * t) - 0.04 * y[1] - y[0] - 10 * max(0.0, y[0] - 1)
+
+    period = 2 * np.pi / speed
+    settled = solve_ivp(rates, (0, 200 * period), [1.3, 0.0], rtol=1e-8, max_step=period / 50)
+    other = settled.y[0][settled.t > 199 * period]
+    assert other.max() > 2
+    # The deviation of the other orbit at its highest point is at least the difference of the maxima.
+    assert 1e-3 < found.orbit.unique["q"][0] < other.max() - amplitude
+    assert found.orbit.unique["q"][0] <= 1 - amplitude
 
 
 def test_an_orbit_of_equations_with_jumps_is_refused():
