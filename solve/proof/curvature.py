@@ -57,8 +57,8 @@ class Curvature:
         return cls(equation, second, sizes_of(equation, rate), cells)
 
     def over(self, radius: Ball) -> Ball:
-        """Λ for deviations of norm ≤ radius; infinite if it is unbounded, or if the residual may have a kink or
-        a jump there, since its derivatives do not bound N then."""
+        """Λ for deviations of norm ≤ radius; infinite if it is unbounded, or if the residual may have a kink
+        or a jump there, since its derivatives do not bound N then."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

@@ -112,9 +112,14 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
     """Centers as doubles, radii about these, and whether a disc contains one multiplier only."""
     each = [disc for disc in discs for _ in range(disc.count)]
     centers = [complex(disc.center) for disc in each]
-    moved = zip(each, centers, strict=True)
-    radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
-    return np.array(centers), np.array(radii), np.array([disc.isolated for disc in each])
+    moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]
+    radii = [above(disc.radius + move) for disc, move in zip(each, moves, strict=True)]
+    # Multipliers that are closer than doubles share a disc about a double.
+    alone = [
+        disc.isolated and bool(arb(radius) < disc.room - move)
+        for disc, move, radius in zip(each, moves, radii, strict=True)
+    ]
+    return np.array(centers), np.array(radii), np.array(alone)
 
 
 def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:

@@ -219,8 +219,8 @@ def linearised_about(residual: casadi.Function) -> casadi.Function:
 
 
 def second_derivatives(residual: casadi.Function) -> casadi.Function:
-    """∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b; and r, whose kinks and jumps, such as
-    those of |q|, derivatives do not contain."""
+    """∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b; and r, whose kinks and jumps, such
+    as those of |q|, derivatives do not contain."""
     inputs, r, states = _residual(residual)
     v = casadi.vertcat(*states)
     jacobian = casadi.vec(casadi.jacobian(r, v))
