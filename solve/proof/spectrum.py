@@ -135,7 +135,7 @@ def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
 
 
 def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
-    """A disc that contains a set of discs. If these are several, smaller ones may isolate some multipliers."""
+    """A disc that contains a set of discs. If these are several, smaller ones may isolate multipliers."""
     center = (sum((centers[i] for i in some), acb(0)) / len(some)).mid()
     reach = largest(abs(centers[i] - center) + radii[i] for i in some)
     others = [abs(centers[j] - center) - radii[j] for j in range(len(centers)) if j not in some]
