@@ -224,5 +224,5 @@ def second_derivatives(residual: casadi.Function) -> casadi.Function:
     inputs, r, states = _residual(residual)
     v = casadi.vertcat(*states)
     jacobian = casadi.vec(casadi.jacobian(r, v))
-    outputs: list[casadi.SX] = casadi.cse([casadi.jacobian(jacobian, v), r])
-    return casadi.Function("second_derivatives", inputs, outputs)
+    outputs: list[casadi.SX] = [casadi.jacobian(jacobian, v), r]
+    return casadi.Function("second_derivatives", inputs, casadi.cse(outputs))
