@@ -34,7 +34,7 @@ GUARD_BITS = 40
 _MOST_ADVANCE = 24.0
 """h‖A‖ of a step at most. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
 
-_ROUNDED = 34, 4.0
+ROUNDED = 34, 4.0
 """Bits, and h‖A‖ at most, for balls of parameters: their radius of up to 2^-51 is enlarged by e^{2h‖A‖}."""
 
 _DOUBLINGS = 2
@@ -66,7 +66,7 @@ def enclosed(
     computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
-    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
+    bits, most = ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
     found = _enclosed(system, equation, Marching(bits, most, executor=executor), rounded)
     for _ in range(0 if rounded else _DOUBLINGS):
         if found.verdict != UNDETERMINED:

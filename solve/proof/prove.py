@@ -45,8 +45,8 @@ def prove(
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
         a nonlinear orbit.
     rounded : bool, optional
-        Whether the statement of a linear result holds for all real numbers within two units in the last place
-        of the given ones, whole numbers being exact, rather than for exactly these doubles.
+        Whether the statement holds for all real numbers within two units in the last place of the given ones,
+        whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
         Whether the periodic solution is enclosed too; that of a result is, if it has one.
     executor : Executor, optional
@@ -96,19 +96,9 @@ def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor:
     if not isinstance(orbit.system, LinearisedModel):
         raise LinearModelError("a proof needs the equations of the orbit; give one that was just computed")
     require_provable(orbit.system.model, nonlinear=True)
-    require_exact(rounded)
     from solve.proof.nonlinear import enclosed_orbit
 
     return enclosed_orbit(orbit, orbit.system, digits, rounded, executor)
-
-
-def require_exact(rounded: bool) -> None:
-    """Raise ValueOutOfBoundsError for a nonlinear orbit of rounded numbers: the balls of its parameters are
-    wider than the bounds of a step allow."""
-    if rounded:
-        raise ValueOutOfBoundsError(
-            "a proof of a nonlinear orbit is for exactly the given numbers; leave out rounded"
-        )
 
 
 def checked_digits(digits: int | None) -> int:

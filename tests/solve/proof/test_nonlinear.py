@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 pytest.importorskip("flint")
 
 import solve
-from solve.errors import LinearModelError, ValueOutOfBoundsError
+from solve.errors import LinearModelError
 from solve.proof import existence as of_existence
 from solve.proof import nonlinear as of_nonlinear
 from solve.proof.balls import arb
@@ -165,9 +165,20 @@ def test_an_orbit_of_equations_with_jumps_is_refused():
         solve.prove(solve.nonlinear(solve.load("meissner"), 1.0))
 
 
-def test_rounded_numbers_of_a_nonlinear_orbit_are_refused():
-    with pytest.raises(ValueOutOfBoundsError, match="leave out rounded"):
-        solve.prove(orbit(), rounded=True)
+@pytest.mark.parametrize("moved", [-1, 1])
+def test_rounded_numbers_include_the_orbits_of_neighbours(moved):
+    """Those with parameters that differ by two units in the last place."""
+    found = solve.prove(orbit(), rounded=True)
+    assert found.verdict == "asymptotically stable"
+    assert "within two units in the last place" in found.assumed
+    neighbours = {name: x + 2 * moved * np.spacing(x) * (x % 1 > 0) for name, x in NUMBERS.items()}
+    place = found.orbit
+    start = round(float(harmonics(place)), 4), round(SPEED * float(harmonics(place, 1)), 4)
+    with mpmath.workdps(40):
+        state, Phi = duffing_orbit(**neighbours, speed=SPEED + 2 * moved * np.spacing(SPEED), start=start)
+        assert abs(state[0] - harmonics(place)) <= place.radius["q"][0] < 1e-6
+        assert contained(found, Phi)
+    assert found.orbit.radius["q"][0] > proof().orbit.radius["q"][0]
 
 
 def test_two_periods_have_the_square_of_the_multipliers():

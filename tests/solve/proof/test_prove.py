@@ -28,7 +28,7 @@ def mathieu(**parameters):
 def exact_trace(delta, epsilon, zeta, terms=60, steps=16):
     """Trace of the monodromy matrix of Mathieu's equation, from Taylor series of 40 digits."""
     with mpmath.workdps(40):
-        c, h = 2 * mpmath.mpf(zeta) * mpmath.sqrt(mpmath.mpf(delta)), mpmath.pi / steps
+        c, h = 2 * mpmath.mpf(zeta) * mpmath.sqrt(mpmath.mpmathify(delta)), mpmath.pi / steps
         product = mpmath.eye(2)
         for step in range(steps):
             stiffness = [
