@@ -23,7 +23,7 @@ from solve.arrays import Array
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE
 from solve.proof.balls import arb, arb_mat, precision
 from solve.proof.enclosure import EXACT
-from solve.proof.regions import Box, Plane, polynomials, require_degrees
+from solve.proof.regions import Box, Plane, axis_to_halve, polynomials, require_degrees
 from solve.proof.spectrum import multipliers, verdict
 from solve.results.chart import ProvedBoxes
 from solve.terminal import progress
@@ -104,7 +104,7 @@ def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_
             found.append(_Piece(box, made.coefficients, made.errors, made.conservative))
             continue
         widths = [(side[1] - side[0]) / (all_[1] - all_[0]) for side, all_ in zip(box, whole, strict=True)]
-        axis = int(widths[1] > widths[0])
+        axis = axis_to_halve(plane, box, widths)
         if widths[axis] <= _SMALLEST:
             without.append(box)
         else:
