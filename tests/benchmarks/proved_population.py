@@ -1,5 +1,6 @@
-"""python -m tests.benchmarks.proved_population [FIRST LAST]: prove the smooth systems of the population with up
-to three coordinates, and store the proofs in tests/solve/certificates/proved.jsonl.
+"""python -m tests.benchmarks.proved_population [FIRST LAST]: prove smooth systems of the population.
+
+Those with up to three coordinates are stored in tests/solve/certificates/proved.jsonl.
 
 The ordinary results beside them show how large their true errors are, relative to their estimates. All take
 some ten minutes. Run it with OMP_NUM_THREADS=1.

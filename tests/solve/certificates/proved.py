@@ -1,4 +1,4 @@
-"""Stored proofs of the smooth systems of the population, from `python -m tests.benchmarks.proved_population`."""
+"""Stored proofs of the population, from `python -m tests.benchmarks.proved_population`."""
 
 import json
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Ordinary results against stored proofs of the population's smooth systems: estimates held against theorems."""
+"""Ordinary results against stored proofs of the population: estimates held against theorems."""
 
 import numpy as np
 import pytest

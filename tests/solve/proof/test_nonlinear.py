@@ -188,6 +188,25 @@ def test_two_periods_have_the_square_of_the_multipliers():
     assert float(twice.spectral_radius[1]) >= low
 
 
+@pytest.mark.slow
+def test_all_orbits_of_a_branch_through_folds_are_proved():
+    system = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.5)
+    branch = solve.branch(system, (1.2, 2.4), rtol=1e-4)
+    assert len(branch.turning) == 2
+    proofs = []
+    for point, speed in enumerate(branch.speeds):
+        found = solve.prove(solve.nonlinear(system, speed, start=branch.curve(point)))
+        low, high = found.statistics("q")
+        assert low * (1 - 1e-3) < branch.peaks[point, 0] < high * (1 + 1e-3)
+        proofs.append(found)
+    assert all(each.proved for each in proofs)
+    # Between the turning points the orbits are unstable.
+    first, last = np.flatnonzero(branch.turns)
+    verdicts = [each.verdict == "unstable" for each in proofs]
+    assert verdicts[first + 1 : last] == [True] * (last - first - 1)
+    assert not any(verdicts[:first] + verdicts[last + 1 :])
+
+
 def test_a_linear_system_has_its_orbit_everywhere_unique():
     """Without curvature, the orbit of the residual is that of the linear equations."""
     numbers = {"zeta": 0.1, "k": 2.0, "alpha": 0.0, "f": 1.0}
