@@ -38,8 +38,8 @@ def rotor_branch():
     return solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8, 1.6), rtol=1e-5)
 
 
-def test_curves_of_a_branch_are_its_orbits():
-    branch = rotor_branch()
+def test_curves_of_a_branch_are_its_orbits(rotor_branch):
+    branch = rotor_branch
     phases = np.linspace(0.0, 2 * np.pi, 400)
     for point in (0, len(branch.speeds) // 2, -1):
         q = branch.curve(point)(phases)
