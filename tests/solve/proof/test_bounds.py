@@ -11,6 +11,7 @@ from scipy.linalg import expm
 pytest.importorskip("flint")
 
 import solve
+from solve.model.model import LinearisedModel
 from solve.proof.balls import arb, precision
 from solve.proof.curvature import Curvature
 from solve.proof.enclosure import equation_of, period_of
@@ -85,12 +86,13 @@ def test_bounds_of_a_step_contain_sampled_norms():
 def test_the_nonlinear_remainder_lies_below_the_curvature():
     """N(u) = α (3 q̄ u² + u³) of Duffing's oscillator, at random deviations of the norm ρ."""
     numbers, speed, rho = {"zeta": 0.1, "k": 1.0, "alpha": 1.0, "f": 1.0}, 1.6, 0.01
-    orbit = solve.nonlinear(model_of(duffing(), **numbers), speed)
+    system = solve.nonlinear(model_of(duffing(), **numbers), speed).system
+    assert isinstance(system, LinearisedModel)
     with precision(140):
-        period = period_of(orbit.system.model)
-        equation, motion = _equation(orbit.system, speed, period, False)
+        period = period_of(system.model)
+        equation, motion = _equation(system, speed, period, False)
         computed = turn(equation, period, (), Marching(60, 12.0))
-        second = _instructions(orbit.system.model, second_derivatives, False)
+        second = _instructions(system.model, second_derivatives, False)
         curvature = Curvature.of(equation, second, computed, arb(2))
         bound = float(curvature.over(arb(rho)))
     (T,), W, load = equation.modes[0], equation.frequencies[0], equation.load
