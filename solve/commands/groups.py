@@ -294,10 +294,9 @@ class Proving:
                 "--rounded limits the precision to that of the given numbers; leave out --digits"
             )
         if self.prove:
-            from solve.proof.prove import checked_digits, require_exact, require_provable
+            from solve.proof.prove import checked_digits, require_provable
 
             checked_digits(self.digits)
-            require_exact(nonlinear and self.rounded)
             require_provable(model, nonlinear)
 
     def proof(self, result: "Stability") -> "Proof | None":

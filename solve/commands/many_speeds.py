@@ -9,7 +9,7 @@ import solve
 from solve.commands.deliver import ContradictionError, deliver_result
 from solve.commands.groups import Accuracy, Flag, Moved, Places, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import assignments, figure_kept, fraction, harmonic_count, points, quantities
-from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
@@ -156,6 +156,8 @@ def chart(
     across, upwards = _axis("--x", x), _axis("--y", y)
     model = problem.loaded(varied={**across, **upwards})
     lines = [_held(text, model) for text in cut or []]
+    for name, _ in lines:
+        require_name("quantity of the chart", name, [*across, *upwards])
     omega = None if "speed" in {*across, *upwards} else speed.omega(model)
     options = {"method": accuracy.rule, "rtol": accuracy.rtol, "tolerance": tolerance, "of": of}
     options["prove"] = prove

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from solve.arguments import require_integer
+from solve.arrays import Array
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED
 from solve.methods.radau import Radau
 from solve.newton.arclength import first_point, follow_branch
-from solve.newton.branch_points import ContinuationParameters
+from solve.newton.branch_points import ContinuationParameters, Point
 from solve.newton.iteration import Task
 from solve.newton.orbits import nonlinear
 from solve.newton.starts import Start
@@ -20,6 +21,10 @@ from solve.system import PeriodicSystem, of_system
 from solve.units import apart, checked_rtol, ramp_in_si
 
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
+
+_SAMPLES = 127
+"""Phases at which orbits are stored: 63 harmonics, from which Newton's iteration converges. A choice; odd, so
+that the highest harmonic has a cosine and a sine."""
 
 MAX_START_RTOL = 1e-3
 """Largest rtol of the orbit from which a branch starts, since the next orbits take its steps. On coarser
@@ -170,5 +175,12 @@ def _result(parameters: ContinuationParameters, followed: Sequence[Followed], no
         notes=notes,
         periods=task.periods,
         parameters={} if at_speed else {name: values},
+        curves=np.array([_sampled(point) for point in points]),
         **fields,
     )
+
+
+def _sampled(point: Point) -> Array:
+    """Coordinates (n, k) of an orbit at uniform phases of its period."""
+    end = float(point.grid.nodes[-1])
+    return point.place.curve(np.arange(_SAMPLES) * (end / _SAMPLES))

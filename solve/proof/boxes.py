@@ -1,11 +1,15 @@
 """Boxes of two quantities that are proved stable, proved unstable, or undecided.
 
 A polynomial on a box is re-expanded on each half by the matrix that expresses T_k((x ± 1)/2) by T_j(x). Its
-range lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. For one coordinate, with trace t and determinant D of
-Φ, both multipliers lie inside the unit circle if D < 1 and |t| < 1 + D, and one lies outside if D > 1 or
-|t| > 1 + D (Jury's criterion). More coordinates are decided by the discs of `spectrum`.
+range lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. Ends of boxes are doubles, whose errors are below δ
+half widths. By |T_j(1 + δ)| ≤ e^(j√(2δ)) the sum is larger by at most e^z, z = p√(2δ_x) + q√(2δ_y).
+
+For one coordinate, with trace t and determinant D of Φ, both multipliers lie inside the unit circle if D < 1
+and |t| < 1 + D, and one lies outside if D > 1 or |t| > 1 + D (Jury's criterion). More coordinates are decided
+by the discs of `spectrum`.
 """
 
+import math
 import time
 from collections import deque
 from concurrent.futures import Executor
@@ -19,13 +23,17 @@ from solve.arrays import Array
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE
 from solve.proof.balls import arb, arb_mat, precision
 from solve.proof.enclosure import EXACT
-from solve.proof.regions import Box, Plane, polynomials, require_degrees
+from solve.proof.regions import Box, Plane, axis_to_halve, polynomials, require_degrees
 from solve.proof.spectrum import multipliers, verdict
 from solve.results.chart import ProvedBoxes
 from solve.terminal import progress
 
 _UNIT = 2.0**-52
 """Twice the unit round-off: the factor of two covers the rounding of the sums that bound rounding."""
+
+_ENDS = 2.0**-45
+"""Bound on twice the error of an end of a box, relative to the larger end: half of 2^-52 for each of up to
+128 halvings."""
 
 _OPEN = 0.001
 """Fraction of the area at which bisection of the undecided boxes ends."""
@@ -96,7 +104,7 @@ def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_
             found.append(_Piece(box, made.coefficients, made.errors, made.conservative))
             continue
         widths = [(side[1] - side[0]) / (all_[1] - all_[0]) for side, all_ in zip(box, whole, strict=True)]
-        axis = int(widths[1] > widths[0])
+        axis = axis_to_halve(plane, box, widths)
         if widths[axis] <= _SMALLEST:
             without.append(box)
         else:
@@ -151,7 +159,14 @@ def _verdict(piece: _Piece, n: int) -> int:
     """Index in VERDICTS of the verdict that holds on the whole box."""
     c = piece.coefficients
     middle = c[:, 0, 0]
-    radius = np.abs(c).sum(axis=(1, 2)) - np.abs(middle)
+    z = sum(
+        (count - 1) * math.sqrt(2 * _ENDS * max(map(abs, side)) / (side[1] - side[0]))
+        for count, side in zip(c.shape[1:], piece.box, strict=True)
+    )
+    if not z < 1:
+        return UNDETERMINED
+    # e^z < 1 + 2z.
+    radius = (np.abs(c).sum(axis=(1, 2)) - np.abs(middle)) * (1 + 2 * z)
     # Twice the rounding of sums of as many terms, of the difference, and of what is added below.
     radius = (
         radius * (1 + 8 * _UNIT) + (c[0].size + 8) * _UNIT * np.abs(c).sum(axis=(1, 2)) + 2 * piece.errors

@@ -37,7 +37,7 @@ class Cell:
 class Curvature:
     """Λ of tubes about the motion of an equation, from cells that cover the period.
 
-    second : second derivatives of the residual
+    second : second derivatives of the residual, and the residual
     sizes : s (3n,)
     """
 
@@ -58,7 +58,8 @@ class Curvature:
         return cls(equation, second, sizes_of(equation, rate), cells)
 
     def over(self, radius: Ball) -> Ball:
-        """Λ for deviations of norm ≤ radius; infinite if it is unbounded."""
+        """Λ for deviations of norm ≤ radius; infinite if it is unbounded, or if the residual may have a kink
+        or a jump there, since its derivatives do not bound N then."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 
@@ -67,8 +68,10 @@ class Curvature:
         phase, speed, *states, p = cell.inputs
         moved = [[x + tube[order * n + i] for i, x in enumerate(row)] for order, row in enumerate(states)]
         try:
-            ((entries,), _) = self.second([phase, speed, *moved, p])
+            (entries, values), _ = self.second([phase, speed, *moved, p])
         except UndecidedError:
+            return arb.pos_inf()
+        if not all(value.is_finite() for *_, value in values):
             return arb.pos_inf()
         curvature = [arb(0)] * n
         for row, column, value in entries:

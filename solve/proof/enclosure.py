@@ -22,9 +22,11 @@ from solve.proof.outputs import Outputs
 from solve.proof.periodicity import repeats
 from solve.proof.result import Proof
 from solve.proof.spectrum import Multiplier, multipliers, verdict
+from solve.proof.symbolic import linearised
 from solve.proof.turn import Marching, Turn, turn
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
+from solve.system import PeriodicSystem
 
 GUARD_BITS = 40
 """Bits beyond the digits: condition numbers up to 10^6, and the levels of the product."""
@@ -32,7 +34,7 @@ GUARD_BITS = 40
 _MOST_ADVANCE = 24.0
 """h‖A‖ of a step at most. The cam at 600 rpm takes 1.2 times as long with 48, and twice as long with 72."""
 
-_ROUNDED = 34, 4.0
+ROUNDED = 34, 4.0
 """Bits, and h‖A‖ at most, for balls of parameters: their radius of up to 2^-51 is enlarged by e^{2h‖A‖}."""
 
 _DOUBLINGS = 2
@@ -50,18 +52,21 @@ _ALL_WITHIN = (
     "ones; whole numbers are exact"
 )
 
+_OF_FUNCTIONS = "the matrices are the operations of the given function on symbolic phases"
+_OF_SAMPLES = "the matrices are the interpolant of the samples, with coefficients in double precision"
+
 _DENOMINATORS = range(1, 13)
 """A period within two units in the last place of kπ/q, for such a q, is exactly that number."""
 
 
 def enclosed(
-    system: Model, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
+    system: PeriodicSystem, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
 ) -> Proof:
-    """The proof for a model whose ordinary result is given; of its orbit, if the result has one. executor:
+    """The proof for a system whose ordinary result is given; of its orbit, if the result has one. executor:
     computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
-    bits, most = _ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
+    bits, most = ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
     found = _enclosed(system, equation, Marching(bits, most, executor=executor), rounded)
     for _ in range(0 if rounded else _DOUBLINGS):
         if found.verdict != UNDETERMINED:
@@ -101,20 +106,29 @@ def enclosed(
     )
 
 
-def assumption(system: Model, instructions: Instructions, rounded: bool) -> str:
-    """The assumptions on a model: on its numbers, and that it repeats, unless its instructions show it."""
-    numbers, multiple = _ALL_WITHIN if rounded else EXACT, multiple_of_pi(system.period)
-    shown = multiple is not None and repeats(instructions, multiple)
-    return numbers if shown else f"{numbers}; the equations on one period are continued periodically"
+def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
+    """The assumptions on a system: on its numbers and functions, and that it repeats, unless its instructions
+    show it."""
+    texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
+    if not isinstance(system, Model):
+        texts.append(_OF_FUNCTIONS if system.samples is None else _OF_SAMPLES)
+    if multiple is None or not repeats(instructions, multiple):
+        texts.append("the equations on one period are continued periodically")
+    return "; ".join(texts)
 
 
 def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
     """Centers as doubles, radii about these, and whether a disc contains one multiplier only."""
     each = [disc for disc in discs for _ in range(disc.count)]
     centers = [complex(disc.center) for disc in each]
-    moved = zip(each, centers, strict=True)
-    radii = [above(disc.radius + abs(disc.center - center)) for disc, center in moved]
-    return np.array(centers), np.array(radii), np.array([disc.isolated for disc in each])
+    moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]
+    radii = [above(disc.radius + move) for disc, move in zip(each, moves, strict=True)]
+    # Multipliers that are closer than doubles share a disc about a double.
+    alone = [
+        disc.isolated and bool(arb(radius) < disc.room - move)
+        for disc, move, radius in zip(each, moves, radii, strict=True)
+    ]
+    return np.array(centers), np.array(radii), np.array(alone)
 
 
 def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
@@ -139,7 +153,7 @@ class _Enclosed:
     at_rest: bool
 
 
-def _enclosed(system: Model, equation: Equation, marching: Marching, rounded: bool) -> _Enclosed:
+def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, rounded: bool) -> _Enclosed:
     with precision(2 * marching.bits):
         period = period_of(system, rounded)
         found = turn(equation, period, system.breaks, marching)
@@ -150,13 +164,14 @@ def _enclosed(system: Model, equation: Equation, marching: Marching, rounded: bo
         return _Enclosed(found, Phi, discs, verdict(homogeneous, discs, conservative), at_rest)
 
 
-def equation_of(system: Model, omega: float, rounded: bool) -> Equation:
-    """Equation of a model at a speed in rad/s, in ball arithmetic. rounded: as in `solve.prove`."""
-    instructions = Instructions.of(system.setup.function("linearised"), partial(number, rounded=rounded))
+def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
+    """Equation of a system at a speed in rad/s, in ball arithmetic. rounded: as in `solve.prove`."""
+    instructions = Instructions.of(linearised(system), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
     samples = M, C / omega, K / omega**2, d / omega**2
-    numbers = [number(float(x), rounded) for x in (omega, *system.setup.p)]
+    parameters = system.setup.p if isinstance(system, Model) else ()
+    numbers = [number(float(x), rounded) for x in (omega, *parameters)]
     return Equation.scaled(instructions, numbers[0], numbers[1:], samples)
 
 
@@ -169,7 +184,7 @@ def multiple_of_pi(T: float) -> Fraction | None:
     return None
 
 
-def period_of(system: Model, rounded: bool = False) -> Ball:
+def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
     """The period as the multiple of π that it stands for."""
     multiple = multiple_of_pi(system.period)
     if multiple is None:
@@ -201,7 +216,7 @@ def _orbit(
     return bounds, max(worst, resting / size) if size > 0 else math.inf
 
 
-def _outputs(system: Model, outputs: Outputs | None) -> dict[str, tuple[float, float]]:
+def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple[float, float]]:
     """Bounds on the largest moduli of the outputs, where these are finite."""
     if outputs is None:
         return {}

@@ -92,7 +92,9 @@ class Equation:
         rates[:n, n:] = np.eye(n)
         for columns, part in ((slice(0, n), K), (slice(n, 2 * n), C)):
             rates[n:, columns] = np.abs(np.linalg.solve(M @ modes, part @ modes)).mean(axis=0)
-        scales = matrix_balance(rates, permute=False, separate=True)[1][0]
+        with np.errstate(invalid="ignore"):
+            # SciPy converts scales to numbers of permutations, which are not used.
+            scales = matrix_balance(rates, permute=False, separate=True)[1][0]
         modes, frequencies = modes * scales[:n], scales[n:] / scales[:n]
         if not _exact(modes, modes * frequencies):
             modes, frequencies = np.eye(n), np.ones(n)

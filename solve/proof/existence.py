@@ -43,8 +43,9 @@ from solve.proof.turn import Turn
 _WIDTH = 0.5
 """Relative width of the bounds on the defect."""
 
-_TUBES = 40
-"""Most halvings of the tube in which the orbit is shown to be unique."""
+_TUBES, _WIDEST = 40, 24
+"""Most halvings of the tube in which the orbit is shown to be unique, and the binary exponent of its largest
+radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^-16 to 2^24 are tried."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +119,8 @@ def existence(
 def _unique(curvature: Curvature, linear: Linear, radius: Ball) -> Ball:
     """Radius of a large ball that is mapped to itself by a contraction."""
     tube = (1 / (2 * linear.gamma * curvature.over(radius))).upper()
-    if not tube.is_finite():
-        tube = arb(2) ** _TUBES
+    if not tube < arb(2) ** _WIDEST:
+        tube = arb(2) ** _WIDEST
     for _ in range(_TUBES):
         if not tube > radius:
             break

@@ -17,7 +17,7 @@ import numpy as np
 
 from solve.arrays import EPS, Array
 from solve.errors import NoOrbitError
-from solve.methods.fourier import MOST_UNKNOWNS, Fourier
+from solve.methods.fourier import Fourier
 from solve.model.model import LinearisedModel
 from solve.period.curve import FourierCurve
 from solve.period.grid import Grid
@@ -39,6 +39,9 @@ from solve.system import PeriodicSystem
 
 _FIRST_SAMPLES = 49
 """Samples per period at first; the number is doubled until the highest harmonics are round-off."""
+
+_MOST_UNKNOWNS = 5000
+"""Largest size of the dense equations of a Newton correction: a choice, some 20 s."""
 
 _CORRECTIONS = 2
 """Newton corrections on a grid, from an orbit with seven digits: its error is squared by each."""
@@ -170,7 +173,7 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
     round-off. Raises NoOrbitError for an orbit with too many harmonics."""
     n, T = system.n, system.period
     count = round(T / system.model.period) * _FIRST_SAMPLES
-    while 2 * n * count <= MOST_UNKNOWNS:
+    while n * count <= _MOST_UNKNOWNS:
         grid = Grid.uniform(count | 1, T)
         phases = grid.nodes[:-1]
         curve = FourierCurve.through(grid.nodes, system.motion(phases, 0).T)
@@ -183,7 +186,7 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
             return curve
         count *= 2
     raise NoOrbitError(
-        f"the orbit has more than {MOST_UNKNOWNS // (4 * n)} harmonics above round-off; a proof of a "
+        f"the orbit has more than {_MOST_UNKNOWNS // (2 * n)} harmonics above round-off; a proof of a "
         "nonlinear orbit needs fewer"
     )
 
@@ -219,9 +222,10 @@ def linearised_about(residual: casadi.Function) -> casadi.Function:
 
 
 def second_derivatives(residual: casadi.Function) -> casadi.Function:
-    """∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b."""
+    """∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b; and r, whose kinks and jumps, such
+    as those of |q|, derivatives do not contain."""
     inputs, r, states = _residual(residual)
     v = casadi.vertcat(*states)
     jacobian = casadi.vec(casadi.jacobian(r, v))
-    hessian: Any = casadi.cse(casadi.jacobian(jacobian, v))
-    return casadi.Function("second_derivatives", inputs, [hessian])
+    outputs: list[casadi.SX] = [casadi.jacobian(jacobian, v), r]
+    return casadi.Function("second_derivatives", inputs, casadi.cse(outputs))

@@ -16,7 +16,7 @@ from solve.model.model import LinearisedModel, Model
 from solve.period.multipliers import UNDETERMINED, VERDICTS
 from solve.proof.balls import Ball, Matrix, above, arb, arb_mat, below, largest, number, precision, widened
 from solve.proof.curvature import sizes_of
-from solve.proof.enclosure import GUARD_BITS, assumption, bounds_of, discs_of, period_of, true_error
+from solve.proof.enclosure import GUARD_BITS, ROUNDED, assumption, bounds_of, discs_of, period_of, true_error
 from solve.proof.equation import Equation
 from solve.proof.existence import Existence, Linear, existence
 from solve.proof.instructions import Instructions
@@ -54,10 +54,11 @@ def enclosed_orbit(
     """The proof of an orbit whose equations, linearised about it, are given. executor: computes steps in
     parallel."""
     begun = time.process_time()
-    bits = math.ceil(min(digits, MOST_DIGITS) * math.log2(10)) + GUARD_BITS
+    bits, most = math.ceil(min(digits, MOST_DIGITS) * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE
+    marching = Marching(*(ROUNDED if rounded else (bits, most)), executor=executor)
     with precision(2 * bits):
         try:
-            found = _found(orbit, system, bits, rounded, executor)
+            found = _found(orbit, system, marching, rounded)
         except (NoOrbitError, ResonanceError, StepsError) as error:
             return _unproved(orbit, str(error), time.process_time() - begun)
         discs = multipliers(found.Phi)
@@ -95,14 +96,12 @@ class _Found:
     existence: Existence
 
 
-def _found(
-    orbit: NonlinearOrbit, system: LinearisedModel, bits: int, rounded: bool, executor: Executor | None
-) -> _Found:
-    """Enclosures of an orbit. Raises NoOrbitError, ResonanceError and StepsError if no orbit is proved."""
+def _found(orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, rounded: bool) -> _Found:
+    """Raises NoOrbitError, ResonanceError and StepsError where no orbit is proved."""
     model = system.model
     period = period_of(model, rounded) * round(system.period / model.period)
     equation, motion = _equation(system, orbit.speed, period, rounded)
-    turned = turn(equation, period, (), Marching(bits, _MOST_ADVANCE, executor=executor))
+    turned = turn(equation, period, (), marching)
     whole = turned.levels()[-1][0]
     Phi = arb_mat([row[:-1] for row in whole.table()[:-1]])
     bounds = transitions(turned)

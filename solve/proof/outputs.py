@@ -18,6 +18,7 @@ from solve.proof.equation import Equation
 from solve.proof.instructions import Instructions, UndecidedError
 from solve.proof.orbit import derivatives_on
 from solve.proof.turn import Turn
+from solve.system import PeriodicSystem
 
 _WIDTH = 1e-3
 """Relative width at which the search for a maximum ends: balls of the generated function converge with the
@@ -46,13 +47,13 @@ class Outputs:
 
     @classmethod
     def of(
-        cls, model: Model, equation: Equation, turn: Turn, states: list[Matrix], rounded: bool
+        cls, system: PeriodicSystem, equation: Equation, turn: Turn, states: list[Matrix], rounded: bool
     ) -> "Outputs | None":
         """Outputs of a model; None without outputs, with jumps, or with operations without a rule."""
-        if not model.outputs or not all(step.load for step in turn.steps):
+        if not isinstance(system, Model) or not system.outputs or not all(step.load for step in turn.steps):
             return None
         try:
-            instructions = Instructions.of(model.setup.function("outputs"), partial(number, rounded=rounded))
+            instructions = Instructions.of(system.setup.function("outputs"), partial(number, rounded=rounded))
         except LinearModelError:
             return None
         return cls(instructions, equation, turn, states)

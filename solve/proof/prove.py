@@ -23,29 +23,30 @@ _MOST_DIGITS = 1000
 
 @first_is(PeriodicSystem, Stability, such_as="solve.load('cam')")
 def prove(
-    system: Model | Stability,
+    system: PeriodicSystem | Stability,
     speed: float | str | None = None,
     digits: int | None = None,
     rounded: bool = False,
     orbit: bool = True,
     executor: Executor | None = None,
 ) -> Proof:
-    """Enclosures of the multipliers, the verdict and the periodic solution of a generated model.
+    """Enclosures of the multipliers, the verdict and the periodic solution of a system.
 
     Of a nonlinear orbit, existence and local uniqueness near a trigonometric polynomial are proved too.
 
     Parameters
     ----------
-    system : Model or Stability
-        A model with generated matrices, or a result of one, such as a linear or nonlinear orbit.
+    system : PeriodicSystem or Stability
+        A model with generated matrices, a system of samples or of a function that takes symbolic phases (see
+        docs/proof.md), or a result of one, such as a linear or nonlinear orbit.
     speed : float or str, optional
         rad/s, or a text with unit; not with a result.
     digits : int, optional
         Decimal digits of the multipliers relative to the spectral radius; 20 by default, and at most 12 of
         a nonlinear orbit.
     rounded : bool, optional
-        Whether the statement of a linear result holds for all real numbers within two units in the last place
-        of the given ones, whole numbers being exact, rather than for exactly these doubles.
+        Whether the statement holds for all real numbers within two units in the last place of the given ones,
+        whole numbers being exact, rather than for exactly these doubles.
     orbit : bool, optional
         Whether the periodic solution is enclosed too; that of a result is, if it has one.
     executor : Executor, optional
@@ -59,7 +60,8 @@ def prove(
     Raises
     ------
     LinearModelError
-        For systems without generated matrices, and for nonlinear orbits of equations with jumps.
+        For systems whose matrices are no function of symbols, and for nonlinear orbits of equations with
+        jumps.
     MissingLibraryError
         Without python-flint.
     StepsError
@@ -97,19 +99,9 @@ def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor:
             "compute the orbit again"
         )
     require_provable(orbit.system.model, nonlinear=True)
-    require_exact(rounded)
     from solve.proof.nonlinear import enclosed_orbit
 
     return enclosed_orbit(orbit, orbit.system, digits, rounded, executor)
-
-
-def require_exact(rounded: bool) -> None:
-    """Raise ValueOutOfBoundsError for a nonlinear orbit of rounded numbers: the balls of its parameters are
-    wider than the bounds of a step allow."""
-    if rounded:
-        raise ValueOutOfBoundsError(
-            "a proof of a nonlinear orbit requires exact parameter values; leave out rounded"
-        )
 
 
 def checked_digits(digits: int | None) -> int:
@@ -119,15 +111,19 @@ def checked_digits(digits: int | None) -> int:
     return DIGITS if digits is None else digits
 
 
-def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Model:
-    """The system, a model whose matrices are a generated function of the phase; with `nonlinear`, one with
-    nonlinear equations that have no jumps. Raises LinearModelError, and MissingLibraryError without
-    python-flint."""
+def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> PeriodicSystem:
+    """The system, whose matrices are a generated function of the phase, a function of the user that takes
+    symbolic phases, or an interpolant of samples; with `nonlinear`, a model with nonlinear equations that
+    have no jumps. Raises LinearModelError, and MissingLibraryError without python-flint."""
     require_vibration(system)
-    if not isinstance(system, Model) or not isinstance(system._matrices, MatrixSampler) or system.assembled:
+    if isinstance(system, Model):
+        possible = isinstance(system._matrices, MatrixSampler) and not system.assembled
+    else:
+        possible = type(system) is PeriodicSystem and not nonlinear
+    if not possible:
         raise LinearModelError(
-            "a proof needs matrices that are a generated function of the phase; systems of Python functions "
-            "or samples, structures and modal damping have none"
+            "a proof needs matrices that are a function of the phase; structures, modal damping and "
+            "first-order systems have none"
         )
     if nonlinear and system.breaks:
         raise LinearModelError(
@@ -135,8 +131,12 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Model:
             f"{system.name} has breaks"
         )
     from solve.proof.instructions import Instructions
+    from solve.proof.symbolic import linearised
 
-    Instructions.of(system.setup.function("residual" if nonlinear else "linearised"))
+    if nonlinear and isinstance(system, Model):
+        Instructions.of(system.setup.function("residual"))
+    else:
+        Instructions.of(linearised(system))
     return system
 
 
@@ -170,7 +170,8 @@ def prove_boxes(
     from solve.proof.boxes import proved_boxes
     from solve.proof.regions import Box, Plane
 
-    plane, box = Plane(require_provable(system), names, speed), Box(*ranges)
+    require_provable(system)
+    plane, box = Plane(system, names, speed), Box(*ranges)
     moved = {plane.at(x, y)[0].breaks for x in box.x for y in box.y}
     if len(moved) > 1:
         raise LinearModelError(

@@ -254,6 +254,27 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
     return (counts if math.prod(counts) <= _MOST_NODES else None), errors, real.vanishes(period)[0]
 
 
+def axis_to_halve(plane: Plane, box: Box, widths: Sequence[float]) -> int:
+    """The axis, x (0) or y (1), whose halving leaves the smaller bound S on one of the halves; of equal ones
+    the wider one. Near a value of one quantity at which the equations are not analytic, bisecting the other
+    serves nothing."""
+    x, y = (min(_size(plane, half) for half in box.halved(axis)) for axis in (0, 1))
+    return int(widths[1] > widths[0] if x == y else y < x)
+
+
+def _size(plane: Plane, box: Box) -> float:
+    """Logarithm of S on the smallest ellipses about a box; infinite where the equations are not analytic."""
+    try:
+        with precision(2 * _BITS):
+            equation = plane.equation(box)
+            real = plane.moved(equation, *(interval(arb(low), arb(high)) for low, high in box))
+            ellipse = plane.moved(equation, *(_rectangle(side, _RATIOS[0]) for side in box))
+            bounds = _bounds(real, ellipse, period_of(plane.system), plane.system.breaks)
+            return float(largest(bounds).log())
+    except (SolveError, UndecidedError, ZeroDivisionError):
+        return math.inf
+
+
 def _count(size: Ball, ratio: float) -> int:
     """Nodes for an error of less than half of what is allowed, with Λ ≤ 4."""
     return max(2, math.ceil(float((32 * size / _ACCURACY / (ratio - 1)).log()) / math.log(ratio)) + 1)

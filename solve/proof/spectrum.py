@@ -22,12 +22,14 @@ class Multiplier:
     radius : upper bound, exact
     count : number of multipliers for which the disc stands
     isolated : whether it contains no other multiplier
+    room : no other multiplier is nearer to the center, if the disc is isolated
     """
 
     center: Ball
     radius: Ball
     count: int
     isolated: bool
+    room: Ball
 
     @property
     def low(self) -> Ball:
@@ -65,11 +67,11 @@ def _discs(D: Matrix) -> list[Multiplier]:
     radii = [largest([sum((moduli[i][j] for j in range(size) if j != i), own[i])]) for i in range(size)]
     centers = [D[i, i].mid() for i in range(size)]
     isolated = {i: _isolated(i, centers, radii, moduli, own[i]) for i in range(size)}
-    found = [Multiplier(centers[i], radius, 1, True) for i, radius in isolated.items() if radius is not None]
+    found = [Multiplier(centers[i], disc[0], 1, True, disc[1]) for i, disc in isolated.items() if disc]
     for some in _connected(centers, radii):
         count = sum(isolated[i] is None for i in some)
         if count:
-            found.append(_joined([centers[i] for i in some], [radii[i] for i in some], count))
+            found.append(_joined(some, centers, radii, count))
     found = _with_real(found)
     return sorted(found, key=lambda each: (-float(abs(each.center).mid()), -float(each.center.imag.mid())))
 
@@ -81,10 +83,10 @@ def _with_real(discs: list[Multiplier]) -> list[Multiplier]:
     for at, disc in enumerate(discs):
         if not disc.isolated or disc.center.imag.is_zero() or abs(disc.center.imag) > disc.radius:
             continue
-        real = Multiplier(acb(disc.center.real), (disc.radius + abs(disc.center.imag)).upper(), 1, True)
-        others = (other for other in discs if other is not disc)
-        if all(abs(real.center - other.center) > real.radius + other.radius for other in others):
-            made[at] = real
+        center, radius = acb(disc.center.real), (disc.radius + abs(disc.center.imag)).upper()
+        others = [abs(center - other.center) - other.radius for other in discs if other is not disc]
+        if all(distance > radius for distance in others):
+            made[at] = Multiplier(center, radius, 1, True, _least(others))
     return made
 
 
@@ -92,13 +94,19 @@ def _radius(x: Ball) -> Ball:
     return acb(arb(0, x.real.rad()), arb(0, x.imag.rad())).abs_upper()
 
 
+def _least(distances: list[Ball]) -> Ball:
+    """Lower bound on distances, infinite if there are none."""
+    return min((distance.lower() for distance in distances), default=arb.pos_inf())
+
+
 def _isolated(
     i: int, centers: list[Ball], radii: list[Ball], moduli: list[list[Ball]], own: Ball
-) -> Ball | None:
-    """Radius of a disc about center i that contains exactly one eigenvalue; None if none is found."""
+) -> tuple[Ball, Ball] | None:
+    """Radius of a disc about center i that contains exactly one eigenvalue, and a lower bound on the distance
+    of the others; None if none is found."""
     others = [j for j in range(len(centers)) if j != i]
     if not others:
-        return radii[i]
+        return radii[i], arb.pos_inf()
     gaps = {j: abs(centers[i] - centers[j]).lower() for j in others}
     sigma = arb(2) ** 60
     for j in others:
@@ -111,8 +119,8 @@ def _isolated(
     if not sigma >= 1:
         return None
     radius = ((radii[i] - own) / sigma + own).upper()
-    apart = all(radius + radii[j] + sigma * moduli[j][i] < gaps[j] for j in others)
-    return radius if apart else None
+    distances = [gaps[j] - radii[j] - sigma * moduli[j][i] for j in others]
+    return (radius, _least(distances)) if all(radius < distance for distance in distances) else None
 
 
 def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
@@ -126,10 +134,12 @@ def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
     return sets
 
 
-def _joined(centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
-    center = (sum(centers, acb(0)) / len(centers)).mid()
-    reach = largest(abs(each - center) + radius for each, radius in zip(centers, radii, strict=True))
-    return Multiplier(center, reach, count, len(centers) == 1)
+def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
+    """A disc that contains a set of discs. If these are several, smaller ones may isolate multipliers."""
+    center = (sum((centers[i] for i in some), acb(0)) / len(some)).mid()
+    reach = largest(abs(centers[i] - center) + radii[i] for i in some)
+    others = [abs(centers[j] - center) - radii[j] for j in range(len(centers)) if j not in some]
+    return Multiplier(center, reach, count, len(some) == 1, _least(others))
 
 
 _POWERS = 20

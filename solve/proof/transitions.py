@@ -14,9 +14,12 @@ import math
 from dataclasses import dataclass
 
 from solve.errors import StepsError
-from solve.proof.balls import Ball, Matrix, arb, arb_mat, largest, norm, widened
+from solve.proof.balls import Ball, Matrix, arb, arb_mat, largest, norm, precision, widened
 from solve.proof.step import Step
 from solve.proof.turn import Turn
+
+_BOUNDS = 64
+"""Bits with which bounds are computed."""
 
 _CELL = 0.5
 """Largest ∫‖A‖ of a cell: bounds are then too large by at most e^0.5 for each end of Ψ."""
@@ -48,21 +51,52 @@ class Transitions:
 def transitions(turn: Turn) -> Transitions:
     """Bounds on the transition matrices of a period."""
     steps = tuple(_on_step(*each) for each in zip(turn.steps, turn.lengths, strict=True))
-    products: list[Matrix] = []
+    norms = _norms([_homogeneous(step.map) for step in turn.steps])
     kappas, taus = [], []
-    start: Matrix | None = None
     for i, on_step in enumerate((*steps, StepBounds(arb(1), arb(0), arb(0)))):
-        # products[j] leads from the end of step j to the start of step i.
-        before = sum((norm(P) * steps[j].to_end for j, P in enumerate(products)), arb(0))
-        kappas.append(on_step.growth * (arb(1) if start is None else norm(start)))
+        before = sum((norms[j + 1, i] * steps[j].to_end for j in range(i)), arb(0))
+        kappas.append(on_step.growth * norms[0, i])
         taus.append(on_step.growth * before + on_step.inside)
-        if i == len(steps):
-            break
-        map = _homogeneous(turn.steps[i].map)
-        start = map if start is None else map * start
-        identity = arb_mat([[int(a == b) for b in range(map.ncols())] for a in range(map.nrows())])
-        products = [map * P for P in products] + [identity]
     return Transitions(largest(kappas), largest(taus), steps)
+
+
+def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
+    """Norms of the products of the maps j … i−1, by (j, i). A product has log₂ levels of factors, so that its
+    radius does not grow exponentially with their number."""
+    found = {(i, i): arb(1) for i in range(len(maps) + 1)}
+
+    def fill(first: int, last: int) -> None:
+        if last - first < 2:
+            found[first, last] = norm(maps[first])
+            return
+        middle = (first + last) // 2
+        to_middle = dict(enumerate(_to_end(maps[first:middle]), first))
+        from_middle = dict(enumerate(_from_start(maps[middle:last]), middle + 1))
+        for j, before in to_middle.items():
+            for i, after in from_middle.items():
+                found[j, i] = norm(after * before)
+        fill(first, middle)
+        fill(middle, last)
+
+    with precision(_BOUNDS):
+        fill(0, len(maps))
+    return found
+
+
+def _from_start(maps: list[Matrix]) -> list[Matrix]:
+    """Products of the first map, the first two, …, by halves."""
+    if len(maps) < 2:
+        return maps
+    first, second = (_from_start(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
+    return [*first, *(map * first[-1] for map in second)]
+
+
+def _to_end(maps: list[Matrix]) -> list[Matrix]:
+    """Products of all maps, all but the first, …, the last, by halves."""
+    if len(maps) < 2:
+        return maps
+    first, second = (_to_end(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
+    return [*(second[0] * map for map in first), *second]
 
 
 def _homogeneous(map: Matrix) -> Matrix:

@@ -9,6 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Statistics
 from solve.labels import SPEED
+from solve.period.curve import FourierCurve
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
 from solve.results.contents import (
@@ -74,6 +75,8 @@ class BranchPoints(ResultOver):
         Number of model periods per period of the orbits of the first branch.
     parameters : mapping of str to (P,) array
         Values of the parameter that varies instead of the speed.
+    curves : (P, n, k) array
+        Coordinates at k uniform phases of the period of each orbit; see `curve`.
     """
 
     system: PeriodicSystem
@@ -92,6 +95,22 @@ class BranchPoints(ResultOver):
     notes: Sequence[str] = ()
     periods: int = 1
     parameters: Mapping[str, Array] = field(default_factory=dict)
+    curves: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+
+    def curve(self, point: int) -> FourierCurve:
+        """Orbit of a point, from which `solve.nonlinear` starts to compute it to a tolerance.
+
+        Examples
+        --------
+        >>> import solve
+        >>> branch = solve.branch(solve.load("cam"), "300:310 rpm", points=3)
+        >>> orbit = solve.nonlinear(branch.system, branch.speeds[1], start=branch.curve(1))
+        >>> orbit.iterations < 10
+        True
+        """
+        q = self.curves[point].T
+        nodes = np.linspace(0.0, self.system.period * int(self.counts[point]), len(q) + 1)
+        return FourierCurve.through(nodes, q)
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -160,7 +160,10 @@ def _provable(model: object) -> Model:
     """The model. Raises LinearModelError where verdicts on boxes cannot be proved."""
     if not isinstance(model, PeriodicSystem):
         raise LinearModelError("a proved chart needs a model, not a function that builds systems")
-    return require_provable(model)
+    require_provable(model)
+    if not isinstance(model, Model):
+        raise LinearModelError("a proved chart needs a generated model, whose parameters are variables")
+    return model
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:

@@ -69,7 +69,7 @@ def test_invalid_combinations_are_refused_in_one_line(command, arguments, messag
 def test_a_model_without_generated_matrices_is_refused_before_it_is_solved(command):
     ran = command("floquet", "four_bar", "--speed", "30 rad/s", "--prove")
     assert (ran.status, ran.out) == (2, "")
-    assert "a proof needs matrices that are a generated function of the phase" in ran.err
+    assert "a proof needs matrices that are a function of the phase" in ran.err
 
 
 def test_without_python_flint_the_extra_is_named(command, monkeypatch):
@@ -86,18 +86,21 @@ def test_without_python_flint_the_extra_is_named(command, monkeypatch):
     assert ran.err == message
 
 
-def test_a_contradiction_is_printed_and_ends_in_status_70(command, monkeypatch):
+def test_a_contradiction_is_printed_and_saved_and_ends_in_status_70(command, monkeypatch, tmp_path):
     usual = proving.prove
 
     def contradicting(*given, **options):
         return dataclasses.replace(usual(*given, **options), verdict="unstable")
 
     monkeypatch.setattr(proving, "prove", contradicting)
-    ran = command(*MATHIEU, "--prove", "--json")
+    file = tmp_path / "both.npz"
+    ran = command(*MATHIEU, "--prove", "--json", "--save", str(file))
     assert ran.status == 70
+    opened = solve.open(file)
+    assert (opened.verdict, opened.result.verdict) == ("unstable", "asymptotically stable")
     assert json.loads(ran.out)["proof"]["verdict"] == "unstable"
     assert json.loads(ran.out)["verdict"] == "asymptotically stable"
-    (line,) = ran.err.splitlines()
+    *_, line = ran.err.splitlines()
     assert "unstable is proved, but the ordinary verdict is asymptotically stable" in line
 
 

@@ -38,6 +38,15 @@ def rotor_branch():
     return solve.branch(model_of(cubic_rotor(), **NUMBERS), (0.8, 1.6), rtol=1e-5)
 
 
+def test_curves_of_a_branch_are_its_orbits(rotor_branch):
+    branch = rotor_branch
+    phases = np.linspace(0.0, 2 * np.pi, 400)
+    for point in (0, len(branch.speeds) // 2, -1):
+        q = branch.curve(point)(phases)
+        assert q.shape == (2, 400)
+        np.testing.assert_allclose(np.abs(q).max(axis=1), branch.peaks[point], rtol=1e-3)
+
+
 def test_every_orbit_of_the_branch_is_one(rotor_branch):
     computed = rotor_branch
     assert computed.warnings == []

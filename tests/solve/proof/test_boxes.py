@@ -79,6 +79,18 @@ def test_halves_are_the_same_polynomial():
         np.testing.assert_allclose(half, np.polynomial.chebyshev.chebval((x + side) / 2, c), atol=1e-13)
 
 
+@pytest.mark.parametrize(("width", "verdict"), [(1.0, ASYMPTOTICALLY_STABLE), (2.0**-40, UNDETERMINED)])
+def test_rounded_ends_of_a_box_lie_within_its_verdict(width, verdict):
+    """The trace is 2 T_40(x)/(1 + 1e-3): above 1 + D = 2 at a distance of 2^-52 beyond the box, if it is
+    narrow."""
+    c = np.zeros((2, 41, 1))
+    c[0, 40], c[1, 0] = 2 / (1 + 1e-3), 1 - 1e-9
+    beyond = 2 / (1 + 1e-3) * np.cosh(40 * np.arccosh(1 + 2 * 2.0**-52 / width))
+    assert (beyond < 2) == (verdict == ASYMPTOTICALLY_STABLE)
+    piece = of_boxes._Piece(Box((1.0, 1.0 + width), (0.0, 1.0)), c, np.zeros(2), False)
+    assert of_boxes._verdict(piece, 1) == verdict
+
+
 @pytest.mark.slow
 def test_boxes_of_meissners_equation_agree_with_the_closed_form():
     """Stiffness w1² and w2² in turn, each for 1 s, without damping: the trace of Φ is

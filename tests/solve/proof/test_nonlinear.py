@@ -6,15 +6,16 @@ from functools import cache, partial
 import mpmath
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 pytest.importorskip("flint")
 
 import solve
-from solve.errors import LinearModelError, ValueOutOfBoundsError
+from solve.errors import LinearModelError
 from solve.proof import existence as of_existence
 from solve.proof import nonlinear as of_nonlinear
 from solve.proof.balls import arb
-from tests.solve.newton.mechanisms import duffing, model_of
+from tests.solve.newton.mechanisms import duffing, model_of, stop
 from tests.solve.proof.taylor import duffing_orbit
 
 NUMBERS = {"zeta": 0.1, "k": 1.0, "alpha": 1.0, "f": 1.0}
@@ -138,14 +139,46 @@ def test_coexisting_orbits_are_unique_in_disjoint_regions():
                 assert apart > one.orbit.unique["q"][0]
 
 
+def test_an_orbit_is_not_unique_beyond_a_kink_of_the_equations():
+    """Second derivatives of an elastic stop are zero on both sides. A second orbit meets the stop."""
+    numbers, speed = {"zeta": 0.02, "k": 1.0, "kappa": 10.0, "gap": 1.0, "f": 0.5}, 1.35
+    found = solve.prove(solve.nonlinear(model_of(stop(), **numbers), speed))
+    amplitude = 0.5 / abs(1 - speed**2 + 0.04j * speed)
+    low, high = found.statistics("q")
+    assert low <= amplitude * (1 + 1e-14)
+    assert high >= amplitude * (1 - 1e-14)
+
+    def rates(t, y):
+        return y[1], 0.5 * np.cos(speed * t) - 0.04 * y[1] - y[0] - 10 * max(0.0, y[0] - 1)
+
+    period = 2 * np.pi / speed
+    settled = solve_ivp(rates, (0, 200 * period), [1.3, 0.0], rtol=1e-8, max_step=period / 50)
+    other = settled.y[0][settled.t > 199 * period]
+    assert other.max() > 2
+    # The deviation of the other orbit at its highest point is at least the difference of the maxima.
+    assert 1e-3 < found.orbit.unique["q"][0] < other.max() - amplitude
+    assert found.orbit.unique["q"][0] <= 1 - amplitude
+
+
 def test_an_orbit_of_equations_with_jumps_is_refused():
     with pytest.raises(LinearModelError, match="without jumps or kinks"):
         solve.prove(solve.nonlinear(solve.load("meissner"), 1.0))
 
 
-def test_rounded_numbers_of_a_nonlinear_orbit_are_refused():
-    with pytest.raises(ValueOutOfBoundsError, match="leave out rounded"):
-        solve.prove(orbit(), rounded=True)
+@pytest.mark.parametrize("moved", [-1, 1])
+def test_rounded_numbers_include_the_orbits_of_neighbours(moved):
+    """Those with parameters that differ by two units in the last place."""
+    found = solve.prove(orbit(), rounded=True)
+    assert found.verdict == "asymptotically stable"
+    assert "within two units in the last place" in found.assumed
+    neighbours = {name: x + 2 * moved * np.spacing(x) * (x % 1 > 0) for name, x in NUMBERS.items()}
+    place = found.orbit
+    start = round(float(harmonics(place)), 4), round(SPEED * float(harmonics(place, 1)), 4)
+    with mpmath.workdps(40):
+        state, Phi = duffing_orbit(**neighbours, speed=SPEED + 2 * moved * np.spacing(SPEED), start=start)
+        assert abs(state[0] - harmonics(place)) <= place.radius["q"][0] < 1e-6
+        assert contained(found, Phi)
+    assert found.orbit.radius["q"][0] > proof().orbit.radius["q"][0]
 
 
 def test_two_periods_have_the_square_of_the_multipliers():
@@ -153,6 +186,25 @@ def test_two_periods_have_the_square_of_the_multipliers():
     low, high = (float(bound) ** 2 for bound in proof().spectral_radius)
     assert float(twice.spectral_radius[0]) <= high
     assert float(twice.spectral_radius[1]) >= low
+
+
+@pytest.mark.slow
+def test_all_orbits_of_a_branch_through_folds_are_proved():
+    system = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.5)
+    branch = solve.branch(system, (1.2, 2.4), rtol=1e-4)
+    assert len(branch.turning) == 2
+    proofs = []
+    for point, speed in enumerate(branch.speeds):
+        found = solve.prove(solve.nonlinear(system, speed, start=branch.curve(point)))
+        low, high = found.statistics("q")
+        assert low * (1 - 1e-3) < branch.peaks[point, 0] < high * (1 + 1e-3)
+        proofs.append(found)
+    assert all(each.proved for each in proofs)
+    # Between the turning points the orbits are unstable.
+    first, last = np.flatnonzero(branch.turns)
+    verdicts = [each.verdict == "unstable" for each in proofs]
+    assert verdicts[first + 1 : last] == [True] * (last - first - 1)
+    assert not any(verdicts[:first] + verdicts[last + 1 :])
 
 
 def test_a_linear_system_has_its_orbit_everywhere_unique():

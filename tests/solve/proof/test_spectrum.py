@@ -6,6 +6,7 @@ pytest.importorskip("flint")
 
 from solve.period.multipliers import VERDICTS
 from solve.proof.balls import acb, arb, arb_mat, precision
+from solve.proof.enclosure import discs_of
 from solve.proof.spectrum import multipliers, verdict
 
 PLACES = [(0.97, 0.2), (0.5, 0.0), (-1e-7, 0.0), (2e-25, 1e-25), (3e-56, 0.0)]
@@ -61,6 +62,19 @@ def test_a_disc_with_the_multiplier_of_another_is_not_isolated():
         computed = multipliers(arb_mat([[0, arb(0, 0.9)], [arb(0, 1e-3), arb(1, 0.199)]]))
         assert [each.isolated for each in computed] == [each.radius < 0.1 for each in computed]
         assert not all(each.isolated for each in computed)
+
+
+@pytest.mark.parametrize(("distance", "alone"), [(2.0**-70, 2), (2.0**-40, 4)])
+def test_an_isolated_disc_about_a_double_contains_one_multiplier(distance, alone):
+    with precision(300):
+        third = arb(1) / 3
+        places = [(0.6, 0.3), (third + distance, 0.0), (third, 0.0)]
+        computed = multipliers(with_eigenvalues(places, 1e-80))
+        assert all(each.isolated for each in computed)
+        centers, radii, isolated = discs_of(computed)
+        assert isolated.sum() == alone
+        for center, radius in zip(centers[isolated].tolist(), radii[isolated].tolist(), strict=True):
+            assert sum(bool(abs(value - center) <= radius) for value in exact(places)) == 1
 
 
 def test_eigenvalues_below_the_width_share_a_disc():

@@ -1,0 +1,143 @@
+"""Functions of the phase that are not generated, as CasADi functions: functions of the user, and samples.
+
+A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on these form a graph, as
+that of generated code, of which a proof evaluates every operation in ball arithmetic. What a graph cannot
+contain raises an error: comparisons, conversions to numbers, and functions that NumPy has for numbers only.
+"""
+
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import casadi
+import numpy as np
+
+from solve.approximation import Trigonometric
+from solve.errors import LinearModelError
+from solve.model.model import Model
+from solve.samples import Samples
+from solve.system import PeriodicSystem
+
+_PLACES = 2
+"""Phases for which a function is called: entries at one must not depend on the other."""
+
+
+class Symbol:
+    """A symbolic number, for elements of arrays of objects. NumPy's functions call its methods."""
+
+    def __init__(self, value: Any):
+        self.value = value
+
+    def __neg__(self) -> "Symbol":
+        return Symbol(-self.value)
+
+    def __pos__(self) -> "Symbol":
+        return self
+
+    def __abs__(self) -> "Symbol":
+        return Symbol(casadi.fabs(self.value))
+
+    def __mod__(self, other: Any) -> "Symbol":
+        return self - other * math.floor(self / other)
+
+    def arctan2(self, other: Any) -> "Symbol":
+        return Symbol(casadi.atan2(self.value, _plain(other)))
+
+    def _undecided(self, *_: Any) -> bool:
+        raise TypeError("a comparison of symbolic numbers has no outcome")
+
+    __bool__ = __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = _undecided  # type: ignore[assignment]
+    __hash__ = object.__hash__
+
+
+def _plain(x: Any) -> Any:
+    """Value of a symbol, or a real number. Raises TypeError for a number that is not a double."""
+    if isinstance(x, Symbol):
+        return x.value
+    if np.iscomplexobj(x) or (value := float(x)) != x:
+        raise TypeError(f"{x!r} is not a number of double precision")
+    return value
+
+
+def _forward(operation: Callable[[Any, Any], Any]) -> Callable[[Symbol, Any], Symbol]:
+    return lambda self, other: Symbol(operation(self.value, _plain(other)))
+
+
+def _reflected(operation: Callable[[Any, Any], Any]) -> Callable[[Symbol, Any], Symbol]:
+    return lambda self, other: Symbol(operation(_plain(other), self.value))
+
+
+def _method(function: Callable[[Any], Any]) -> Callable[[Symbol], Symbol]:
+    return lambda self: Symbol(function(self.value))
+
+
+for _name in ("add", "sub", "mul", "truediv", "pow"):
+    setattr(Symbol, f"__{_name}__", _forward(getattr(operator, _name)))
+    setattr(Symbol, f"__r{_name}__", _reflected(getattr(operator, _name)))
+
+for _name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt"):
+    setattr(Symbol, _name, _method(getattr(casadi, _name)))
+
+for _name in ("floor", "ceil"):
+    setattr(Symbol, f"__{_name}__", _method(getattr(casadi, _name)))
+
+for _name in ("sin", "cos", "tan"):
+    setattr(Symbol, f"arc{_name}", _method(getattr(casadi, f"a{_name}")))
+
+
+def linearised(system: PeriodicSystem) -> casadi.Function:
+    """M, C, K and d of phase, speed and parameters; those of a generated model as they are. Raises
+    LinearModelError for a function of the user with operations that symbols do not have."""
+    if isinstance(system, Model):
+        return system.setup.function("linearised")
+    phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")
+    samples, n = system.samples, system.n
+    arrays = _called(system, phase, speed) if samples is None else _interpolated(samples, phase)
+    shapes = ((n, n),) * 3 + ((n, 1),)
+    outputs = [_matrix(array, shape) for array, shape in zip(arrays, shapes, strict=True)]
+    parameters = casadi.SX.sym("p", 0)
+    return casadi.Function("linearised", [phase, speed, parameters], casadi.cse(outputs))
+
+
+def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[np.ndarray]:
+    phases = [phase, *(casadi.SX.sym("other") for _ in range(1, _PLACES))]
+    given = np.empty(_PLACES, dtype=object)
+    given[:] = [Symbol(x) for x in phases]
+    try:
+        arrays = [np.asarray(array) for array in system._matrices(given, Symbol(speed))]  # type: ignore[arg-type]
+        entries = [array[0] for array in arrays]
+        outside = casadi.vertcat(*phases[1:])
+        dependent = any(
+            isinstance(x, Symbol) and casadi.depends_on(x.value, outside)
+            for array in entries
+            for x in array.ravel()
+        )
+    except (ArithmeticError, AttributeError, IndexError, RuntimeError, TypeError, ValueError) as error:
+        first = str(error).partition("\n")[0]
+        raise LinearModelError(
+            f"the function of the matrices cannot be evaluated at symbolic phases, which a proof needs: "
+            f"{first}; see docs/proof.md for the operations that it may use"
+        ) from None
+    if dependent:
+        raise LinearModelError("the matrices at one phase depend on other phases of the array")
+    return entries
+
+
+def _interpolated(samples: Samples, phase: casadi.SX) -> list[np.ndarray]:
+    curves = (Trigonometric(array, samples.period) for array in samples.arrays)
+    values = (curve.at(phase, casadi.cos, casadi.sin) for curve in curves)
+    return [
+        np.array([Symbol(casadi.SX(x)) for x in entries], dtype=object).reshape(array.shape[1:])
+        for entries, array in zip(values, samples.arrays, strict=True)
+    ]
+
+
+def _matrix(array: np.ndarray, shape: tuple[int, int]) -> casadi.SX:
+    """Symbolic matrix of an array; entries that are the number zero are structural zeros."""
+    made = casadi.SX(*shape)
+    for (i, j), x in np.ndenumerate(array.reshape(shape)):
+        value = _plain(x)
+        if isinstance(x, Symbol) or value != 0.0:
+            made[i, j] = value
+    return made

@@ -1,0 +1,118 @@
+"""Proofs of systems whose matrices are functions of the user, or samples."""
+
+import mpmath
+import numpy as np
+import pytest
+
+pytest.importorskip("flint")
+
+import solve
+from solve.errors import LinearModelError
+from solve.proof.balls import arb, precision
+from solve.proof.enclosure import equation_of
+from solve.proof.symbolic import linearised
+from tests.solve.proof.test_prove import exact_trace
+
+DELTA, EPSILON, ZETA = 1.3, 0.4, 0.03
+
+
+def mathieu(phase, speed):
+    """Of zeta sqrt(delta) only the product is a double."""
+    one = np.ones((len(phase), 1, 1))
+    stiffness = DELTA + EPSILON * np.cos(2 * phase)
+    return one, 2 * ZETA * np.sqrt(DELTA) * one, stiffness[:, None, None], np.cos(2 * phase)[:, None]
+
+
+def sampled():
+    phases = np.arange(16) * np.pi / 16
+    return solve.PeriodicSystem.from_samples(*mathieu(phases, 1.0), ["q"], period=np.pi)
+
+
+@pytest.mark.parametrize(
+    ("system", "width"), [(solve.PeriodicSystem(mathieu, ["q"], np.pi), 1e-18), (sampled(), 1e-15)]
+)
+def test_functions_and_samples_have_the_multipliers_of_the_generated_model(system, width):
+    """Coefficients of samples are rounded."""
+    found = solve.prove(system, 1.0)
+    assert found.verdict == "asymptotically stable"
+    low, high = found.spectral_radius
+    with mpmath.workdps(40):
+        trace = exact_trace(DELTA, EPSILON, ZETA)
+        damping = 2 * mpmath.mpf(ZETA) * mpmath.sqrt(mpmath.mpf(DELTA))
+        radius = max(map(abs, mpmath.polyroots([1, -trace, mpmath.exp(-damping * mpmath.pi)])))
+        # The damping is a rounded product.
+        assert mpmath.mpf(low) - mpmath.mpf(2e-16) < radius < mpmath.mpf(high) + mpmath.mpf(2e-16)
+        assert mpmath.mpf(high) - mpmath.mpf(low) < mpmath.mpf(width)
+    assert found.true_error["orbit"] <= found.result.error_estimate.orbit
+
+
+def test_the_period_of_a_function_is_shown():
+    assert (
+        "continued periodically" not in solve.prove(solve.PeriodicSystem(mathieu, ["q"], np.pi), 1.0).assumed
+    )
+
+
+def test_a_symbolic_function_has_the_values_of_the_function():
+    """Operations in turn, among them the remainder, powers and reflected ones."""
+
+    def matrices(phase, speed):
+        x = phase[:, None, None]
+        K = 3 + np.abs(np.sin(x)) ** 3 - np.arctan2(np.sin(x), 2 + np.cos(x)) / (1 + np.exp(-np.cos(x)))
+        C = (
+            2.0 ** np.sin(x) * speed
+            + np.mod(x, 1.5)
+            - np.arcsin(np.sin(x) / 2)
+            + np.sqrt(2 + np.tanh(np.sin(x)))
+        )
+        return np.ones_like(x), C, K, (1 / (2 + np.cos(phase)))[:, None] % 0.3
+
+    system, phases = solve.PeriodicSystem(matrices, ["q"]), np.array([0.3, 1.4, 4.0])
+    function = linearised(system)
+    for at, values in enumerate(zip(*system.at(phases, 1.7), strict=True)):
+        for symbolic, exact in zip(function(phases[at], 1.7, []), values, strict=True):
+            assert float(symbolic) == pytest.approx(float(exact.ravel()[0]), rel=1e-14)
+    with precision(100):
+        m, r = equation_of(system, 1.7, False).at(arb(phases[0]), None)
+        assert m[0, 0].is_finite()
+        assert r[0, 1].is_finite()
+
+
+def stiffness(function):
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, function(phase)[:, None, None], np.zeros((len(phase), 1))
+
+    return solve.PeriodicSystem(matrices, ["q"])
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda phase: np.where(phase < np.pi, 2.0, 3.0), "a comparison of symbolic numbers has no outcome"),
+        (lambda phase: np.where(phase == 0, 2.0, 3.0), "a comparison of symbolic numbers has no outcome"),
+        (lambda phase: np.maximum(np.cos(phase), 0.5), "a comparison of symbolic numbers has no outcome"),
+        (lambda phase: np.interp(phase, [0, 7], [2, 2]), "cannot be evaluated at symbolic phases"),
+        (lambda phase: 2 + np.sin(phase) * np.mean(np.cos(phase)), "depend on other phases"),
+        (lambda phase: 2 + np.cos(phase) * (1 + 0.0j), "cannot be evaluated at symbolic phases"),
+        (lambda phase: 2 + np.cos(phase) * np.longdouble("0.1"), "is not a number of double precision"),
+        (lambda phase: 2 + np.log1p(np.cos(phase) ** 2), "log1p"),
+        (lambda phase: phase.astype(float), "cannot be evaluated at symbolic phases"),
+    ],
+)
+def test_operations_without_an_exact_meaning_are_refused(function, message):
+    with pytest.raises(LinearModelError, match=message):
+        linearised(stiffness(function))
+
+
+def test_jumps_of_a_function_have_the_closed_form():
+    """Meissner's equation by the integer part of the phase: the trace of two rotations."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        w = 1 + np.floor(phase)[:, None, None]
+        return one, 0 * one, w**2 * one, np.zeros((len(phase), 1))
+
+    found = solve.prove(solve.PeriodicSystem(matrices, ["q"], 2.0, breaks=[0.0, 1.0]), 1.0, orbit=False)
+    a, b, c, d = np.cos(1), np.sin(1), np.cos(2), np.sin(2)
+    assert sum(found.multipliers).real == pytest.approx(2 * a * c - 2.5 * b * d, abs=1e-13)
+    assert "continued periodically" in found.assumed
