@@ -82,7 +82,7 @@ def read_matrix_market(
         if symbol in arrays:
             arrays[symbol] = arrays[symbol].reshape(len(arrays[symbol]), -1)
     if phases is not None:
-        arrays["phase"] = np.asarray(phases, dtype=float)
+        arrays["phase"] = np.asarray(phases)
     if coordinates is not None:
         arrays["states" if "A" in arrays else "coordinates"] = np.array(list(coordinates))
     name = files[0].name[: _SYMBOL.search(files[0].name).start()] or files[0].parent.name  # type: ignore[union-attr]
