@@ -210,11 +210,22 @@ def test_variable_inertia_of_a_crank_train():
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
+@pytest.mark.parametrize("slider", [0.0, 0.02])
+def test_elastic_rod_of_a_slider_crank_is_unstable_at_twice_its_frequency(slider):
+    """λ = 0.004: terms of second order are some per cent of the width."""
+    numbers = {"r": 1.6e-3, "L": 0.4, "EI": 0.8, "mu": 0.12}
+    r, length, bending, mass = numbers.values()
+    omega = np.pi**2 * np.sqrt(bending / mass) / length**2
+    half_width = np.pi**2 * r / length * omega * (1 + 2 * slider / (mass * length))
+    model = solve.load(stated("slider_crank"), ms=slider, **numbers)
+    assert is_unstable_within(model, 2 * omega, half_width)
+
+
 def test_teetering_removes_the_yaw_instability_of_two_blades():
     numbers = {"J": 1000.0, "k": 5e5}
     for rotor in (50.0, 100.0):
         e, omega = rotor / (2 * numbers["J"] + rotor), np.sqrt(numbers["k"] / (numbers["J"] + rotor / 2))
-        rigid = solve.load(stated("teeter"), I=rotor, kt=1e9, **numbers)
+        rigid = solve.load(stated("teeter"), I=rotor, kt=1e7, **numbers)
         assert is_unstable_within(rigid, omega, omega * e / 4)
         teetering = rigid.varied({"kt": 0.0})
         for speed in (5.0, omega, 30.0):
