@@ -151,6 +151,60 @@ def test_a_flapping_blade_in_hover_and_in_forward_flight():
     assert abs(np.prod(flight.multipliers)) == pytest.approx(np.exp(-2 * np.pi * gamma / 8), rel=1e-7)
 
 
+WHIRL = {"I": 2.0, "Ib": 1.0, "h": 0.3, "R": 1.0, "gamma": 4.0}
+
+
+def whirl_map(speed, V, ka, kb):
+    """Monodromy matrix of the propeller by small rotation vectors θ = (0, a, b): every blade has the torque
+    Ib e × (θ̈ × e + 2θ̇ × ė), and w = (θ × n)·V + n·(θ̇ × r) across its chord."""
+    inertia, blade, h, R, gamma = WHIRL.values()
+    axes = np.eye(3)[1:]
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+
+    def flow(phase, state):
+        e, rim = np.array([[0, np.sin(phase), np.cos(phase)], [0, np.cos(phase), -np.sin(phase)]])
+        M, C, K = inertia * np.eye(2), np.zeros((2, 2)), np.diag([ka, kb])
+        for j, axis in enumerate(axes):
+            M[:, j] += 2 * blade * (axes @ np.cross(e, np.cross(axis, e)))
+            C[:, j] += 4 * blade * (axes @ np.cross(e, np.cross(axis, speed * rim)))
+        for sign in (1, -1):
+            for s, weight in zip((nodes + 1) / 2 * R, weights / 2 * R, strict=True):
+                U = np.hypot(V, speed * s)
+                n = np.array([speed * s, 0, 0]) / U - V / U * sign * rim
+                r = np.array([h, 0, 0]) + s * sign * e
+                lever = np.array([n @ np.cross(axis, r) for axis in axes])
+                tilt = np.array([V * np.cross(axis, n)[0] for axis in axes])
+                lift = weight * gamma * blade / (2 * R**4) * U
+                C += lift * np.outer(lever, lever)
+                K += lift * np.outer(lever, tilt)
+        q, v = state.reshape(2, 2, 4)
+        acceleration = -np.linalg.solve(M, C @ v + K @ q)
+        return np.concatenate((v.ravel(), acceleration.ravel())) / speed
+
+    end = scipy.integrate.solve_ivp(flow, (0, 2 * np.pi), np.eye(4).ravel(), "DOP853", rtol=1e-10, atol=1e-12)
+    return end.y[:, -1].reshape(4, 4)
+
+
+@pytest.mark.slow
+def test_whirl_flutter_of_two_blades_against_a_second_derivation():
+    model = solve.load(stated("whirl"), c=0.0, V=100.0, ka=8e3, kb=8e3, **WHIRL)
+    for V, ka, kb in ((100.0, 8e3, 8e3), (60.0, 3e4, 5e4), (100.0, 2e5, 2e5)):
+        found = solve.floquet(model.varied({"V": V, "ka": ka, "kb": kb}), 100.0)
+        expected = np.linalg.eigvals(whirl_map(100.0, V, ka, kb))
+        distance = np.abs(found.multipliers[:, None] - expected) / np.abs(expected).max()
+        np.testing.assert_allclose([*distance.min(axis=0), *distance.min(axis=1)], 0, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_page_states_the_largest_multipliers_of_the_propeller():
+    for stiffness, is_real, printed in ((3e4, True, "1.526"), (5e4, False, "1.170"), (1e5, False, "0.950")):
+        rho = np.linalg.eigvals(whirl_map(100.0, 100.0, stiffness, stiffness))
+        largest = rho[np.abs(rho).argmax()]
+        assert (abs(largest.imag) < 1e-9) == is_real
+        assert f"{abs(largest):.3f}" == printed
+        assert printed in PAGE
+
+
 TRAIN = dict(zip([f"J{i}" for i in range(1, 6)], (3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05), strict=True))
 TRAIN |= dict(zip([f"k{i}" for i in range(1, 5)], (12e3, 12e3, 14e3, 10e3), strict=True))
 
@@ -210,6 +264,7 @@ def test_variable_inertia_of_a_crank_train():
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slider", [0.0, 0.02])
 def test_elastic_rod_of_a_slider_crank_is_unstable_at_twice_its_frequency(slider):
     """λ = 0.004: terms of second order are some per cent of the width."""
@@ -221,6 +276,7 @@ def test_elastic_rod_of_a_slider_crank_is_unstable_at_twice_its_frequency(slider
     assert is_unstable_within(model, 2 * omega, half_width)
 
 
+@pytest.mark.slow
 def test_teetering_removes_the_yaw_instability_of_two_blades():
     numbers = {"J": 1000.0, "k": 5e5}
     for rotor in (50.0, 100.0):
@@ -264,6 +320,7 @@ def test_planetary_gear_has_the_printed_frequencies(planetary):
         assert all(f"{frequency}" in PAGE for frequency in row)
 
 
+@pytest.mark.slow
 def test_parametric_resonance_of_a_planetary_gear(planetary):
     """A rotational mode alone, two rotational ones, and none of a rotational and a translational one."""
     M, _, K, _ = planetary(3).at(np.zeros(1), 1.0)

@@ -129,6 +129,7 @@ def test_source_states_hash_and_discarded_modes(loaded, tmp_path):
     assert loaded[1].parameters["beam_K3_3"] == pytest.approx(squares[0], rel=1e-8)
 
 
+@pytest.mark.slow
 def test_damping_matrix_is_reduced_with_the_others(tmp_path):
     """C = a M + b K damps a mode of frequency ω by (a/ω + bω)/2."""
     a, b = 0.3, 2e-4
