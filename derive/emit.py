@@ -354,6 +354,8 @@ def constants(
         ]
     if mechanism.declared_series:
         rows["SERIES"] = [_series(series) for series in mechanism.declared_series]
+    if mechanism.declared_bodies:
+        rows["BODIES"] = [body.row for body in mechanism.declared_bodies]
     if mechanism.declared_field:
         deflection = mechanism.declared_field
         rows["FIELDS"] = [(deflection.name, deflection.unit, deflection.meaning)]

@@ -1,11 +1,12 @@
 """Declared quantities of a mechanism: coordinates, parameters, series, options and outputs."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import sympy
 
+from derive.body import ReducedBody, declared_body
 from derive.declarations import (
     Coordinate,
     Option,
@@ -36,6 +37,7 @@ class Quantities:
     declared_series: list[type[PeriodicFunction]] = field(default_factory=list, init=False)
     declared_field: Field | None = field(default=None, init=False)
     declared_loops: list[Loop] = field(default_factory=list, init=False)
+    declared_bodies: list[ReducedBody] = field(default_factory=list, init=False)
     lines: dict[Any, int] = field(init=False, repr=False, compare=False)
     """Lines of the author's file, by the expression that each states."""
 
@@ -267,6 +269,43 @@ class Quantities:
         self._require_unused(name)
         self.declared_outputs.append(Output(name, sympy.sympify(expression), unit, meaning))
         note(self.lines, self.declared_outputs[-1].expression)
+
+    def reduced_body(
+        self,
+        name: str,
+        interface: Mapping[str, tuple[Any, str]],
+        modes: int,
+        damping: bool = False,
+    ) -> ReducedBody:
+        """Declare an elastic body whose matrices are data of the case, from a finite-element program.
+
+        Its modes become coordinates `{name}1`, `{name}2`, …; entries of its matrices are parameters. The case
+        names the file: `blade = { file = "blade.mat", unit = "m kg s", source = "…" }`.
+
+        Parameters
+        ----------
+        name : str
+            Name of the body.
+        interface : dict of str to (expression, str)
+            Absolute displacements and small rotations of the retained coordinates, with the unit "m" or
+            "rad", in the order of the file. The axes of the body keep their direction.
+        modes : int
+            Number of modes with the interface fixed.
+        damping : bool, default False
+            Whether the file has a damping matrix.
+
+        Returns
+        -------
+        ReducedBody
+            `kinetic`, `potential` and `dissipation`, to be added to those of the mechanism.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        body = declared_body(self, name, interface, modes, damping)
+        self.declared_bodies.append(body)
+        return body
 
     def names(self) -> set[str]:
         """Names in use, including derivatives of coordinates and option values."""

@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
-DERIVE_SHA256 = "873b029d65622a1e191575018604249ecd6ec9cba779e4fddb6412a0498b5297"
+MECHANISM_SHA256 = "3586729caa5b3d9f2e2fb5433be3ed0638cd86c4045691e4f4109a7710109203"
+DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "3d3ec09dfa282b3d58e6a70323be1fc23ffa94988eb6b08358f4f21bdfe39675"
+FILE_SHA256 = "fa185769ba861b8e233e17141ce798cd9cd950984b69a35f3db5238eef4a21b2"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

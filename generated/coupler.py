@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e4acab8ea073812e022a00745c85e8b3f07e70181b1ffbe60d481942406301fb"
-DERIVE_SHA256 = "873b029d65622a1e191575018604249ecd6ec9cba779e4fddb6412a0498b5297"
+DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "bc4c19c211fc9bdbca919b957f7a0ee0fcea31c3654f47ef41a51829feb791ae"
+FILE_SHA256 = "b1b66ac88a5883c2ed020dbedb1f63453dedfca62ddba9b0a87da91d3ca6fdc2"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -22,6 +22,7 @@ from solve.newton.two_parameters import special_curves
 from solve.period.quantities import statistics as signal_statistics
 from solve.proof.prove import prove
 from solve.proof.result import Proof
+from solve.readers.fmu import read_fmu
 from solve.readers.formats import read_mat, read_netcdf, read_npz
 from solve.readers.matrix_market import read_matrix_market
 from solve.readers.openfast import read_openfast
@@ -121,6 +122,7 @@ __all__ = [
     "optimise",
     "periodic",
     "prove",
+    "read_fmu",
     "read_mat",
     "read_matrix_market",
     "read_netcdf",

@@ -16,6 +16,10 @@ from solve.matrices import real_arrays
 _SAME_AZIMUTH = 1e-9
 """Distance of azimuths, as a fraction of the period, below which they coincide. A choice."""
 
+_MOST_PERIODS = 20
+"""Range of azimuths, in periods, from which they are assumed to be degrees: those of a revolution span 57
+periods of 2π. A choice."""
+
 _MAX_CONDITION = 30.0
 """Condition number of the fit of a series to azimuths that are not uniform, above which fewer harmonics are
 fitted. It multiplies the errors of the samples and the unresolved harmonics. A choice: uniform azimuths have
@@ -93,8 +97,19 @@ class Samples:
     @cached_property
     def function(self) -> Callable[[Array, float], list[Array]]:
         """Function of phases (m,) and of any speed that returns the interpolants (m, …)."""
-        curves = [Trigonometric(array, self.period) for array in self.arrays]
-        return lambda phase, speed: [curve(phase) for curve in curves]
+        columns = np.concatenate([array.reshape(len(array), -1) for array in self.arrays], axis=1)
+        varies = (columns != columns[0]).any(axis=0)
+        curves = Trigonometric(columns[:, varies], self.period)
+        ends = np.cumsum([math.prod(array.shape[1:]) for array in self.arrays])[:-1]
+
+        def values(phase: Array, speed: float) -> list[Array]:
+            every = np.tile(columns[0], (len(phase), 1))
+            if varies.any():
+                every[:, varies] = curves(phase)
+            parts = zip(np.split(every, ends, axis=1), self.arrays, strict=True)
+            return [part.reshape(len(phase), *array.shape[1:]) for part, array in parts]
+
+        return values
 
     @property
     def resolved(self) -> int:
@@ -204,6 +219,11 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
         )
     if count < 3:
         raise MatricesError(f"{count} azimuths determine no harmonic; give 3 or more")
+    if np.ptp(azimuths) > _MOST_PERIODS * period:
+        raise MatricesError(
+            f"azimuths are from {azimuths.min():.6g} to {azimuths.max():.6g} rad, which is "
+            f"{np.ptp(azimuths) / period:.3g} periods; give them in rad, not in degrees"
+        )
     wrapped = np.mod(azimuths, period)
     ordered = np.sort(wrapped)
     gaps = np.append(np.diff(ordered), ordered[0] + period - ordered[-1])

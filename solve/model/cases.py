@@ -12,11 +12,13 @@ from typing import Any
 from solve.arguments import require_size
 from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError, cause
 from solve.labels import Labels
+from solve.model.bodies import EXAMPLE, Body, body_parameters
 from solve.model.tables import Fit, Series, fitted, series_of
 from solve.units import conversion
 
 _NUMBER_KEYS = {"value", "values", "count", "unit", "source"}
 _TABLE_KEYS = {"table", "columns", "harmonics", "source"}
+_BODY_KEYS = {"file", "interface", "unit", "sha256", "source"}
 _NUMBERS_A_BYTE = 64
 """Memory per byte of a file while it is parsed, in numbers. An upper estimate, for the memory limit."""
 
@@ -87,8 +89,8 @@ def chosen_case(
     UnknownNameError, CaseFileError and MissingValueError.
     """
     declared = {name: unit for name, unit, *_ in module.PARAMETERS}
-    series = series_of(getattr(module, "SERIES", ()))
-    cases = read_cases(path, declared, series) if path and (required or path.is_file()) else None
+    functions = functions_of(module)
+    cases = read_cases(path, declared, functions) if path and (required or path.is_file()) else None
     if cases is None and case is not None:
         where = (
             f"no case file '{path}'" if path else f"{module.NAME} was derived in memory and has no case file"
@@ -115,15 +117,22 @@ def chosen_case(
     return chosen
 
 
+def functions_of(module: ModuleType) -> dict[str, Series | Body]:
+    """Declared series and elastic bodies, whose parameters a case may take from files, by name."""
+    bodies = [Body(*row) for row in getattr(module, "BODIES", ())]
+    return {**series_of(getattr(module, "SERIES", ())), **{body.name: body for body in bodies}}
+
+
 def read_cases(
-    path: Path, units: Mapping[str, str], series: Mapping[str, Series] = MappingProxyType({})
+    path: Path, units: Mapping[str, str], series: Mapping[str, Series | Body] = MappingProxyType({})
 ) -> dict[str, Case]:
-    """Cases of a file, in its order; `units` and `series` are declared by the model.
+    """Cases of a file, in its order; `units`, and `series` and bodies, are declared by the model.
 
     An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns
     the same value to NAME1 … NAMEcount; { table, columns, harmonics } fits a series to a CSV file in the same
-    folder. Entries of [common.parameters] hold for every case. Raises CaseFileError, UnknownNameError for a
-    misspelt key or parameter, UnitError for a unit of another dimension.
+    folder; { file, unit, source } gives the matrices of an elastic body. Entries of [common.parameters] hold
+    for every case. Raises CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a
+    unit of another dimension.
     """
     table = _read(path)
     _require_known_keys(table, {"common", "case"}, f"key of {path.name}")
@@ -164,7 +173,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _parameters(
-    raw: Any, units: Mapping[str, str], series: Mapping[str, Series], path: Path
+    raw: Any, units: Mapping[str, str], series: Mapping[str, Series | Body], path: Path
 ) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str]]:
     """Values in the units declared by the model, fitted series, sources, and units in the file."""
     values: dict[str, float] = {}
@@ -176,6 +185,8 @@ def _parameters(
         if "table" in entry:
             fit = fits[name.removesuffix("'")] = _fit(name, entry, units, series, path)
             numbers = fit.parameters
+        elif "file" in entry:
+            numbers, entry["source"] = _body(name, entry, series, path)
         else:
             numbers = _numbers(name, entry, units, path)
             file_units |= dict.fromkeys(numbers, str(entry["unit"]))
@@ -187,22 +198,42 @@ def _parameters(
     return values, fits, sources, file_units
 
 
+def _body(
+    name: str, entry: dict[str, Any], declared: Mapping[str, Series | Body], path: Path
+) -> tuple[dict[str, float], str]:
+    """Parameters of an elastic body, and their source."""
+    _require_known_keys(entry, _BODY_KEYS, f"key of {name} in {path.name}")
+    body = declared.get(name)
+    if not isinstance(body, Body):
+        bodies = [each for each, value in declared.items() if isinstance(value, Body)]
+        raise UnknownNameError(f"body in {path.name}", name, bodies)
+    if not isinstance(entry["file"], str) or not isinstance(entry.get("source"), str):
+        raise CaseFileError(f"{name} in {path.name} needs a file, a unit and a source; write {EXAMPLE}")
+    return body_parameters(body, entry, path)
+
+
 def _fit(
-    name: str, entry: dict[str, Any], units: Mapping[str, str], series: Mapping[str, Series], path: Path
+    name: str,
+    entry: dict[str, Any],
+    units: Mapping[str, str],
+    series: Mapping[str, Series | Body],
+    path: Path,
 ) -> Fit:
     """Fit of a series to a table."""
     _require_known_keys(entry, _TABLE_KEYS, f"key of {name} in {path.name}")
     function, columns = name.removesuffix("'"), entry.get("columns")
-    if function not in series:
-        raise UnknownNameError(f"series in {path.name}", function, series)
+    chosen = series.get(function)
+    if not isinstance(chosen, Series):
+        known = [each for each, value in series.items() if isinstance(value, Series)]
+        raise UnknownNameError(f"series in {path.name}", function, known)
     texts = columns if isinstance(columns, list) else []
     if len(texts) != 2 or not all(isinstance(text, str) for text in (entry["table"], *texts)):
         raise CaseFileError(
             f"{name} in {path.name} needs a table and two columns; write "
             '{ table = "mine.csv", columns = ["angle (deg)", "pressure (bar)"], harmonics = 12 }'
         )
-    unit = units[f"{series[function].first}1"]
-    return fitted(name, path.parent / entry["table"], texts, entry.get("harmonics"), series[function], unit)
+    unit = units[f"{chosen.first}1"]
+    return fitted(name, path.parent / entry["table"], texts, entry.get("harmonics"), chosen, unit)
 
 
 def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:

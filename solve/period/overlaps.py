@@ -147,10 +147,11 @@ def meetings(
     ]
     diagonal = overlaps.coefficient(a, b, shifts)
     i, j = first[:, None], second[:, None]
-    w = overlaps.coefficient(a[i], b[j], shifts[j] + q) / diagonal[j]
-    v = overlaps.coefficient(a[j], b[i], shifts[i] - q) / diagonal[i]
-    product = w * v
+    # The diagonal vanishes for a shift beyond the largest one.
     with np.errstate(all="ignore"):
+        w = overlaps.coefficient(a[i], b[j], shifts[j] + q) / diagonal[j]
+        v = overlaps.coefficient(a[j], b[i], shifts[i] - q) / diagonal[i]
+        product = w * v
         end = delta[1] * (1 + product) / (1 - product)
         root_of_coupling = np.sqrt(-product + 0j) * delta[1] / (1 - product)
         roots = np.stack([delta[0] / (delta[0] - end + sign * 2j * root_of_coupling) for sign in (1, -1)])

@@ -71,8 +71,10 @@ def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str
     b = _repeated(_vector(arrays, "b", len(A), N, source.name), len(A))
     states = _texts(arrays, "states", source.name) or _numbered("x", N)
     _checked_names(states, N, "states", source.name)
-    signals = None
-    if all(name in arrays for name in "BCD"):
+    signals, missing = None, [name for name in "BCD" if name not in arrays]
+    if len(missing) in (1, 2):
+        raise FileError(f"'{source.name}' has no {missing[0]}; give B, C and D, or none of them")
+    if not missing:
         B, C, D = (_repeated(_matrix(arrays, name, source.name), len(A)) for name in "BCD")
         inputs = _texts(arrays, "inputs", source.name) or _numbered("u", B.shape[-1])
         outputs = _texts(arrays, "outputs", source.name) or _numbered("y", C.shape[-2])
@@ -104,7 +106,9 @@ def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: s
     if name not in arrays:
         return np.zeros((count, size))
     values = _real(arrays[name], name, file)
-    values = values.reshape(1, -1) if values.ndim == 1 and values.size == size else values
+    # A vector, or in MATLAB a row, is constant.
+    if values.size == size and values.shape in ((size,), (size, 1)):
+        values = values.reshape(1, -1)
     if values.ndim == 3 and values.shape[-1] == 1:
         values = values[..., 0]
     if values.ndim != 2 or values.shape[1] != size:

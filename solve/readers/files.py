@@ -19,12 +19,10 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
 
     Raises FileError without any file.
     """
-    given = (
-        [checked_path(paths)] if not isinstance(paths, Sequence) or isinstance(paths, str) else list(paths)
-    )
+    given = list(paths) if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
     found: list[Path] = []
     for path in given:
-        text = str(path)
+        text = str(checked_path(path))
         if is_pattern(text):
             matches = [Path(name) for name in glob.glob(text)]
             found += sorted((match for match in matches if match.is_file()), key=_by_number)

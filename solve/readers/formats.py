@@ -1,13 +1,11 @@
 """Named arrays in files: MATLAB .mat, NumPy .npz and netCDF."""
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from solve.array_files import named_arrays
 from solve.arrays import Array
-from solve.errors import FileError
 from solve.readers.arrays import Read, system_of
 from solve.readers.files import checked_path
 from solve.units import speed_in_si
@@ -49,7 +47,7 @@ def read_mat(path: str | Path, speed: float | str | None = None) -> Read:
     >>> read_mat(file).coordinates
     ('q1', 'q2')
     """
-    return _read(path, ".mat", _mat_arrays, speed)
+    return _read(path, ".mat", speed)
 
 
 def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
@@ -81,7 +79,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     >>> read_npz(file).case_speed
     '1.0 rad/s'
     """
-    return _read(path, ".npz", _npz_arrays, speed)
+    return _read(path, ".npz", speed)
 
 
 def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
@@ -113,45 +111,16 @@ def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
     >>> read_netcdf(file).n
     1
     """
-    return _read(path, ".nc", _nc_arrays, speed)
+    return _read(path, ".nc", speed)
 
 
-def _read(
-    path: str | Path,
-    ending: str,
-    arrays_of: Callable[[Path], Mapping[str, Any]],
-    speed: float | str | None,
-) -> Read:
-    """System from the arrays of a file. Raises FileError."""
+def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
+    """System of the arrays of a file. Raises FileError."""
     file = Path(checked_path(path))
-    if file.suffix.lower() != ending:
-        raise FileError(f"'{path}' ends in '{file.suffix}'; allowed: {ending}")
-    if not file.is_file():
-        raise FileError(f"there is no file '{path}'; give the path of a file that exists")
-    omega = None if speed is None else float(speed_in_si(speed))
-    try:
-        arrays = arrays_of(file)
-    except FileError:
-        raise
-    except PermissionError:
-        raise FileError(f"'{path}' cannot be read; its permissions do not allow it") from None
-    except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
-        raise FileError(f"'{path}' cannot be read: it is damaged or no {ending} file") from None
-    return system_of(arrays, file.name, omega)
-
-
-def _mat_arrays(file: Path) -> dict[str, Any]:
-    """Variables of a MATLAB file, the azimuth first."""
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(file)
-    except NotImplementedError:
-        raise FileError(
-            f"'{file}' has the format of MATLAB 7.3; save it with the option -v7, or as netCDF"
-        ) from None
-    arrays = {name: values for name, values in content.items() if not name.startswith("__")}
-    return {name: _azimuth_first(name, values) for name, values in arrays.items()}
+    arrays = named_arrays(file, ending)
+    if ending == ".mat":
+        arrays = {name: _azimuth_first(name, values) for name, values in arrays.items()}
+    return system_of(arrays, file.name, None if speed is None else float(speed_in_si(speed)))
 
 
 def _azimuth_first(name: str, values: Array) -> Array:
@@ -160,19 +129,3 @@ def _azimuth_first(name: str, values: Array) -> Array:
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)
-
-
-def _npz_arrays(file: Path) -> dict[str, Any]:
-    with np.load(file, allow_pickle=False) as content:
-        return {name: content[name] for name in content.files}
-
-
-def _nc_arrays(file: Path) -> dict[str, Any]:
-    import h5py
-
-    with h5py.File(file) as content:
-        datasets = {name: each for name, each in content.items() if isinstance(each, h5py.Dataset)}
-        return {
-            name: each.asstr()[()] if h5py.check_string_dtype(each.dtype) else each[()]
-            for name, each in datasets.items()
-        }

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from solve.array_files import matrix_market
 from solve.arrays import Array
 from solve.errors import FileError
 from solve.readers.arrays import Read, system_of
@@ -15,9 +16,6 @@ from solve.units import speed_in_si
 
 _SYMBOL = re.compile(r"(?:^|[._-])(M|Cq|C|K|d|A|B|D|b)(?:[._-]?(\d+))?\.mtx$")
 """End of a file's name: the symbol of the matrix, and the number of the azimuth."""
-
-_LARGEST = 5000
-"""Maximum number of rows: matrices are stored as dense arrays. A choice."""
 
 
 def read_matrix_market(
@@ -82,7 +80,7 @@ def read_matrix_market(
         if symbol in arrays:
             arrays[symbol] = arrays[symbol].reshape(len(arrays[symbol]), -1)
     if phases is not None:
-        arrays["phase"] = np.asarray(phases, dtype=float)
+        arrays["phase"] = np.asarray(phases)
     if coordinates is not None:
         arrays["states" if "A" in arrays else "coordinates"] = np.array(list(coordinates))
     name = files[0].name[: _SYMBOL.search(files[0].name).start()] or files[0].parent.name  # type: ignore[union-attr]
@@ -91,30 +89,10 @@ def read_matrix_market(
 
 def _stacked(numbers: dict[int, Path]) -> Array:
     """Matrices (k, …) in the order of their numbers. Raises FileError."""
-    matrices = [_read(numbers[number]) for number in sorted(numbers)]
+    matrices = [matrix_market(numbers[number]) for number in sorted(numbers)]
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:
         raise FileError(
             f"'{first}' and the files of other azimuths have different numbers of rows or columns"
         )
     return np.array(matrices)
-
-
-def _read(file: Path) -> Array:
-    """Dense matrix of a file. Raises FileError."""
-    from scipy.io import mminfo, mmread
-    from scipy.sparse import issparse
-
-    try:
-        rows, columns, *_, field, _ = mminfo(file)
-        if max(rows, columns) > _LARGEST:
-            raise FileError(f"'{file}' has {rows} × {columns} entries; allowed: up to {_LARGEST} rows")
-        if field not in ("real", "integer", "double", "unsigned-integer"):
-            raise FileError(f"'{file}' has {field} entries; expected real numbers")
-        matrix: Any = mmread(file)
-    except FileError:
-        raise
-    except Exception as error:
-        reason = re.sub(r"\s+", " ", str(error)) or "it is damaged"
-        raise FileError(f"'{file}' cannot be read as Matrix Market: {reason}") from None
-    return matrix.toarray() if issparse(matrix) else np.asarray(matrix)

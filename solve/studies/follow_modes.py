@@ -162,8 +162,9 @@ def follow_modes(
     with progress.task("values", len(points.values)) as count:
         samples, failures = _solved(solver, points.values, count)
     branches = _followed(solver, samples)
-    identities = identified(branches, [sample.x for sample in samples])
-    return _result(points, solver, identities, failures, notes)
+    found = identified(branches, [sample.x for sample in samples])
+    doubts = [*_unresolved(points, solver, samples), *_exhausted(points, branches)]
+    return _result(points, solver, found, failures, [*notes, *doubts])
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
@@ -210,6 +211,10 @@ class _Points:
             system.shown_in(given_speeds[0]), name, numbers, np.full(len(numbers), float(given_speeds[0]))
         )
 
+    def text(self, x: float) -> str:
+        """Text of a value with its unit."""
+        return self.system.unit_of(self.name).text(x, ".6g")
+
     def at(self, x: float) -> tuple[PeriodicSystem, float]:
         """System and speed at a value."""
         if self.name == SPEED:
@@ -246,6 +251,28 @@ def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Track
                 count.add(1)
         branches.append(tracks)
     return branches[0], branches[1]
+
+
+def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> list[str]:
+    """Sentence on values at which the steps do not resolve the harmonics of all modes, if any."""
+    values = [sample.x for sample in samples if not sample.modes.resolved]
+    if not values:
+        return []
+    places = points.text(values[0]) + (f" and {len(values) - 1} more values" if len(values) > 1 else "")
+    return [
+        f"{solver.steps} steps do not resolve the harmonics of all modes at {places}: their frequencies and "
+        "identities are unreliable; give more steps"
+    ]
+
+
+def _exhausted(points: _Points, branches: Sequence[Tracks]) -> list[str]:
+    """Sentences on ranges that were not refined, as too many values were added before."""
+    ranges = [(tracks.exhausted, tracks.samples[-1].x) for tracks in branches if tracks.exhausted is not None]
+    return [
+        f"modes are not identified from {points.text(start)} to {points.text(end)}: too many values would "
+        "have to be added; give closer values or a smaller range"
+        for start, end in ranges
+    ]
 
 
 def _result(

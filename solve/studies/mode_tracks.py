@@ -110,6 +110,8 @@ class Tracks:
         Pairs of tracks that are locked at the last sample.
     budget : int
         Number of samples that may still be added.
+    exhausted : float or None
+        Value from which on samples were required but not added, as the budget was spent.
     """
 
     solve: Callable[[float], ModeVectors | None]
@@ -122,6 +124,7 @@ class Tracks:
     held: dict[int, int] = field(default_factory=dict)
     twins: dict[int, int] = field(default_factory=dict)
     locked: set[tuple[int, int]] = field(default_factory=set)
+    exhausted: float | None = None
 
     def start(self, sample: Sample) -> None:
         """Begin a track for each mode of the first sample."""
@@ -153,6 +156,8 @@ class Tracks:
                 self.extend(Sample(middle, between), level + 1)
                 self.extend(sample, level + 1)
                 return
+            if self.budget == 0 and self.exhausted is None:
+                self.exhausted = x
         step.accept()
 
 

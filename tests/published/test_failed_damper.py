@@ -19,32 +19,34 @@ def names():
     return made
 
 
-def multiblade(phase):
-    """x, y and four lag angles by x, y and collective, cosine, sine and differential lag (m, 6, 6)."""
-    T = np.zeros((len(phase), 6, 6))
+def multiblade(phase, blades):
+    """x, y and the lag angles by x, y and the collective, cosine, sine and, of four blades, differential lag
+    (m, n, n)."""
+    T = np.zeros((len(phase), blades + 2, blades + 2))
     T[:, 0, 0] = T[:, 1, 1] = 1.0
-    for blade in range(2, 6):
-        angle = phase + blade * np.pi / 2
-        T[:, blade, 2], T[:, blade, 5] = 1.0, (-1.0) ** blade
+    for blade in range(2, blades + 2):
+        angle = phase + blade * 2 * np.pi / blades
+        T[:, blade, 2] = 1.0
         T[:, blade, 3], T[:, blade, 4] = np.cos(angle), np.sin(angle)
+        T[:, blade, 5:] = (-1.0) ** blade
     return T
 
 
 def constant_growth(system, speed):
     """Largest growth rate of the averages of the coefficients in multi-blade coordinates."""
-    phase = np.arange(64) * 2 * np.pi / 64
+    phase, n = np.arange(64) * 2 * np.pi / 64, system.n
     M, C, K, _ = system.at(phase, speed)
-    T, ahead, behind = (multiblade(phase + shift) for shift in (0.0, np.pi / 2, -np.pi / 2))
+    T, ahead, behind = (multiblade(phase + shift, n - 2) for shift in (0.0, np.pi / 2, -np.pi / 2))
     # The cyclic columns are sines and cosines, the others constant.
     dT = speed * (ahead - behind) / 2
     ddT = -(speed**2) * (T - (ahead + behind) / 2)
-    ddT[:, :, [0, 1, 2, 5]] = 0.0
+    ddT[:, :, [0, 1, 2, *range(5, n)]] = 0.0
     transposed = np.swapaxes(T, 1, 2)
     mass, damping, stiffness = (
         (transposed @ each).mean(axis=0) for each in (M @ T, 2 * M @ dT + C @ T, M @ ddT + C @ dT + K @ T)
     )
     inverse = np.linalg.inv(mass)
-    matrix = np.block([[np.zeros((6, 6)), np.eye(6)], [-inverse @ stiffness, -inverse @ damping]])
+    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ stiffness, -inverse @ damping]])
     return np.linalg.eigvals(matrix).real.max()
 
 
@@ -63,6 +65,20 @@ def test_averages_catch_46_percent_of_the_lost_damping(names):
     )
     assert round((averaged - whole) / (failed - whole), 2) == 0.46
     assert averaged < 0 < failed
+
+
+def test_three_blades_of_which_one_has_no_damper(names):
+    """The average has two thirds of the damping; the page states the rates."""
+    speed = 235 * np.pi / 30
+    growth, helicopter = names["growth"], names["helicopter"]
+    whole, failed, averaged = (
+        growth(dampers, speed) for dampers in ([LAG] * 3, [0, LAG, LAG], [2 / 3 * LAG] * 3)
+    )
+    assert whole == pytest.approx(constant_growth(helicopter([LAG] * 3), speed), abs=1e-7)
+    assert averaged == pytest.approx(constant_growth(helicopter([0, LAG, LAG]), speed), abs=1e-7)
+    paragraph = SECTION[SECTION.index("### Three blades") :]
+    shown = [float(rate.replace("−", "-")) for rate in re.findall(r"(−?\d\.\d{3}) 1/s", paragraph)]
+    assert [round(rate, 3) for rate in (whole, failed, averaged)] == shown
 
 
 def test_page_prints_what_the_example_prints(capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.integrate
+import scipy.linalg
 
 import solve
 
@@ -150,6 +151,60 @@ def test_a_flapping_blade_in_hover_and_in_forward_flight():
     assert abs(np.prod(flight.multipliers)) == pytest.approx(np.exp(-2 * np.pi * gamma / 8), rel=1e-7)
 
 
+WHIRL = {"I": 2.0, "Ib": 1.0, "h": 0.3, "R": 1.0, "gamma": 4.0}
+
+
+def whirl_map(speed, V, ka, kb):
+    """Monodromy matrix of the propeller by small rotation vectors θ = (0, a, b): every blade has the torque
+    Ib e × (θ̈ × e + 2θ̇ × ė), and w = (θ × n)·V + n·(θ̇ × r) across its chord."""
+    inertia, blade, h, R, gamma = WHIRL.values()
+    axes = np.eye(3)[1:]
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+
+    def flow(phase, state):
+        e, rim = np.array([[0, np.sin(phase), np.cos(phase)], [0, np.cos(phase), -np.sin(phase)]])
+        M, C, K = inertia * np.eye(2), np.zeros((2, 2)), np.diag([ka, kb])
+        for j, axis in enumerate(axes):
+            M[:, j] += 2 * blade * (axes @ np.cross(e, np.cross(axis, e)))
+            C[:, j] += 4 * blade * (axes @ np.cross(e, np.cross(axis, speed * rim)))
+        for sign in (1, -1):
+            for s, weight in zip((nodes + 1) / 2 * R, weights / 2 * R, strict=True):
+                U = np.hypot(V, speed * s)
+                n = np.array([speed * s, 0, 0]) / U - V / U * sign * rim
+                r = np.array([h, 0, 0]) + s * sign * e
+                lever = np.array([n @ np.cross(axis, r) for axis in axes])
+                tilt = np.array([V * np.cross(axis, n)[0] for axis in axes])
+                lift = weight * gamma * blade / (2 * R**4) * U
+                C += lift * np.outer(lever, lever)
+                K += lift * np.outer(lever, tilt)
+        q, v = state.reshape(2, 2, 4)
+        acceleration = -np.linalg.solve(M, C @ v + K @ q)
+        return np.concatenate((v.ravel(), acceleration.ravel())) / speed
+
+    end = scipy.integrate.solve_ivp(flow, (0, 2 * np.pi), np.eye(4).ravel(), "DOP853", rtol=1e-10, atol=1e-12)
+    return end.y[:, -1].reshape(4, 4)
+
+
+@pytest.mark.slow
+def test_whirl_flutter_of_two_blades_against_a_second_derivation():
+    model = solve.load(stated("whirl"), c=0.0, V=100.0, ka=8e3, kb=8e3, **WHIRL)
+    for V, ka, kb in ((100.0, 8e3, 8e3), (60.0, 3e4, 5e4), (100.0, 2e5, 2e5)):
+        found = solve.floquet(model.varied({"V": V, "ka": ka, "kb": kb}), 100.0)
+        expected = np.linalg.eigvals(whirl_map(100.0, V, ka, kb))
+        distance = np.abs(found.multipliers[:, None] - expected) / np.abs(expected).max()
+        np.testing.assert_allclose([*distance.min(axis=0), *distance.min(axis=1)], 0, atol=1e-7)
+
+
+@pytest.mark.slow
+def test_page_states_the_largest_multipliers_of_the_propeller():
+    for stiffness, is_real, printed in ((3e4, True, "1.526"), (5e4, False, "1.170"), (1e5, False, "0.950")):
+        rho = np.linalg.eigvals(whirl_map(100.0, 100.0, stiffness, stiffness))
+        largest = rho[np.abs(rho).argmax()]
+        assert (abs(largest.imag) < 1e-9) == is_real
+        assert f"{abs(largest):.3f}" == printed
+        assert printed in PAGE
+
+
 TRAIN = dict(zip([f"J{i}" for i in range(1, 6)], (3.5e-3, 3.5e-3, 3.5e-3, 0.15, 0.05), strict=True))
 TRAIN |= dict(zip([f"k{i}" for i in range(1, 5)], (12e3, 12e3, 14e3, 10e3), strict=True))
 
@@ -166,3 +221,119 @@ def test_the_free_drive_train_matches_the_page():
         solve.periodic(machine, "1000 rpm")
     dragged = solve.periodic(machine.varied({"b": 0.07}), "1000 rpm")
     assert dragged.rigid_body_modes[0].drift == pytest.approx(3 / 0.07, rel=1e-9)
+
+
+def is_unstable_within(system, middle, half_width):
+    """Whether the system is unstable at speeds inside middle ± half width, and stable outside."""
+    inside, outside = (
+        [solve.floquet(system, middle + sign * part * half_width).stable for sign in (-1, 1)]
+        for part in (0.8, 1.2)
+    )
+    return inside == [False, False] and outside == [True, True]
+
+
+def test_anisotropic_bearings_split_the_unstable_band():
+    """Modes of both planes with D = 0, and Hsu's widths of first order."""
+    numbers = {"m": 10.0, "mb": 1.0, "k": 1e5, "kx": 4e5, "ky": 8e5}
+    m, mb, k, *bearings = numbers.values()
+    planes = []
+    for bearing in bearings:
+        squares, shapes = scipy.linalg.eigh([[k, -k], [-k, k + bearing]], np.diag([m, mb]))
+        planes.append((np.sqrt(squares[0]), shapes[0, 0] - shapes[1, 0]))
+    D = 200.0
+    model = solve.load(stated("soft_bearings"), D=D, **numbers)
+    for one, other in ((0, 0), (1, 1), (0, 1)):
+        (first, bend), (second, bent) = planes[one], planes[other]
+        width = D * abs(bend * bent) / (4 * np.sqrt(first * second))
+        assert is_unstable_within(model, (first + second) / 2, width)
+
+
+def test_variable_inertia_of_a_crank_train():
+    """Boundaries to first order in e, and harmonics to relative errors that fall with e squared."""
+    J, k, errors = 0.5, 5000.0, []
+    omega = np.sqrt(k / J)
+    for e in (0.04, 0.02):
+        model = solve.load(stated("crank_train"), J=J, e=e, k=k, c=0.0)
+        assert is_unstable_within(model, omega, omega * e / 4)
+        speed = 0.23 * omega
+        square = (omega / speed) ** 2
+        second, fourth = solve.periodic(model, speed, rtol=1e-10).harmonics("q")[0][[2, 4]]
+        assert second == pytest.approx(e / (square - 4), rel=2 * e**2)
+        errors.append(fourth / (5 * e**2 / ((square - 4) * (square - 16))) - 1)
+    assert abs(errors[0]) < 0.01
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slider", [0.0, 0.02])
+def test_elastic_rod_of_a_slider_crank_is_unstable_at_twice_its_frequency(slider):
+    """λ = 0.004: terms of second order are some per cent of the width."""
+    numbers = {"r": 1.6e-3, "L": 0.4, "EI": 0.8, "mu": 0.12}
+    r, length, bending, mass = numbers.values()
+    omega = np.pi**2 * np.sqrt(bending / mass) / length**2
+    half_width = np.pi**2 * r / length * omega * (1 + 2 * slider / (mass * length))
+    model = solve.load(stated("slider_crank"), ms=slider, **numbers)
+    assert is_unstable_within(model, 2 * omega, half_width)
+
+
+@pytest.mark.slow
+def test_teetering_removes_the_yaw_instability_of_two_blades():
+    numbers = {"J": 1000.0, "k": 5e5}
+    for rotor in (50.0, 100.0):
+        e, omega = rotor / (2 * numbers["J"] + rotor), np.sqrt(numbers["k"] / (numbers["J"] + rotor / 2))
+        rigid = solve.load(stated("teeter"), I=rotor, kt=1e7, **numbers)
+        assert is_unstable_within(rigid, omega, omega * e / 4)
+        teetering = rigid.varied({"kt": 0.0})
+        for speed in (5.0, omega, 30.0):
+            found = solve.floquet(teetering, speed)
+            expected = np.exp(2j * np.pi * np.array([0, np.sqrt(numbers["k"] / numbers["J"]) / speed]))
+            assert found.stable
+            distance = np.abs(found.multipliers[:, None] - np.append(expected, expected[1].conj()))
+            np.testing.assert_allclose([*distance.min(axis=1), *distance.min(axis=0)], 0, atol=1e-6)
+
+
+PLANETARY = next(
+    block for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL) if "planetary" in block
+)
+LIN_PARKER = [1475.7, 1930.3, 2658.3, 7462.8, 11775.3], [743.2, 1102.4, 1896.0, 2276.4, 6986.3, 9647.9]
+PLANETS = [1808.2, 5963.8, 6981.7]
+
+
+@pytest.fixture(scope="module")
+def planetary():
+    names = {}
+    exec(PLANETARY, names)
+    return names["planetary"]
+
+
+def test_planetary_gear_has_the_printed_frequencies(planetary):
+    found = solve.frequencies(planetary(3), count=18).values[0] / (2 * np.pi)
+    expected = sorted([0.0, *LIN_PARKER[0], *LIN_PARKER[1], *LIN_PARKER[1]])
+    np.testing.assert_allclose(found, expected, atol=0.051)
+    for planets in (4, 5):
+        found = (solve.frequencies(planetary(planets), count=9 + 3 * planets).values[0] / (2 * np.pi)).round(
+            1
+        )
+        for frequency in PLANETS:
+            assert np.isclose(found, frequency).sum() == planets - 3
+    for row in (*LIN_PARKER, PLANETS):
+        assert all(f"{frequency}" in PAGE for frequency in row)
+
+
+@pytest.mark.slow
+def test_parametric_resonance_of_a_planetary_gear(planetary):
+    """A rotational mode alone, two rotational ones, and none of a rotational and a translational one."""
+    M, _, K, _ = planetary(3).at(np.zeros(1), 1.0)
+    meshes = planetary(3, 1.0).at(np.zeros(1), 1.0)[2][0] - K[0]
+    squares, shapes = scipy.linalg.eigh(K[0], M[0])
+    omega, epsilon = np.sqrt(squares.clip(0)), 0.02
+    coupling = np.abs(shapes.T @ meshes @ shapes)
+    numbers = {hertz: np.abs(omega / (2 * np.pi) - hertz).argmin() for row in LIN_PARKER for hertz in row}
+    gear = planetary(3, epsilon)
+    for first, second in ((7462.8, 7462.8), (2658.3, 7462.8)):
+        p, q = numbers[first], numbers[second]
+        width = epsilon * coupling[p, q] / (2 * np.sqrt(omega[p] * omega[q]))
+        assert is_unstable_within(gear, omega[p] + omega[q], width)
+    p, q = numbers[2658.3], numbers[6986.3]
+    assert coupling[p, q] < 1e-6 * coupling[p, p]
+    assert solve.floquet(gear, omega[p] + omega[q]).stable

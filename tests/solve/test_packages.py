@@ -56,6 +56,14 @@ def read_back(folder):
     }
 
 
+def read_unit(folder):
+    try:
+        solve.export(mathieu, f"{folder}/a.fmu", 1.0)
+        return solve.read_fmu(f"{folder}/a.fmu", 1.0, ["phase", "speed"], period=np.pi)
+    except solve.errors.MissingLibraryError as missing:
+        return missing
+
+
 def at(delta):
     return mathieu.varied({"delta": delta}), 1.0
 
@@ -65,6 +73,7 @@ solve.periodic(cam, "300 rpm", steps=32).save(orbit_file)
 called = {
     "load": mathieu,
     **read_back(tempfile.mkdtemp()),
+    "read_fmu": read_unit(tempfile.mkdtemp()),
     "case_numbers": solve.case_numbers("cam"),
     "periodic": solve.periodic(cam, "600 rpm", **rough),
     "nonlinear": solve.nonlinear(cam, "100 rpm", **rough),

@@ -198,6 +198,7 @@ def test_results_of_samples_are_stored(tmp_path):
         (["a", "b", "c"], "not real numbers"),
         ([0, 2, np.nan], "finite azimuth"),
         ([0, 2], "3 or more"),
+        (range(0, 360, 15), "not in degrees"),
     ],
 )
 def test_unsuitable_azimuths_are_refused(phases, message):

@@ -11,10 +11,9 @@ from typing import Any, BinaryIO
 from solve.errors import CaseFileError, FileError, SolveError, ValueOutOfBoundsError, cause
 from solve.loading import case_numbers, missing_parameters
 from solve.model.bounds import checked_options
-from solve.model.cases import read_cases
+from solve.model.cases import functions_of, read_cases
 from solve.model.generated import model_files
 from solve.model.model import Model
-from solve.model.tables import series_of
 from solve.results.files import write_atomic
 from solve.views.live.controls import number
 
@@ -165,13 +164,12 @@ def save_case(state: State, name: str, file: str) -> str:
         )
     module = state.model.module
     units = {parameter: unit for parameter, unit, *_ in module.PARAMETERS}
-    series = series_of(getattr(module, "SERIES", ()))
     try:
         old = path.read_text(encoding="utf-8-sig") if path.exists() else ""
     except (OSError, UnicodeDecodeError) as error:
-        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another file") from None
-    if old and name in read_cases(path, units, series):
-        raise CaseFileError(f"'{file}' already has a case '{name}'; give another name")
+        raise FileError(f"case file '{file}' cannot be read ({cause(error)}); give another") from None
+    if old and name in read_cases(path, units, functions_of(module)):
+        raise CaseFileError(f"'{file}' has a case '{name}'; give another name")
     text = f"{old.rstrip()}\n\n{block}" if old else block
 
     def write(stream: BinaryIO) -> None:

@@ -115,6 +115,21 @@ def test_azimuths_and_constant_matrices(tmp_path):
     np.testing.assert_allclose(system.at(at, 1.0)[0], np.ones((3, 1, 1)), atol=1e-12)
 
 
+def test_a_vector_is_a_constant_load(tmp_path):
+    """In .mat files SciPy writes a vector as a row."""
+    arrays = {"M": np.eye(2), "K": np.diag([4.0, 9.0]), "d": np.array([1.0, 2.0])}
+    scipy.io.savemat(tmp_path / "a.mat", arrays)
+    np.savez(tmp_path / "a.npz", **arrays)
+    for read in (solve.read_mat(tmp_path / "a.mat"), solve.read_npz(tmp_path / "a.npz")):
+        np.testing.assert_array_equal(read.at(np.array([0.0, 2.0]), 1.0)[3], [[1.0, 2.0]] * 2)
+
+
+def test_signals_of_a_first_order_system_need_all_matrices(tmp_path):
+    np.savez(tmp_path / "a.npz", A=-np.eye(2), B=np.ones((2, 1)))
+    with pytest.raises(FileError, match="has no C; give B, C and D"):
+        solve.read_npz(tmp_path / "a.npz")
+
+
 def test_coordinates_beside_states_make_a_mixed_system(tmp_path):
     M = np.diag([1.0, 0.0])
     C, K = np.array([[0.1, 0.0], [0.0, 0.5]]), np.array([[4.0, -1.0], [0.2, 1.0]])
@@ -219,6 +234,8 @@ def test_matrix_market_files_that_do_not_fit_are_refused(tmp_path):
     scipy.io.mmwrite(tmp_path / "run.K.003.mtx", np.eye(3))
     with pytest.raises(FileError, match="different numbers of rows"):
         solve.read_matrix_market(pattern)
+    with pytest.raises(FileError, match="path is 3"):
+        solve.read_matrix_market([3])  # type: ignore[list-item]
     (tmp_path / "run.other.mtx").write_text("")
     with pytest.raises(FileError, match="no symbol"):
         solve.read_matrix_market(pattern)

@@ -4,9 +4,14 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 import solve
+from derive.command import run as derive
 from solve.commands.app import run
 from solve.readers.paths import READERS
+from tests.solve.readers.fmi2_unit import require_fmu_tools
 from tests.solve.readers.lin_files import write_set
 from tests.solve.readers.test_formats import PHASES, second_order, write, write_matrix_market
 
@@ -17,8 +22,37 @@ def test_examples_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_set(tmp_path)
     for example in re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL):
-        exec(example, {})
+        if not example.startswith(("# fmu", "# rig.py", "# frame.npz")):
+            exec(example, {})
     assert capsys.readouterr().out.startswith("asymptotically stable")
+
+
+def test_example_of_an_fmu_runs(tmp_path, monkeypatch):
+    require_fmu_tools()
+    monkeypatch.chdir(tmp_path)
+    (example,) = re.findall(r"```python\n(# fmu.*?)```", PAGE, flags=re.DOTALL)
+    exec(example, {})
+
+
+def test_body_of_the_page_vibrates_as_its_masses_do(tmp_path, monkeypatch, capsys):
+    """The amplitude of the motor, from all four masses; two of three modes leave an error of 4e-4."""
+    monkeypatch.chdir(tmp_path)
+    blocks = dict(re.findall(r"```python\n# (rig\.py|frame\.npz).*?\n(.*?)```", PAGE, flags=re.DOTALL))
+    Path("rig.py").write_text(blocks["rig.py"], encoding="utf-8")
+    (case,) = re.findall(r"```toml\n(.*?)```", PAGE, flags=re.DOTALL)
+    Path("rig.toml").write_text(case, encoding="utf-8")
+    frame = {}
+    exec(blocks["frame.npz"], frame)
+    for command in re.findall(r"^python -m derive (.*)$", PAGE, flags=re.MULTILINE):
+        assert derive(shlex.split(command)) in (0, None)
+    for command in re.findall(r"^python -m solve (.*)$", PAGE, flags=re.MULTILINE):
+        assert run(shlex.split(command)) == 0, capsys.readouterr().err
+    speed = 10 * np.pi
+    dynamic = frame["stiffness"] - speed**2 * np.diag([3.0, 3.0, 3.0, 7.0])
+    expected = np.linalg.solve(dynamic, [0, 0, 0, 0.01 * speed**2])[3]
+    assert solve.periodic(solve.load("rig.py"), speed).harmonics("x")[0][1] == pytest.approx(
+        expected, rel=1e-3
+    )
 
 
 def test_commands_run(tmp_path, monkeypatch, capsys):
@@ -35,5 +69,5 @@ def test_commands_run(tmp_path, monkeypatch, capsys):
 
 def test_table_lists_every_reader():
     listed = set(re.findall(r"`solve\.(read_\w+)`", PAGE))
-    assert listed == {reader.__name__ for reader in READERS.values()}
+    assert listed == {"read_fmu", *(reader.__name__ for reader in READERS.values())}
     assert listed == {name for name in solve.__all__ if name.startswith("read_")}

@@ -190,3 +190,28 @@ def test_modes_of_a_first_order_system_are_followed():
             turns = np.round(difference.imag / speed)
             assert np.abs(difference - 1j * turns * speed).min() < 1e-8
     assert len(result.labels) == 2
+
+
+def test_unresolved_harmonics_are_stated():
+    """The cam has modes of some hundred harmonics at low speeds."""
+    result = solve.follow_modes(solve.load("cam"), "100:110:2 rpm", steps=128)
+    assert any("128 steps do not resolve the harmonics of all modes" in text for text in result.warnings)
+    assert not followed(pair(1e-2, seed=2)).warnings
+
+
+def test_ranges_without_refinement_are_stated(monkeypatch):
+    monkeypatch.setattr("solve.studies.follow_modes._ADDED", 1)
+    result = followed(pair(1e-4, seed=2))
+    (sentence,) = (text for text in result.warnings if "modes are not identified from" in text)
+    assert sentence.endswith("give closer values or a smaller range")
+
+
+def test_shifts_beyond_the_nodes_raise_no_warning_of_numpy():
+    """A frequency of 400 harmonics, whose number doubles between both speeds."""
+
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1)) * np.eye(2)
+        return one, 0.02 * one, one @ np.diag([400.0**2, 1.0]), np.zeros((len(phase), 2))
+
+    result = solve.follow_modes(solve.PeriodicSystem(matrices, ["a", "b"]), [1.0, 2.0])
+    assert result.frequencies.shape == (2, len(result.labels))

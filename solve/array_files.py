@@ -1,0 +1,91 @@
+"""Named arrays in files: MATLAB .mat, NumPy .npz, netCDF, and matrices in Matrix Market files."""
+
+import re
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError
+
+_LARGEST = 5000
+"""Maximum number of rows of a Matrix Market file: matrices are held dense. A choice."""
+
+
+def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
+    """Arrays of a file by name, as they are stored.
+
+    ending: the only allowed one; by default any of `ENDINGS`. Raises FileError.
+    """
+    allowed = [ending] if ending else [*ENDINGS]
+    if file.suffix.lower() not in allowed:
+        raise FileError(f"'{file}' ends in '{file.suffix}'; allowed: {', '.join(allowed)}")
+    if not file.is_file():
+        raise FileError(f"there is no file '{file}'; give the path of a file that exists")
+    kind = file.suffix.lower()
+    try:
+        return ENDINGS[kind](file)
+    except FileError:
+        raise
+    except PermissionError:
+        raise FileError(f"'{file}' cannot be read; its permissions do not allow it") from None
+    except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
+        raise FileError(f"'{file}' cannot be read: it is damaged or no {kind} file") from None
+
+
+def matrix_market(file: Path) -> Array:
+    """Dense real matrix of a Matrix Market file. Raises FileError."""
+    from scipy.io import mminfo, mmread
+    from scipy.sparse import issparse
+
+    try:
+        rows, columns, *_, field, _ = mminfo(file)
+        if max(rows, columns) > _LARGEST:
+            raise FileError(f"'{file}' has {rows} × {columns} entries; allowed: up to {_LARGEST} rows")
+        if field not in ("real", "integer", "double", "unsigned-integer"):
+            raise FileError(f"'{file}' has {field} entries; expected real numbers")
+        matrix: Any = mmread(file)
+    except FileError:
+        raise
+    except Exception as error:
+        reason = re.sub(r"\s+", " ", str(error)) or "it is damaged"
+        raise FileError(f"'{file}' cannot be read as Matrix Market: {reason}") from None
+    return matrix.toarray() if issparse(matrix) else np.asarray(matrix)
+
+
+def _mat_arrays(file: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(file)
+    except NotImplementedError:
+        raise FileError(
+            f"'{file}' has the format of MATLAB 7.3; save it with the option -v7, or as netCDF"
+        ) from None
+    return {name: values for name, values in content.items() if not name.startswith("__")}
+
+
+def _npz_arrays(file: Path) -> dict[str, Any]:
+    with np.load(file, allow_pickle=False) as content:
+        return {name: content[name] for name in content.files}
+
+
+def _nc_arrays(file: Path) -> dict[str, Any]:
+    import h5py
+
+    with h5py.File(file) as content:
+        datasets = {name: each for name, each in content.items() if isinstance(each, h5py.Dataset)}
+        return {
+            name: each.asstr()[()] if h5py.check_string_dtype(each.dtype) else each[()]
+            for name, each in datasets.items()
+        }
+
+
+ENDINGS: dict[str, Callable[[Path], Mapping[str, Any]]] = {
+    ".mat": _mat_arrays,
+    ".npz": _npz_arrays,
+    ".nc": _nc_arrays,
+}
+"""Endings of files with named arrays."""

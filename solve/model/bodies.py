@@ -1,0 +1,130 @@
+"""Reduced matrices of elastic bodies, from files that a case names."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.array_files import matrix_market, named_arrays
+from solve.arrays import Array
+from solve.errors import CaseFileError, FileError, MatricesError, UnitError, ValueOutOfBoundsError
+from solve.model.craig_bampton import CraigBampton, craig_bampton
+from solve.units import conversion
+
+_ASYMMETRY = 1e-6
+"""Difference of a matrix and its transpose, relative to its largest entry, that counts as round-off of the
+digits in a file. A choice."""
+
+EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
+
+
+class Body(NamedTuple):
+    """Body declared by a generated module.
+
+    units: of the interface displacements, "m" or "rad". entries: parameter, matrix "M", "K" or "C", row and
+    column from 1.
+    """
+
+    name: str
+    units: Sequence[str]
+    modes: int
+    entries: Sequence[tuple[str, str, int, int]]
+
+    @property
+    def has_damping(self) -> bool:
+        return any(matrix == "C" for _, matrix, *_ in self.entries)
+
+
+def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[dict[str, float], str]:
+    """Parameters of a body from the entry of a case file, and their source with the hash of the file.
+
+    The file has M, K and, if declared, C of all coordinates, or reduced ones; `interface` lists the rows of
+    the interface, from 1, by default the first ones. Raises CaseFileError.
+    """
+    file, where = path.parent / str(entry["file"]), f"{body.name} in {path.name}"
+    try:
+        arrays, digest = _arrays(file, body.has_damping)
+        given = entry.get("sha256", digest)
+        if not isinstance(given, str) or len(given) < 8 or not digest.startswith(given.lower()):
+            raise CaseFileError(f"the SHA-256 of '{file}' is {digest}; the case states {given!r}")
+        rows = _interface(entry, arrays, len(body.units))
+        M, K, C = _in_si(arrays, rows, body, _sizes(entry.get("unit")))
+        reduced = craig_bampton(M, K, rows, body.modes)
+    except (CaseFileError, FileError, MatricesError, UnitError, ValueOutOfBoundsError) as error:
+        raise CaseFileError(f"{where}: {error}") from None
+    matrices = {"M": reduced.mass, "K": reduced.stiffness, "C": reduced.basis.T @ C @ reduced.basis}
+    values = {name: float(matrices[matrix][i - 1, j - 1]) for name, matrix, i, j in body.entries}
+    return values, f"{entry['source']}; {entry['file']}, SHA-256 {digest[:16]}, {_discarded(reduced)}"
+
+
+def _discarded(reduced: CraigBampton) -> str:
+    if np.isinf(reduced.discarded):
+        return "no modes discarded"
+    return f"modes from {reduced.discarded:.4g} rad/s on discarded"
+
+
+def _arrays(file: Path, has_damping: bool) -> tuple[dict[str, Any], str]:
+    """Square matrices by name, and the SHA-256 of their files. Raises FileError."""
+    symbols = "MKC" if has_damping else "MK"
+    if file.suffix.lower() == ".mtx":
+        files = [file.with_suffix(f".{symbol}.mtx") for symbol in symbols]
+        arrays: dict[str, Any] = {s: matrix_market(each) for s, each in zip(symbols, files, strict=True)}
+    else:
+        files, arrays = [file], dict(named_arrays(file))
+    missing = [symbol for symbol in symbols if symbol not in arrays]
+    if missing:
+        raise FileError(f"'{file}' has no {missing[0]}; give {', '.join(symbols)}")
+    n = np.shape(arrays["K"])[:1]
+    arrays = {symbol: _symmetric(arrays[symbol], symbol, n, file) for symbol in symbols}
+    digest = hashlib.sha256(b"".join(each.read_bytes() for each in files))
+    return arrays, digest.hexdigest()
+
+
+def _symmetric(values: Any, symbol: str, n: tuple[int, ...], file: Path) -> Array:
+    """Finite symmetric matrix (n, n). Raises FileError."""
+    matrix = values.toarray() if hasattr(values, "toarray") else np.asarray(values)
+    if matrix.dtype.kind not in "fiu" or matrix.shape != n * 2 or not np.isfinite(matrix).all():
+        raise FileError(
+            f"'{file}': {symbol} has shape {matrix.shape} and type {matrix.dtype}; expected finite real "
+            "numbers, with as many rows as columns and equally many in all matrices"
+        )
+    if np.abs(matrix - matrix.T).max(initial=0.0) > _ASYMMETRY * np.abs(matrix).max(initial=0.0):
+        raise FileError(f"'{file}': {symbol} is not symmetric; give symmetric matrices")
+    return (matrix + matrix.T) / 2
+
+
+def _interface(entry: Mapping[str, Any], arrays: Mapping[str, Any], count: int) -> Array:
+    """Rows (count,) of the interface from 0. Raises ValueOutOfBoundsError."""
+    n = len(arrays["K"])
+    rows = np.asarray(entry.get("interface", range(1, count + 1)))
+    if rows.shape != (count,) or rows.dtype.kind != "i" or not ((rows >= 1) & (rows <= n)).all():
+        raise ValueOutOfBoundsError(
+            f"interface is {rows.tolist()}; give {count} rows of the matrices, from 1 to {n}"
+        )
+    return rows - 1
+
+
+def _sizes(unit: Any) -> tuple[float, float, float]:
+    """Units of length, mass and time of the matrices in SI. Raises UnitError."""
+    words = unit.split() if isinstance(unit, str) else []
+    if len(words) != 3:
+        raise UnitError(f'unit is {unit!r}; give those of length, mass and time, such as "mm t s"')
+    length, mass, time = (conversion(word, si) for word, si in zip(words, ("m", "kg", "s"), strict=True))
+    return length, mass, time
+
+
+def _in_si(
+    arrays: Mapping[str, Any], rows: Array, body: Body, sizes: tuple[float, float, float]
+) -> tuple[Array, Array, Array]:
+    """M, K and C (n, n) by SI displacements of the interface, with energies in joule. Interior coordinates
+    keep their units, on which the reduction does not depend."""
+    length, mass, time = sizes
+    scale = np.ones(len(arrays["K"]))
+    scale[rows] = [1 / length if unit == "m" else 1.0 for unit in body.units]
+    energies = mass * length**2 / time ** np.array([0, 2, 1])
+    K = arrays["K"]
+    matrices = arrays["M"], K, arrays["C"] if body.has_damping else np.zeros_like(K)
+    M, K, C = (e * scale[:, None] * each * scale for e, each in zip(energies, matrices, strict=True))
+    return M, K, C

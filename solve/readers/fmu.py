@@ -1,0 +1,191 @@
+"""Linearisation of a functional mock-up unit along a periodic motion."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import FileError, ValueOutOfBoundsError, require_name
+from solve.first_order import Signals
+from solve.readers.files import checked_path
+from solve.readers.fmi import Unit
+from solve.readers.sampled import SampledStates, Source
+from solve.readers.shooting import Motion, closed_motion
+from solve.samples import checked_period
+from solve.units import speed_in_si
+
+_FEWEST_AZIMUTHS, _MOST_AZIMUTHS = 64, 4096
+"""Azimuths of the first and of the last sampling. A choice."""
+
+_TAIL = 1e-9
+"""Amplitude of the upper quarter of the harmonics, relative to the largest entry of their matrix, up to which
+the azimuths are not doubled: some times the error of the motion. A choice."""
+
+_COUPLED = 1e-9
+"""Influence of the remaining states on an excluded one, relative to the largest derivative of the unit, that
+counts as round-off. A choice."""
+
+
+def read_fmu(
+    path: str | Path,
+    speed: float | str,
+    exclude: Sequence[str] = (),
+    values: Mapping[str, float] | None = None,
+    motion: Mapping[str, Array] | None = None,
+    period: float = 2 * np.pi,
+) -> SampledStates:
+    """Linearise a functional mock-up unit, FMI 2 or 3 for model exchange, along a periodic motion.
+
+    A unit contains compiled code, which is executed. Read units from sources that you trust only.
+
+    Parameters
+    ----------
+    path : str or Path
+        File (.fmu) with directional derivatives. Requires the extra `fmu` (FMPy).
+    speed : float or str
+        Speed Ω in rad/s or with unit; the motion has the period `period`/Ω in time.
+    exclude : sequence of str
+        States with a prescribed motion, which need not be periodic, such as the angle of the drive and its
+        speed. They are left out with their rows and columns.
+    values : mapping of str to float, optional
+        Parameters and start values of the unit, in its units.
+    motion : mapping of str to (k,) array, optional
+        Periodic motion of all states at k ≥ 3 uniform times from 0 without the end of the period. By default
+        it is found by shooting, from the start values of the unit.
+    period : float
+        Period in phase.
+
+    Returns
+    -------
+    FirstOrderSystem
+        System of small deviations from the motion, without load, with the inputs and outputs of the unit. The
+        motion is in `source.operating_points`.
+
+    Raises
+    ------
+    FileError
+        For a unit that cannot be read or run, has no directional derivatives, switches its equations within
+        the period, or has no periodic motion near its start values.
+    UnknownNameError, ValueOutOfBoundsError
+        For unknown or unsuitable names and values.
+    MissingLibraryError
+        Without FMPy.
+
+    Notes
+    -----
+    Azimuths are doubled from 64 to at most 4096, until the harmonics of the matrices end. Shooting is
+    Newton's method for x(T) = x(0), with the monodromy matrix from directional derivatives.
+
+    Examples
+    --------
+    >>> read_fmu("no_such_file.fmu", 40.0)
+    Traceback (most recent call last):
+    solve.errors.FileError: there is no file 'no_such_file.fmu'; give the path of a file that exists
+    """
+    file, omega = Path(checked_path(path)), float(speed_in_si(speed))
+    if not file.is_file():
+        raise FileError(f"there is no file '{path}'; give the path of a file that exists")
+    duration = checked_period(period) / omega
+    with Unit(file, dict(values or {})) as unit:
+        for name in exclude:
+            require_name(f"state of '{file}'", name, unit.states)
+        kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
+        if not len(kept):
+            raise ValueOutOfBoundsError("exclude names all states; leave one or more")
+        if motion is None:
+            function = closed_motion(unit, kept, duration)
+            states, jacobians = _sampled(unit, function, duration, kept)
+        else:
+            states = _given(unit, motion)
+            jacobians = _jacobians(unit, states, duration)
+        _require_one_set_of_equations(unit, states, duration)
+        _require_prescribed(unit, jacobians, kept)
+        system = _system(unit, jacobians, kept, period)
+        system.of_source(_source(unit, file, omega, states))
+    return system
+
+
+def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array]:
+    """States (k, N) and derivatives (k, …) at as many azimuths as the harmonics require."""
+    count = _FEWEST_AZIMUTHS
+    while True:
+        states = motion(np.arange(count) * (duration / count)).T
+        jacobians = _jacobians(unit, states, duration)
+        N = len(unit.states)
+        rows, columns = np.r_[kept, N : jacobians.shape[1]], np.r_[kept, N : jacobians.shape[2]]
+        amplitudes = np.abs(np.fft.rfft(jacobians[:, rows][:, :, columns], axis=0)).reshape(
+            count // 2 + 1, -1
+        )
+        tail = amplitudes[3 * count // 8 :].max(axis=0)
+        if (tail <= _TAIL * amplitudes[0].max()).all() or 2 * count > _MOST_AZIMUTHS:
+            return states, jacobians
+        count *= 2
+
+
+def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
+    """Derivatives (k, N + y, N + r) at uniform times. Raises FileError."""
+    times = np.arange(len(states)) * (duration / len(states))
+    found = np.array([unit.jacobian(t, x) for t, x in zip(times, states, strict=True)])
+    if not np.isfinite(found).all():
+        raise FileError(f"'{unit.path}' has derivatives that are no finite numbers along its motion")
+    return found
+
+
+def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
+    """States (k, N) of a given motion. Raises UnknownNameError, ValueOutOfBoundsError."""
+    for name in motion:
+        require_name(f"state of '{unit.path}'", name, unit.states)
+    missing = [name for name in unit.states if name not in motion]
+    lengths = {np.shape(values) for values in motion.values()}
+    if missing or len(lengths) != 1 or len(shape := min(lengths)) != 1 or shape[0] < 3:
+        reason = f"{missing[0]} has none" if missing else f"shapes are {sorted(lengths)}"
+        raise ValueOutOfBoundsError(f"motion needs equally many values, 3 or more, of each state; {reason}")
+    states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
+    if not np.isfinite(states).all():
+        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite ones")
+    return states
+
+
+def _require_one_set_of_equations(unit: Unit, states: Array, duration: float) -> None:
+    """Raise FileError if the equations switch within the period."""
+    times = np.arange(len(states)) * (duration / len(states))
+    signs = np.array([unit.indicators(t, x) for t, x in zip(times, states, strict=True)])
+    switches = np.flatnonzero((signs.max(axis=0, initial=0.0) > 0) & (signs.min(axis=0, initial=0.0) < 0))
+    if unit.event < duration or len(switches):
+        raise FileError(f"'{unit.path}' has events within the period; allowed: equations that do not switch")
+
+
+def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
+    """Raise ValueOutOfBoundsError if the remaining states act on an excluded one."""
+    others = np.setdiff1d(np.arange(len(unit.states)), kept)
+    influence = np.abs(jacobians[:, others][:, :, kept]).max(axis=0)
+    acting = np.argwhere(influence > _COUPLED * np.abs(jacobians).max())
+    if len(acting):
+        first, second = unit.states[others[acting[0, 0]]], unit.states[kept[acting[0, 1]]]
+        raise ValueOutOfBoundsError(
+            f"exclude names {first}, whose rate depends on {second}; exclude states with a prescribed motion"
+        )
+
+
+def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> SampledStates:
+    """System of the remaining states."""
+    N = len(unit.states)
+    A, B = jacobians[:, kept][:, :, kept], jacobians[:, kept, N:]
+    signals: Signals | None = None
+    if unit.inputs or unit.outputs:
+        states = [unit.states[k] for k in kept]
+        outputs = [f"{name}_output" if name in states else name for name in unit.outputs]
+        C, D = jacobians[:, N:][:, :, kept], jacobians[:, N:, N:]
+        signals = B, C, D, unit.inputs, outputs
+    names = [unit.states[k] for k in kept]
+    system = SampledStates.from_samples(A, np.zeros(A.shape[:2]), names, period=period, signals=signals)
+    assert isinstance(system, SampledStates)
+    return system
+
+
+def _source(unit: Unit, file: Path, speed: float, states: Array) -> Source:
+    """Labels of the unit."""
+    units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
+    points = dict(zip(unit.states, states.T, strict=True))
+    return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)
