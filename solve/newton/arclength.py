@@ -45,7 +45,9 @@ def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
     first, last = parameters.ranges[0]
     place = Place(on(grid, orbit.curve), np.array([first]))
     towards = Place(parameters.task.rest(grid), np.array([last - first]))
-    return Manifold(parameters).point(place, [towards], grid, held=[towards])
+    if parameters.task_at(place.values).system.along_events(orbit.curve, orbit.speed).events.phases:
+        place = replace(place, curve=orbit.curve)
+    return Manifold(parameters).first(place, towards, grid)
 
 
 def follow_branch(

@@ -250,11 +250,18 @@ def on(grid: Grid, motion: Motion) -> Curve:
     return curve if drift is None else replace(curve, drift=drift)
 
 
-def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
-    """Next iterate after a curve, on a grid of about as many steps with the phases of events as breaks."""
+def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
+    """System linearised along a curve, and a grid of about as many steps with the phases of events as
+    breaks."""
     along = task.system.along_events(curve, task.speed, columns_by(task.engine))
     if along.breaks != task.breaks:
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
+    return along, grid
+
+
+def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
+    """Next iterate after a curve."""
+    along, grid = linearised_along(task, curve, grid)
     return solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
 
 
