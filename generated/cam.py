@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0932e30d2f5e07340f5776a7be04b29cbabcfbbcc0907f09c3ffba76c368af74"
+MECHANISM_SHA256 = "b574e5c6cdc6ade286c6600e3662fb3eeb55df35e55f10ff23038ae1bf0764b8"
 DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a3e783d1a47a20b956002b08d82b27b7c4b789eaa9cd8cd2e5a7821769e71ce8"
+FILE_SHA256 = "7861da65ec89283204474501a051ea346588d17eebbba091a1cc16bbc462d06d"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -31,7 +31,7 @@ PARAMETERS = (
     ("c1", "N m s/rad", "damping of the shaft", ">= 0"),
     ("c2", "N s/m", "damping of the follower", ">= 0"),
     ("c3", "N s/m", "damping of the output link", ">= 0"),
-    ("P", "N", "preload of the unilateral contact by the return spring; no effect if bilateral", "> 0"),
+    ("P", "N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
     ("R0", "m", "base radius of the cam, for the sliding speed", "> 0"),
     ("a1", "m", "derivative of the transmission function U: cosine coefficient, order 1", ""),
     ("a2", "m", "derivative of the transmission function U: cosine coefficient, order 2", ""),
@@ -86,6 +86,7 @@ OUTPUTS = (
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
+    ("gap", "<= 0", "the follower lifts off the cam"),
 )
 CONDITIONS = (
     ("P other than 0", "the equations have no linearisation where -q2*k2 - q2d*c2 + P = 0 in the fundamental motion", ("P",)),

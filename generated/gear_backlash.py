@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "f60e946071796b980108068574b1b4b4b604f12fb39cbed157113454966e8d8a"
+MECHANISM_SHA256 = "42b123cc365018b2a899d73b102ef144cab91ae313f15744009fc291f11e761f"
 DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "8d58e16c734c809be5c4f29e3a1b9060d9ce093505f4dfff2d990b849875ad2d"
+FILE_SHA256 = "53a666d8a06b70054a0528feab1f7547ce2e2a57586902cb4c8dce08c94b9ebd"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -26,7 +26,7 @@ PARAMETERS = (
     ("e", "1", "relative amplitude of the mesh stiffness", "> -1, < 1"),
     ("E", "m", "amplitude of the transmission error without load", ""),
     ("b", "m", "half of the backlash", ">= 0"),
-    ("s", "1", "part of the period with two pairs of teeth, if rectangular", "> 0, < 1"),
+    ("s", "1", "fraction of the period with two pairs of teeth, if rectangular", "> 0, < 1"),
     ("p", "m", "base pitch, for the sliding speed", "> 0"),
     ("z1", "1", "teeth of the pinion, for the sliding speed", "integer, >= 1"),
     ("z2", "1", "teeth of the wheel, for the sliding speed", "integer, >= 1"),

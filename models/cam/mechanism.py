@@ -28,7 +28,7 @@ def mechanism() -> Mechanism:
         c3=("N s/m", "damping of the output link", ">= 0"),
     )
     P, R0 = cam.parameters(
-        P=("N", "preload of the unilateral contact by the return spring; no effect if bilateral", "> 0"),
+        P=("N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
         R0=("m", "base radius of the cam, for the sliding speed", "> 0"),
     )
     U = cam.transmission("U", harmonics=12, unit="m")
@@ -46,8 +46,9 @@ def mechanism() -> Mechanism:
     cam.potential = (k1 * q1**2 + pressed * k2 * q2**2 + k3 * q3**2) / 2
     cam.dissipation = (c1 * rate(q1) ** 2 + pressed * c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
     cam.force(-F(cam.phase), along=y3)
-    # The preloads of contact and return spring balance at q = 0; without adhesion the contact force is at
-    # least 0, so that its change is at most P.
+    # The spring acts between follower and cam, as on the counter-profile of conjugate cams, so that it does
+    # not twist the shaft. It balances the contact force at q = 0. Without adhesion this is at least 0, so
+    # that its change is at most P.
     extension = k2 * q2 + c2 * rate(q2)
     cam.force(-contact.choose(bilateral=0, unilateral=Min(P, extension)), along=q2)
 
@@ -60,6 +61,7 @@ def mechanism() -> Mechanism:
     closed = contact.choose(bilateral=1, unilateral=Heaviside(P - extension))
     sliding = (R0 + y1) * rate(phi1)
     cam.output("gap", opening, "m", "follower above the cam")
+    cam.limit("gap", "<= 0", beyond="the follower lifts off the cam")
     cam.output("in_contact", closed, "1", "1 in contact, 0 apart; its mean is the fraction of the period")
     cam.output(
         "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed of a flat face"

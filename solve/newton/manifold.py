@@ -38,8 +38,8 @@ _RTOL_FRACTION, _MIN_LAST_CORRECTION = 0.01, 1e-10
 need not decrease."""
 
 _LANES = 8
-"""The numbers of steps of finer grids are multiples of this, as the compiled code integrates eight segments of a
-period at a time."""
+"""Number of segments of a period that the compiled code integrates at a time; the numbers of steps of finer
+grids are multiples of it."""
 
 _ORBIT_ROUNDOFF = 64 * EPS
 """Relative error of an orbit due to round-off, as for single orbits."""

@@ -4,12 +4,12 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-M, C, K, E_K, PITCH = 0.5, 848.528137423857, 4e8, 0.1, 1e-6
+M, C, K, E_K, ERROR = 0.5, 848.528137423857, 4e8, 0.1, 1e-6
 RATE, LENGTH = np.sqrt(K / M), 1e-6
 """Units of time, 1/RATE, and of length, in which the equation is integrated."""
 
 
-def integrated(start, speed, load=2000.0, half=5e-5, share=None):
+def integrated(start, speed, load=2000.0, half=5e-5, share=None, error=ERROR):
     """q and q̇/Ω after a period of the mesh from those at its start, in m; derivatives by them; phases of the
     events. In units x = (q + F/k)/LENGTH and τ = φ. share: of the rectangular stiffness."""
     w2, c = K / M / speed**2, C / M / speed
@@ -31,7 +31,7 @@ def integrated(start, speed, load=2000.0, half=5e-5, share=None):
 
         def slope(t, y, side=side, stiffness=stiffness):
             k, offset = stiffness(t), gap if side < 0 else 0.0
-            load_now = w2 * mean + PITCH / LENGTH * np.cos(t)
+            load_now = w2 * mean + error / LENGTH * np.cos(t)
             A = np.array([[0, 1], [-k, -c]])
             force = np.array([0, load_now - k * offset])
             return np.concatenate((A @ y[:2] + force, (A @ y[2:].reshape(2, 2)).ravel()))
