@@ -62,11 +62,11 @@ def orbit(cam):
 def test_follower_lifts_off_where_the_linear_model_warns(cam, orbit):
     assert any("lifts off" in text for text in solve.periodic(cam, SPEED).warnings)
     assert not any("lifts off" in text for text in solve.periodic(cam, 0.9 * SPEED).warnings)
-    assert len(orbit.events) == 2
+    assert len(orbit.events) == 4
     assert orbit.statistics("contact_force").min == 0
     assert orbit.statistics("gap").max > 1e-6
-    first, second = orbit.events
-    assert orbit.statistics("in_contact").mean == pytest.approx(1 - (second - first) / 2 / np.pi, abs=1e-3)
+    apart = np.diff(np.reshape(orbit.events, (2, 2)), axis=1).sum()
+    assert orbit.statistics("in_contact").mean == pytest.approx(1 - apart / 2 / np.pi, abs=2e-3)
 
 
 def test_bilateral_contact_is_the_default():
