@@ -306,6 +306,11 @@ class PeriodicSystem(Labels):
         """The same; phases at which the motion passes switches, at a speed in rad/s, are breaks."""
         return self.along(motion, compiled)
 
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        """Derivatives (k, 1 + 2n) with respect to phase, q and dq/dφ of the switches that a motion passes at
+        its events, at a speed in rad/s."""
+        return np.zeros((0, 1 + 2 * self.n))
+
     def meet(self, events: Events) -> None:
         """Take the phases at which the motion passes switches as breaks."""
         self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))

@@ -396,6 +396,13 @@ class LinearisedModel(Model):
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along(motion, compiled)
 
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        finder = self.setup.event_finder
+        phases = np.array(self.events.phases)
+        if finder is None or not len(phases):
+            return super().event_normals(motion, speed)
+        return finder.normals(motion, speed, phases)
+
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> "LinearisedModel":

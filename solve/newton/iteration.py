@@ -18,6 +18,7 @@ from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
+from solve.newton.saltation import product, steps_with_saltation
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
@@ -329,7 +330,12 @@ class Newton(Method):
             raise
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
-        return replace(found.solutions, defect=np.array([found.last]))
+        solutions = replace(found.solutions, defect=np.array([found.last]))
+        along, grid = linearised_along(task, found.curve, grid)
+        steps = steps_with_saltation(along, found.curve, task.speed, task.method, grid)
+        if steps is None:
+            return solutions
+        return replace(solutions, Phi=product(steps.A[0])[None], units=None, steps=steps)
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""

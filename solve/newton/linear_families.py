@@ -19,6 +19,7 @@ from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.newton.branch_points import ContinuationParameters, Place
 from solve.newton.iteration import Task, linearised_along
+from solve.newton.saltation import forces_jump
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -33,6 +34,12 @@ one block: choices. A solution that grows by |ρ| over the period costs log10|ρ
 _REGULAR = 1e-2
 """Distance of all multipliers from +1 above which I - Φ is regular: round-off grows by its inverse. A
 choice."""
+
+
+JUMPS = (
+    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches need continuous "
+    "forces; use sweep --nonlinear"
+)
 
 
 @dataclass(frozen=True)
@@ -247,6 +254,8 @@ def multipliers_of(parameters: ContinuationParameters, place: Place, grid: Grid,
     found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
+    if forces_jump(along, place.curve):
+        raise NoOrbitError(JUMPS)
     return LinearFamily(place, (), found.Phi[0]).multipliers
 
 
