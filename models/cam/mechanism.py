@@ -57,11 +57,10 @@ def mechanism() -> Mechanism:
     cam.output("shaft_torque", shaft_torque, "N m", "torque in the shaft, positive where the cam leads")
     cam.output("contact_force", contact_force, "N", "follower against cam, compression positive")
     cam.limit("contact_force", ">= 0", beyond="the follower lifts off the cam")
-    opening = contact.choose(bilateral=0, unilateral=Max(0, q2 - P / k2))
+    opening = contact.choose(bilateral=Min(0, q2), unilateral=q2 - P / k2)
     closed = contact.choose(bilateral=1, unilateral=Heaviside(P - extension))
     sliding = (R0 + y1) * rate(phi1)
-    cam.output("gap", opening, "m", "follower above the cam")
-    cam.limit("gap", "<= 0", beyond="the follower lifts off the cam")
+    cam.output("gap", opening, "m", "follower above the undeformed cam, negative if pressed")
     cam.output("in_contact", closed, "1", "1 in contact, 0 apart; its mean is the fraction of the period")
     cam.output(
         "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed of a flat face"

@@ -60,7 +60,7 @@ def orbit(cam):
 
 
 def test_follower_lifts_off_where_the_linear_model_warns(cam, orbit):
-    assert any("lifts off" in text for text in solve.periodic(cam, SPEED).warnings)
+    assert any("lifts off" in text for text in solve.periodic(cam, 1.02 * SPEED).warnings)
     assert not any("lifts off" in text for text in solve.periodic(cam, 0.9 * SPEED).warnings)
     assert len(orbit.events) == 4
     assert orbit.statistics("contact_force").min == 0
@@ -73,7 +73,8 @@ def test_bilateral_contact_is_the_default():
     cam, other = solve.load("cam"), solve.load("cam", P=1.0, R0=2.0)
     one, two = (solve.periodic(each, "100 rpm") for each in (cam, other))
     assert np.array_equal(one.q, two.q)
-    assert one.statistics("gap").max == 0
+    assert one.statistics("gap").max <= 0
+    assert not any("linear answer uses its slope" in text for text in one.warnings)
     assert one.statistics("in_contact").min == 1
 
 
