@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "eea3eaef31e56750679151614077a85dd029395d5611571732da649f232e2442"
+MECHANISM_SHA256 = "8fe1d3aeed8eb0d2c6bfd5baf798de8e146d8d07a86085262ffe4426ece7a8c7"
 DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "88d044d565c1b02f25a07645e7e8673d04c2a171e7aef51a323464ae4427c745"
+FILE_SHA256 = "4b40fc3b1ed0866d813a178b6198050a35028ab8b8b4a0be8ddd0622b21e4ea9"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -86,6 +86,7 @@ OUTPUTS = (
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
+    ("gap", "<= 0", "the follower lifts off the cam"),
 )
 CONDITIONS = (
     ("P other than 0", "the equations have no linearisation where -q2*k2 - q2d*c2 + P = 0 in the fundamental motion", ("P",)),
