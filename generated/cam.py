@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "49ffc17d32c04436deb133f0bd7564f20408154a5574d6b371ac9186aade50a9"
-DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
+MECHANISM_SHA256 = "8fe1d3aeed8eb0d2c6bfd5baf798de8e146d8d07a86085262ffe4426ece7a8c7"
+DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2229edfcfb3c7a56129516e107071bc63ea367acdcf78b00793596abcb11886e"
+FILE_SHA256 = "4b40fc3b1ed0866d813a178b6198050a35028ab8b8b4a0be8ddd0622b21e4ea9"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -31,6 +31,8 @@ PARAMETERS = (
     ("c1", "N m s/rad", "damping of the shaft", ">= 0"),
     ("c2", "N s/m", "damping of the follower", ">= 0"),
     ("c3", "N s/m", "damping of the output link", ">= 0"),
+    ("P", "N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
+    ("R0", "m", "base radius of the cam, for the sliding speed", "> 0"),
     ("a1", "m", "derivative of the transmission function U: cosine coefficient, order 1", ""),
     ("a2", "m", "derivative of the transmission function U: cosine coefficient, order 2", ""),
     ("a3", "m", "derivative of the transmission function U: cosine coefficient, order 3", ""),
@@ -69,16 +71,25 @@ PARAMETERS = (
     ("Fb5", "N", "load against the output link: sine coefficient, order 5", ""),
     ("Fb6", "N", "load against the output link: sine coefficient, order 6", ""),
 )
-OPTIONS = ()
+OPTIONS = (
+    ("contact", ("bilateral", "unilateral"), "bilateral"),
+)
 OUTPUTS = (
     ("drive_torque", "N m", "torque of the drive"),
     ("shaft_torque", "N m", "torque in the shaft, positive where the cam leads"),
     ("contact_force", "N", "follower against cam, compression positive"),
+    ("gap", "m", "follower above the undeformed cam, negative if pressed"),
+    ("in_contact", "1", "1 in contact, 0 apart; its mean is the fraction of the period"),
+    ("wear", "W", "contact force times sliding speed of a flat face"),
     ("output_displacement", "m", "position y3 of the output link"),
     ("lift", "m", "lift U(φ) of the cam at the desired motion"),
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
+    ("gap", "<= 0", "the follower lifts off the cam"),
+)
+CONDITIONS = (
+    ("P other than 0", "the equations have no linearisation where -q2*k2 - q2d*c2 + P = 0 in the fundamental motion", ("P",)),
 )
 SERIES = (
     ("U", "cosine-sine", True, "", "a", "b", 12),
@@ -92,7 +103,10 @@ SKETCH = (
 )
 VALIDITY = {"q1": 0.05}
 PERIOD = 2*math.pi
-OPERATIONS = {"linearised": 355, "residual": 321, "outputs": 278}
+OPERATIONS = {"linearised": 364, "residual": 327, "outputs": 297}
+NONLINEAR = (
+    "Min(P, q2*k2 + q2d*c2) is in the energies; the linear answer uses its slope at the fundamental motion and ignores steps and kinks that the vibration passes",
+)
 
 
 def _fourier(angle, mean, cosine, sine, orders):
@@ -111,6 +125,14 @@ def _fourier(angle, mean, cosine, sine, orders):
     return sums
 
 
+def _choice(option, value):
+    """One indicator, 1.0 or 0.0, for each allowed value of an option."""
+    allowed = next(values for name, values, _ in OPTIONS if name == option)
+    if value not in allowed:
+        raise ValueError(f"option {option} is {value!r}; allowed: {', '.join(map(str, allowed))}")
+    return [float(value == each) for each in allowed]
+
+
 def _varying(steady, added):
     """A function where the speed varies: at constant speed, and what its acceleration adds."""
     inputs = [casadi.SX.sym(name, added.size1_in(name)) for name in added.name_in()]
@@ -123,15 +145,16 @@ def _varying(steady, added):
     )
 
 
-def linearised():
+def linearised(*, contact="bilateral"):
     """M, C, K, d of M q̈ + C q̇ + K q = d."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
-    parameters = casadi.SX.sym("p", 47)
+    parameters = casadi.SX.sym("p", 49)
     (
-        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
-        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
-        Fb5, Fb6,
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     [F_0] = _fourier(
         phase, F,
@@ -149,10 +172,11 @@ def linearised():
     x1 = U_1*x0
     x2 = U_1*m3
     x3 = 2*U_2*speed
-    x4 = speed**2
-    x5 = x0*x4
-    x6 = m3*x4
-    x7 = F_0 + U_2*x5
+    x4 = contact_bilateral + contact_unilateral*(P > 0)
+    x5 = speed**2
+    x6 = x0*x5
+    x7 = m3*x5
+    x8 = F_0 + U_2*x6
     return casadi.Function(
         "linearised",
         [phase, speed, parameters],
@@ -164,18 +188,18 @@ def linearised():
             ]),
             casadi.blockcat([
                 [c1 + x1*x3, 0, 0],
-                [x0*x3, c2, 0],
+                [x0*x3, c2*x4, 0],
                 [m3*x3, 0, c3],
             ]),
             casadi.blockcat([
-                [F_0*U_2 + U_2**2*x5 + U_3*x1*x4 + k1, 0, 0],
-                [U_3*x5, k2, 0],
-                [U_3*x6, 0, k3],
+                [F_0*U_2 + U_2**2*x6 + U_3*x1*x5 + k1, 0, 0],
+                [U_3*x6, k2*x4, 0],
+                [U_3*x7, 0, k3],
             ]),
             casadi.vertcat(
-                -U_1*x7,
-                -x7,
-                -F_0 - U_2*x6,
+                -U_1*x8,
+                -contact_unilateral*casadi.fmin(0, P) - x8,
+                -F_0 - U_2*x7,
             ),
         ],
         ["phase", "speed", "p"],
@@ -183,8 +207,9 @@ def linearised():
     )
 
 
-def residual():
+def residual(*, contact="bilateral"):
     """Nonlinear r of the equation of motion r = 0."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 3)
@@ -193,11 +218,11 @@ def residual():
     (q1d, q2d, q3d) = casadi.vertsplit(rates)
     accelerations = casadi.SX.sym("qdd", 3)
     (q1dd, q2dd, q3dd) = casadi.vertsplit(accelerations)
-    parameters = casadi.SX.sym("p", 47)
+    parameters = casadi.SX.sym("p", 49)
     (
-        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
-        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
-        Fb5, Fb6,
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     [F_0] = _fourier(
         phase, F,
@@ -222,16 +247,18 @@ def residual():
     x8 = x5*x7
     x9 = 2*q1d*speed
     x10 = x5*x9
-    x11 = F_0 + x0
-    x12 = U_2*m3
+    x11 = q2*k2
+    x12 = q2d*c2
+    x13 = F_0 + x0
+    x14 = U_2*m3
     return casadi.Function(
         "residual",
         [phase, speed, coordinates, rates, accelerations, parameters],
         [
             casadi.vertcat(
                 q1*k1 + q1d*c1 + q1dd*I1 + F_0*U_1 + U_1**2*x3 + U_1*x0 + U_1*x10 + U_1*x2 + U_1*x6 + U_1*x8,
-                q2*k2 + q2d*c2 + U_1*x3 + x10 + x11 + x2 + x6 + x8,
-                q1dd*U_1*m3 + q2dd*m3 + q3*k3 + q3d*c3 + x11 + x12*x4 + x12*x7 + x12*x9,
+                U_1*x3 + contact_bilateral*x11 + contact_bilateral*x12 + contact_unilateral*casadi.fmin(P, x11 + x12) + x10 + x13 + x2 + x6 + x8,
+                q1dd*U_1*m3 + q2dd*m3 + q3*k3 + q3d*c3 + x13 + x14*x4 + x14*x7 + x14*x9,
             ),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
@@ -239,8 +266,9 @@ def residual():
     )
 
 
-def residual_accelerated():
+def residual_accelerated(*, contact="bilateral"):
     """What an acceleration of the drive adds to residual."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -250,11 +278,11 @@ def residual_accelerated():
     (q1d, q2d, q3d) = casadi.vertsplit(rates)
     accelerations = casadi.SX.sym("qdd", 3)
     (q1dd, q2dd, q3dd) = casadi.vertsplit(accelerations)
-    parameters = casadi.SX.sym("p", 47)
+    parameters = casadi.SX.sym("p", 49)
     (
-        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
-        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
-        Fb5, Fb6,
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     [U_1] = _fourier(
         q1 + phase, 0.0,
@@ -279,8 +307,9 @@ def residual_accelerated():
     )
 
 
-def outputs():
+def outputs(*, contact="bilateral"):
     """One scalar for each of OUTPUTS."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 3)
@@ -289,11 +318,11 @@ def outputs():
     (q1d, q2d, q3d) = casadi.vertsplit(rates)
     accelerations = casadi.SX.sym("qdd", 3)
     (q1dd, q2dd, q3dd) = casadi.vertsplit(accelerations)
-    parameters = casadi.SX.sym("p", 47)
+    parameters = casadi.SX.sym("p", 49)
     (
-        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
-        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
-        Fb5, Fb6,
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     [U_0] = _fourier(
         phase, 0.0,
@@ -308,23 +337,30 @@ def outputs():
         [-1],
     )
     x0 = q1*k1 + q1d*c1
+    x1 = q2*k2 + q2d*c2
+    x2 = P - x1
+    x3 = -contact_bilateral*x1 + contact_unilateral*casadi.fmax(0, x2)
     return casadi.Function(
         "outputs",
         [phase, speed, coordinates, rates, accelerations, parameters],
         [
             casadi.SX(-x0),
             casadi.SX(x0),
-            casadi.SX(-q2*k2 - q2d*c2),
+            casadi.SX(x3),
+            casadi.SX(contact_bilateral*casadi.fmin(0, q2) + contact_unilateral*(q2 - P/k2)),
+            casadi.SX(contact_bilateral + contact_unilateral*(x2 > 0)),
+            casadi.SX((q1d + speed)*(R0 + U_0_)*casadi.fmax(0, x3)),
             casadi.SX(q2 + q3 + U_0_),
             casadi.SX(U_0),
         ],
         ["phase", "speed", "q", "qd", "qdd", "p"],
-        ["drive_torque", "shaft_torque", "contact_force", "output_displacement", "lift"],
+        ["drive_torque", "shaft_torque", "contact_force", "gap", "in_contact", "wear", "output_displacement", "lift"],
     )
 
 
-def outputs_accelerated():
+def outputs_accelerated(*, contact="bilateral"):
     """What an acceleration of the drive adds to outputs."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     speedd = casadi.SX.sym("acceleration")
@@ -334,11 +370,11 @@ def outputs_accelerated():
     (q1d, q2d, q3d) = casadi.vertsplit(rates)
     accelerations = casadi.SX.sym("qdd", 3)
     (q1dd, q2dd, q3dd) = casadi.vertsplit(accelerations)
-    parameters = casadi.SX.sym("p", 47)
+    parameters = casadi.SX.sym("p", 49)
     (
-        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
-        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
-        Fb5, Fb6,
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     return casadi.Function(
         "outputs_accelerated",
@@ -349,24 +385,28 @@ def outputs_accelerated():
             casadi.SX(0),
             casadi.SX(0),
             casadi.SX(0),
+            casadi.SX(0),
+            casadi.SX(0),
+            casadi.SX(0),
         ],
         ["phase", "speed", "acceleration", "q", "qd", "qdd", "p"],
-        ["drive_torque", "shaft_torque", "contact_force", "output_displacement", "lift"],
+        ["drive_torque", "shaft_torque", "contact_force", "gap", "in_contact", "wear", "output_displacement", "lift"],
     )
 
 
-def sketch():
+def sketch(*, contact="bilateral"):
     """x and y of the points of each line of SKETCH, one after another; running goes from 0 to 1 along it."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
     phase = casadi.SX.sym("phase")
     speed = casadi.SX.sym("speed")
     coordinates = casadi.SX.sym("q", 3)
     (q1, q2, q3) = casadi.vertsplit(coordinates)
     running = casadi.SX.sym("running")
-    parameters = casadi.SX.sym("p", 47)
+    parameters = casadi.SX.sym("p", 49)
     (
-        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
-        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
-        Fb5, Fb6,
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
     ) = casadi.vertsplit(parameters)
     [U_0] = _fourier(
         2*math.pi*running, 0.0,
@@ -425,17 +465,39 @@ def sketch():
     )
 
 
-def residual_varying():
+def conditions(*, contact="bilateral"):
+    """One number for each of CONDITIONS, positive where it holds."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
+    phase = casadi.SX.sym("phase")
+    parameters = casadi.SX.sym("p", 49)
+    (
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "conditions",
+        [phase, parameters],
+        [
+            casadi.SX(casadi.fabs(P)),
+        ],
+        ["phase", "p"],
+        ["margins"],
+    )
+
+
+def residual_varying(*, contact="bilateral"):
     """The same as `residual` where the speed varies."""
-    return _varying(residual(), residual_accelerated())
+    return _varying(residual(contact=contact), residual_accelerated(contact=contact))
 
 
-def outputs_varying():
+def outputs_varying(*, contact="bilateral"):
     """The same as `outputs` where the speed varies."""
-    return _varying(outputs(), outputs_accelerated())
+    return _varying(outputs(contact=contact), outputs_accelerated(contact=contact))
 
 
 EQUATIONS = (
+    "<math><mrow><msub><mi>&#951;</mi><mi>a</mi></msub><mo>=</mo><mrow><msub><mi>contact</mi><mi>bilateral</mi></msub><mo>+</mo><mrow><msub><mi>contact</mi><mi>unilateral</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x398;</mi><mrow><mo>&#x2061;</mo><mo>(</mo><mi>P</mi><mo>)</mo></mrow></mrow></mrow></mrow></mrow></math>",
     "<math><mrow><msub><mi>M</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>I</mi><mi>1</mi></msub><mo>+</mo><mrow><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2032;</mo></msup><mn>2</mn></msup></mrow></mrow></mrow></math>",
     "<math><mrow><msub><mi>M</mi><mi>12</mi></msub><mo>=</mo><msub><mi>M</mi><mi>21</mi></msub><mo>=</mo><mrow><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
     "<math><mrow><msub><mi>M</mi><mi>13</mi></msub><mo>=</mo><msub><mi>M</mi><mi>31</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>3</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></math>",
@@ -444,15 +506,15 @@ EQUATIONS = (
     "<math><mrow><msub><mi>M</mi><mi>33</mi></msub><mo>=</mo><msub><mi>m</mi><mi>3</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>C</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>1</mi></msub><mo>+</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
     "<math><mrow><msub><mi>C</mi><mi>21</mi></msub><mo>=</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
-    "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><msub><mi>c</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>C</mi><mi>22</mi></msub><mo>=</mo><mrow><msub><mi>c</mi><mi>2</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>&#951;</mi><mi>a</mi></msub></mrow></mrow></math>",
     "<math><mrow><msub><mi>C</mi><mi>31</mi></msub><mo>=</mo><mrow><mn>2</mn><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>m</mi><mi>3</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mi>&#x3A9;</mi></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></math>",
     "<math><mrow><msub><mi>C</mi><mi>33</mi></msub><mo>=</mo><msub><mi>c</mi><mi>3</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>K</mi><mi>11</mi></msub><mo>=</mo><mrow><msub><mi>k</mi><mi>1</mi></msub><mo>+</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow><mo>+</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><msup><mi>U</mi><mo>&#x2033;</mo></msup><mn>2</mn></msup></mrow><mo>+</mo><mrow><mi>F</mi><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow></mrow></mrow></math>",
     "<math><mrow><msub><mi>K</mi><mi>21</mi></msub><mo>=</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
-    "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></math>",
+    "<math><mrow><msub><mi>K</mi><mi>22</mi></msub><mo>=</mo><mrow><msub><mi>&#951;</mi><mi>a</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msub><mi>k</mi><mi>2</mi></msub></mrow></mrow></math>",
     "<math><mrow><msub><mi>K</mi><mi>31</mi></msub><mo>=</mo><mrow><msub><mi>m</mi><mi>3</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2034;</mo></msup></mrow></mrow></math>",
     "<math><mrow><msub><mi>K</mi><mi>33</mi></msub><mo>=</mo><msub><mi>k</mi><mi>3</mi></msub></mrow></math>",
     "<math><mrow><msub><mi>d</mi><mi>1</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mrow><mi>F</mi><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2032;</mo></msup></mrow></mrow></mrow></math>",
-    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
+    "<math><mrow><msub><mi>d</mi><mi>2</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msub><mi>contact</mi><mi>unilateral</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>min</mo><mrow><mo>(</mo><mn>0</mn><mo>,</mo><mi>P</mi><mo>)</mo></mrow></mrow></mrow><mo>-</mo><mrow><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><mrow><mo>(</mo><mrow><msub><mi>m</mi><mi>2</mi></msub><mo>+</mo><msub><mi>m</mi><mi>3</mi></msub></mrow><mo>)</mo></mrow><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
     "<math><mrow><msub><mi>d</mi><mi>3</mi></msub><mo>=</mo><mrow><mrow><mo>-</mo><msub><mi>m</mi><mi>3</mi></msub><mo rspace=\"0.12em\">&#x2062;</mo><msup><mrow><mi>&#x3A9;</mi></mrow><mn>2</mn></msup><mo rspace=\"0.12em\">&#x2062;</mo><msup><mi>U</mi><mo>&#x2033;</mo></msup></mrow><mo>-</mo><mi>F</mi></mrow></mrow></math>",
 )

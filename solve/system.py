@@ -298,6 +298,11 @@ class PeriodicSystem(Labels):
         speed in rad/s."""
         return self.along(motion, compiled)
 
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        """Derivatives (k, 1 + 2n) with respect to phase, q and dq/dφ of the switches that a motion passes at
+        its events, at a speed in rad/s."""
+        return np.zeros((0, 1 + 2 * self.n))
+
     def meet(self, events: Events) -> None:
         """Add the phases at which the motion passes switches to the breaks."""
         self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))

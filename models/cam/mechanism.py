@@ -1,6 +1,6 @@
 """Cam follower driven through an elastic shaft, chapter 4.1."""
 
-from derive import Mechanism, cos, rate, sin
+from derive import Heaviside, Max, Mechanism, Min, cos, rate, sin
 
 
 def mechanism() -> Mechanism:
@@ -27,8 +27,14 @@ def mechanism() -> Mechanism:
         c2=("N s/m", "damping of the follower", ">= 0"),
         c3=("N s/m", "damping of the output link", ">= 0"),
     )
+    P, R0 = cam.parameters(
+        P=("N", "preload if contact is unilateral: a soft spring holds the follower on the cam", "> 0"),
+        R0=("m", "base radius of the cam, for the sliding speed", "> 0"),
+    )
     U = cam.transmission("U", harmonics=12, unit="m")
     F = cam.series("F", harmonics=6, unit="N", meaning="load against the output link")
+
+    contact = cam.option("contact", ("bilateral", "unilateral"))
 
     phi1 = cam.phase + q1
     y1 = U(phi1)
@@ -36,15 +42,30 @@ def mechanism() -> Mechanism:
     y3 = y2 + q3
     rotation = I0 * rate(cam.phase) ** 2 + I1 * rate(phi1) ** 2
     cam.kinetic = (rotation + m2 * rate(y2) ** 2 + m3 * rate(y3) ** 2) / 2
-    cam.potential = (k1 * q1**2 + k2 * q2**2 + k3 * q3**2) / 2
-    cam.dissipation = (c1 * rate(q1) ** 2 + c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
+    pressed = contact.choose(bilateral=1, unilateral=0)
+    cam.potential = (k1 * q1**2 + pressed * k2 * q2**2 + k3 * q3**2) / 2
+    cam.dissipation = (c1 * rate(q1) ** 2 + pressed * c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
     cam.force(-F(cam.phase), along=y3)
+    # The spring acts between follower and cam, as on the counter-profile of conjugate cams, so that it does
+    # not twist the shaft. It balances the contact force at q = 0. Without adhesion this is at least 0, so
+    # that its change is at most P.
+    extension = k2 * q2 + c2 * rate(q2)
+    cam.force(-contact.choose(bilateral=0, unilateral=Min(P, extension)), along=q2)
 
     shaft_torque = k1 * q1 + c1 * rate(q1)
-    contact_force = -(k2 * q2 + c2 * rate(q2))
+    contact_force = contact.choose(bilateral=-extension, unilateral=Max(0, P - extension))
     cam.output("shaft_torque", shaft_torque, "N m", "torque in the shaft, positive where the cam leads")
     cam.output("contact_force", contact_force, "N", "follower against cam, compression positive")
     cam.limit("contact_force", ">= 0", beyond="the follower lifts off the cam")
+    opening = contact.choose(bilateral=Min(0, q2), unilateral=q2 - P / k2)
+    closed = contact.choose(bilateral=1, unilateral=Heaviside(P - extension))
+    sliding = (R0 + y1) * rate(phi1)
+    cam.output("gap", opening, "m", "follower above the undeformed cam, negative if pressed")
+    cam.limit("gap", "<= 0", beyond="the follower lifts off the cam")
+    cam.output("in_contact", closed, "1", "1 in contact, 0 apart; its mean is the fraction of the period")
+    cam.output(
+        "wear", Max(0, contact_force) * sliding, "W", "contact force times sliding speed of a flat face"
+    )
     cam.output("output_displacement", y3, "m", "position y3 of the output link")
     cam.output("lift", U(cam.phase), "m", "lift U(φ) of the cam at the desired motion")
     cam.trust(q1=0.05)

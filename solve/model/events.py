@@ -3,7 +3,7 @@
 The switches are the arguments of |x|, sign, max, min and comparisons in the residual that depend on the
 motion."""
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +70,7 @@ class EventFinder:
     """Switches of a model as functions of the phase along a motion at a speed (rad/s). p (p,): parameters."""
 
     def __init__(self, function: "casadi.Function", p: Array):
-        self._sampler, self._p = Sampler(function, shared=1), p
+        self._function, self._sampler, self._p = function, Sampler(function, shared=1), p
 
     def along(self, motion: Motion, speed: float) -> Events:
         """Events over the period of a motion."""
@@ -95,10 +95,41 @@ class EventFinder:
         same = SAME_PHASE * float(phase[-1])
         return Events(_ascending(phases, same), _ascending(grazing, same))
 
+    def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
+        """Derivatives (k, 1 + 2n) with respect to the phase, q and q' = dq/dφ of the switch that is passed at
+        each event of a motion, at phases (k,)."""
+        period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
+        ranges = np.ptp(
+            self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0
+        )
+        relative = np.abs(self._values(motion, speed, phase)) / np.where(ranges > 0, ranges, np.inf)
+        passed = np.where(ranges > 0, relative, np.inf).argmin(axis=1)
+        entries = self._gradient(
+            phase, np.full(len(phase), speed), *self._states(motion, speed, phase), self._p
+        )
+        rows = entries.reshape(len(phase), 1 + 2 * n, -1)[np.arange(len(phase)), :, passed]
+        return rows * np.repeat([1.0, 1.0, speed], [1, n, n])
+
+    @cached_property
+    def _gradient(self) -> Sampler:
+        """Derivatives of the switches with respect to the phase, q and q̇, by columns."""
+        import casadi
+
+        inputs = inputs_of(self._function)
+        (values,) = self._function.call(list(inputs.values()))
+        moved = casadi.vertcat(*(inputs[name] for name in ("phase", "q", "qd")))
+        gradient = casadi.vec(casadi.densify(casadi.jacobian(values, moved)))
+        return Sampler(casadi.Function("gradient", list(inputs.values()), [gradient]), shared=1)
+
+    @staticmethod
+    def _states(motion: Motion, speed: float, phase: Array) -> list[Array]:
+        """q, q̇ and q̈ (k, n)."""
+        return [(speed**order * motion(phase, order)).T for order in range(3)]
+
     def _values(self, motion: Motion, speed: float, phase: Array) -> Array:
         """Switches (k, s) at phases (k,)."""
-        states = [(speed**order * motion(phase, order)).T for order in range(3)]
-        return self._sampler(phase, np.full(len(phase), speed), *states, self._p)
+        speeds = np.full(len(phase), speed)
+        return self._sampler(phase, speeds, *self._states(motion, speed, phase), self._p)
 
     def _passed(
         self, motion: Motion, speed: float, phase: Array, values: Array, columns: Array

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     import casadi
 
 
+_KINKS = "ignores steps and kinks"
+"""Words of the sentences of generated modules on switches that depend on the motion."""
+
+
 class Model(PeriodicSystem):
     """System whose matrices, outputs and bounds come from a generated module; see `solve.load`.
 
@@ -204,7 +208,11 @@ class Model(PeriodicSystem):
     @property
     def left_out(self) -> tuple[str, ...]:
         """Sentences on the nonlinear terms that the linearised equations neglect."""
-        return getattr(self.module, "NONLINEAR", ())
+        sentences = getattr(self.module, "NONLINEAR", ())
+        if any(_KINKS in text for text in sentences) and self.setup.event_finder is None:
+            # The options exclude the terms.
+            return tuple(text for text in sentences if _KINKS not in text)
+        return sentences
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
         ratios = self.setup.ratios
@@ -388,6 +396,13 @@ class LinearisedModel(Model):
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         return self.model.along(motion, compiled)
+
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        finder = self.setup.event_finder
+        phases = np.array(self.events.phases)
+        if finder is None or not len(phases):
+            return super().event_normals(motion, speed)
+        return finder.normals(motion, speed, phases)
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None

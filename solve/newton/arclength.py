@@ -24,7 +24,7 @@ _FIRST_STEP, _MAX_STEP, _MIN_STEP = 0.05, 0.2, 1e-5
 """Step lengths, in scaled coordinates and fractions of the range of the parameter: initial, largest, and
 smallest before the continuation stops. Choices."""
 
-_FEW, _MANY = 4, 6
+_FEW, _MANY = 3, 5
 """Numbers of corrections per step: up to the first the next step is longer, from the second it is shorter.
 Choices."""
 
@@ -39,13 +39,20 @@ _MIN_COSINE = 0.85
 A choice."""
 
 
+_CROSSING = 0.01
+"""Length of a step, in scaled coordinates, up to which a branch may change its orientation. A choice: where
+it does, another branch crosses it, or the step has left it, which a shorter step does not."""
+
+
 def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
     """Point of an orbit at the first value of the parameter, directed towards the last."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
     place = Place(on(grid, orbit.curve), np.array([first]))
     towards = Place(parameters.task.rest(grid), np.array([last - first]))
-    return Manifold(parameters).point(place, [towards], grid, held=[towards])
+    if parameters.task_at(place.values).system.along_events(orbit.curve, orbit.speed).events.phases:
+        place = replace(place, curve=orbit.curve)
+    return Manifold(parameters).first(place, towards, grid)
 
 
 def follow_branch(
@@ -129,6 +136,8 @@ class _BranchFollower:
             try:
                 after, corrections = self.manifold.reached(before, [before.direction], [length])
                 self._require_same_branch(before, after)
+                if length > _CROSSING and _orientation(before) != _orientation(after):
+                    raise NoOrbitError("the step may have left the branch")
                 return after, length, corrections
             except SolveError:
                 length /= 2
@@ -177,6 +186,12 @@ class _BranchFollower:
         """Direction of the parameter towards the last value."""
         first, last = self.parameters.ranges[0]
         return Place(self.parameters.task.rest(grid), np.array([last - first]))
+
+
+def _orientation(point: Point) -> float:
+    """Sign of det(I - Φ) times the direction of the parameter, which is constant along a branch that no other
+    crosses (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+    return float(np.sign(np.prod(1 - point.orbit.multipliers).real * point.direction.value))
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:

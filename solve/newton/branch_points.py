@@ -14,6 +14,9 @@ from solve.period.grid import Grid
 SAMPLES = 8
 """Phases per step at which orbits are compared. A choice."""
 
+_PHASES = 2048
+"""Phases per period at which orbits are compared whose events differ. A choice."""
+
 _MAX_TASKS = 8
 """Number of values of the parameters whose systems are cached. A choice: a point uses one or two."""
 
@@ -32,8 +35,11 @@ class Place:
         return float(self.values[0])
 
     def plus(self, factor: float, other: "Place") -> "Place":
-        """Sum with a multiple of another place."""
-        return Place(add(self.curve, factor, other.curve), self.values + factor * other.values)
+        """Sum with a multiple of another place, on the nodes of the other."""
+        curve, nodes = self.curve, other.curve.nodes
+        if not np.array_equal(curve.nodes, nodes):
+            curve = on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)), curve)
+        return Place(add(curve, factor, other.curve), self.values + factor * other.values)
 
     def on(self, grid: Grid) -> "Place":
         """Same place on the nodes of a grid."""
@@ -55,6 +61,15 @@ class Place:
     def largest(self) -> Array:
         """Largest moduli (n,) of the coordinates at the samples."""
         return np.abs(self.curve.sampled(SAMPLES)).max(axis=1)
+
+
+def sampled_together(*places: Place) -> list[Array]:
+    """Values (n, k) of several places at the same phases: of steps if they have the same nodes."""
+    nodes = places[0].curve.nodes
+    if all(np.array_equal(place.curve.nodes, nodes) for place in places[1:]):
+        return [place.curve.sampled(SAMPLES) for place in places]
+    phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
+    return [place.curve(phase) for place in places]
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
+from solve.newton.saltation import product, steps_with_saltation
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
@@ -252,11 +253,18 @@ def on(grid: Grid, motion: Motion) -> Curve:
     return curve if drift is None else replace(curve, drift=drift)
 
 
-def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
-    """Next iterate after a curve, on a grid of about as many steps with the phases of events as breaks."""
+def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
+    """System linearised along a curve, and a grid of about as many steps with the phases of events as
+    breaks."""
     along = task.system.along_events(curve, task.speed, columns_by(task.engine))
     if along.breaks != task.breaks:
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
+    return along, grid
+
+
+def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
+    """Next iterate after a curve."""
+    along, grid = linearised_along(task, curve, grid)
     return solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
 
 
@@ -325,7 +333,12 @@ class Newton(Method):
             raise
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
-        return replace(found.solutions, defect=np.array([found.last]))
+        solutions = replace(found.solutions, defect=np.array([found.last]))
+        along, grid = linearised_along(task, found.curve, grid)
+        steps = steps_with_saltation(along, found.curve, task.speed, task.method, grid)
+        if steps is None:
+            return solutions
+        return replace(solutions, Phi=product(steps.A[0])[None], units=None, steps=steps)
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""

@@ -11,14 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import Columns, Matrices, Motion
+from solve.contracts import Columns, Matrices
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
 from solve.newton.branch_points import ContinuationParameters, Place
-from solve.newton.iteration import Task
+from solve.newton.iteration import Task, linearised_along
+from solve.newton.saltation import forces_jump
 from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -33,6 +34,12 @@ one block: choices. A solution that grows by |ρ| over the period costs log10|ρ
 _REGULAR = 1e-2
 """Distance of all multipliers from +1 above which I - Φ is regular: round-off grows by its inverse. A
 choice."""
+
+
+JUMPS = (
+    "forces jump at an event of the orbit, such as that of a dashpot in a contact; branches need continuous "
+    "forces; use sweep --nonlinear"
+)
 
 
 @dataclass(frozen=True)
@@ -56,9 +63,9 @@ def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, 
     """Next iterates of Newton's method after a place, on a grid. sizes (n,): scales of the coordinates.
     Raises SolveError subclasses without solutions."""
     task = parameters.task_at(place.values)
-    along = task.system.along(place.curve, columns_by(task.engine))
-    equations = _Equations(along, task, place.curve, parameters.names)
-    if parameters.task.rigid is not None:
+    along, grid = linearised_along(task, place.curve, grid)
+    equations = _Equations(along, task, place.curve, parameters.names, parameters.task.rigid is not None)
+    if equations.free:
         return _by_periodic_solutions(equations, place, grid)
     if task.engine == COMPILED:
         family = _if_regular(equations, place, grid)
@@ -93,12 +100,15 @@ def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations linearised along a motion, and their loads: d, then -∂r/∂θ for each parameter θ."""
+    """Equations linearised along a motion, and their loads: d, then -∂r/∂θ for each parameter θ.
+
+    free: whether the machine has rigid-body modes."""
 
     along: PeriodicSystem
     task: Task
-    motion: Motion
+    motion: Curve
     names: Sequence[str]
+    free: bool = False
 
     def at(self, phase: Array) -> Matrices:
         """Ω²M, ΩC, K (m, n, n) and the loads (m, n, 1 + k) at phases (m,)."""
@@ -110,7 +120,8 @@ class _Equations:
         """-∂r/∂θ (m, n, k) at phases (m,)."""
         compiled: Columns | None = columns_by(self.task.engine)
         dependence = derivatives_of(self.along).by(list(self.names), compiled)
-        states = np.stack([self.motion(phase, derivative).T for derivative in (2, 1, 0)], axis=1)
+        curve, beside = self.motion, bool(self.along.events.phases)
+        states = np.stack([state.T for state in curve.states(phase, (2, 1, 0), beside)], axis=1)
         return -dependence.residual(phase, self.task.speed, states)
 
     def under(self, load: int) -> PeriodicSystem:
@@ -218,7 +229,7 @@ def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> L
     """Solutions computed as periodic solutions, one per load, in compiled code: for machines with rigid-body
     modes, and where I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
-    held = free(OnePoint(along, task.speed)) if equations.task.rigid is not None else None
+    held = free(OnePoint(along, task.speed)) if equations.free else None
     systems = [along, *map(equations.under, range(len(equations.names)))]
     found = [
         solutions_on(task.method, OnePoint(system, task.speed), grid, True, task.engine, held)
@@ -238,12 +249,14 @@ def multipliers_of(parameters: ContinuationParameters, place: Place, grid: Grid,
     """Floquet multipliers (2n,) of the linear problem along a place, largest modulus first. Raises
     SolveError."""
     task = parameters.task_at(place.values)
-    if task.engine != COMPILED or task.rigid is not None:
+    if task.engine != COMPILED or parameters.task.rigid is not None:
         return linear_family(parameters, place, grid, sizes).multipliers
-    along = task.system.along(place.curve, columns_by(task.engine))
+    along, grid = linearised_along(task, place.curve, grid)
     found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
+    if forces_jump(along, place.curve):
+        raise NoOrbitError(JUMPS)
     return LinearFamily(place, (), found.Phi[0]).multipliers
 
 
@@ -251,7 +264,7 @@ def mode_of(parameters: ContinuationParameters, place: Place, grid: Grid, multip
     """Real motion over one period of the homogeneous problem along a place that a period multiplies by the
     multiplier nearest to a real one."""
     task = parameters.task_at(place.values)
-    along = task.system.along(place.curve, columns_by(task.engine))
+    along, grid = linearised_along(task, place.curve, grid)
     steps = _Steps(_Equations(along, task, place.curve, parameters.names), grid)
     values, vectors = np.linalg.eig(steps.monodromy)
     start = np.real(vectors[:, np.abs(values - multiplier).argmin()])

@@ -44,9 +44,9 @@ def nonlinear_cam(tolerance: float):
     return hy.taylor_adaptive(hy.var_ode_sys(system, hy.var_args.vars), np.zeros(6), tol=tolerance)
 
 
-def turned(integrator, x: Array) -> tuple[Array, Array]:
+def turned(integrator, x: Array, speed: float = SPEED) -> tuple[Array, Array]:
     """The state after a turn from x (6,), and its derivative by x."""
-    integrator.time, integrator.pars[0] = 0.0, SPEED
+    integrator.time, integrator.pars[0] = 0.0, speed
     integrator.state[:6], integrator.state[6:] = x, np.eye(6).ravel()
     integrator.propagate_until(2 * np.pi)
     return integrator.state[:6].copy(), integrator.state[6:].reshape(6, 6).copy()
@@ -79,6 +79,26 @@ def shooting(tolerance: float = TOLERANCE) -> tuple[Array, Array, int]:
         else:
             part /= 2
     raise ArithmeticError(f"shooting does not close: {size:.1e} after {_MOST} turns")
+
+
+def fold(x: Array, speed: float) -> float:
+    """The speed, rad/s, at which det(Φ - I) = 0 on the orbit, by Newton's method with central differences
+    from a state (6,), q and dq/dφ, and a speed near it."""
+    integrator, z = nonlinear_cam(1e-14), np.append(x, speed)
+    unit = np.abs(z)
+
+    def equations(z: Array) -> Array:
+        after, Phi = turned(integrator, z[:6] * unit[:6], z[6] * unit[6])
+        return np.append(after / unit[:6] - z[:6], np.linalg.det(Phi - np.eye(6)))
+
+    z = z / unit
+    for _ in range(8):
+        beside = [(equations(z + d) - equations(z - d)) / 2e-7 for d in 1e-7 * np.eye(7)]
+        step = np.linalg.solve(np.array(beside).T, -equations(z))
+        z = z + step
+        if np.abs(step).max() < 1e-11:
+            break
+    return float(z[6] * unit[6])
 
 
 def main() -> None:

@@ -42,3 +42,20 @@ def test_shooting_closes_on_the_nonlinear_orbit():
     orbit = solve.nonlinear(solve.load("cam", case="1"), heyoka_shooting.SPEED, rtol=1e-9)
     assert (np.abs(x[:3] - orbit.q[:, 0]) <= ACCURACY * np.abs(orbit.q).max(axis=1)).all()
     assert np.abs(multipliers).max() == pytest.approx(orbit.spectral_radius, rel=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("state", "speed"),
+    [
+        ([-0.22995, -6.21e-5, 9.827e-4, 0.616, -2.711e-3, -0.15392], 428.839),
+        ([-0.21841, -9.01e-5, -5.871e-4, 0.6631, -2.874e-3, -0.16176], 428.43),
+    ],
+)
+def test_folds_of_the_cam_near_428_rpm(state, speed):
+    """The values with which the tests of branches compare."""
+    from tests.benchmarks import heyoka_shooting
+    from tests.solve.newton.test_cam import FOLDS
+
+    found = heyoka_shooting.fold(np.array(state), speed * np.pi / 30) * 30 / np.pi
+    assert np.abs(np.array(FOLDS) / found - 1).min() < 1e-8

@@ -2,7 +2,10 @@
 
 from pathlib import Path
 
-LINEAR = ("cam", "manipulator", "gear_pair", "mathieu", "meissner", "coupler", "four_bar", "portal_frame")
+LINEAR = (
+    *("cam", "manipulator", "gear_pair", "mathieu", "meissner", "coupler", "four_bar", "portal_frame"),
+    *("gear_backlash", "slider_crank"),
+)
 
 ODD = (
     "",

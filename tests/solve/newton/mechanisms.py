@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from derive import Max, Mechanism, acos, asin, cos, rate, sin
+from derive import Heaviside, Max, Mechanism, acos, asin, cos, rate, sin
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
@@ -228,6 +228,27 @@ def autoparametric():
     made.kinetic, made.dissipation = (rate(x) ** 2 + rate(y) ** 2) / 2, c * (rate(x) ** 2 + rate(y) ** 2) / 2
     made.potential = k * x**2 / 2 + ky * y**2 / 2 + alpha * x * y**2
     made.force(F * cos(made.phase), along=x)
+    made.decline_drive_torque("an equation without units")
+    return module_of(made)
+
+
+@cache
+def dashpot():
+    """Mass that meets a stop of a preloaded spring and a dashpot, whose force jumps: q̈ + z q̇ + q +
+    (f + κ (q - gap) + c q̇) H(q - gap) = cos φ."""
+    made = Mechanism("dashpot", "Mass with a damped stop", energy="1/s^2")
+    (q,) = made.coordinates(q=("1", "displacement"))
+    z, c, kappa, gap, f = made.parameters(
+        z=("1/s", "damping"),
+        c=("1/s", "damping of the stop"),
+        kappa=("1/s^2", "stiffness of the stop"),
+        gap=("1", "clearance"),
+        f=("1/s^2", "preload of the stop"),
+    )
+    one = made.parameter("one", "1/s^2", "stiffness and load")
+    made.kinetic, made.dissipation = rate(q) ** 2 / 2, z * rate(q) ** 2 / 2
+    made.potential = one * q**2 / 2 + kappa * Max(0, q - gap) ** 2 / 2 + f * Max(0, q - gap)
+    made.force(one * cos(made.phase) - Heaviside(q - gap) * c * rate(q), along=q)
     made.decline_drive_torque("an equation without units")
     return module_of(made)
 

@@ -7,6 +7,10 @@ from scipy.integrate import solve_ivp
 
 import solve
 
+FOLDS = 436.20566083, 418.64249093, 428.83929264, 428.42998683
+"""Speeds in rpm of the first folds from 400 rpm on, by shooting with the equations by hand and variational
+equations of heyoka: `tests.benchmarks.heyoka_shooting.fold`."""
+
 
 def turn(model, speed):
     """Σ(x) = state after a turn from the state x = (q, q̇), by DOP853 on the generated residual."""
@@ -111,3 +115,9 @@ def test_unstable_orbit_warns_that_the_motion_does_not_settle():
     orbit = solve.nonlinear(solve.load("cam"), "500 rpm")
     assert orbit.verdict == "unstable"
     assert any("does not settle" in text for text in orbit.warnings)
+
+
+@pytest.mark.slow
+def test_folds_of_the_branch_equal_shooting():
+    found = solve.branch(solve.load("cam"), "400:460 rpm", points=80)
+    assert found.turning * 30 / np.pi == pytest.approx(FOLDS, rel=1e-6)

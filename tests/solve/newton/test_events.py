@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import solve
-from tests.solve.newton.mechanisms import duffing, model_of, stop
+from solve.errors import NoOrbitError
+from tests.solve.newton.mechanisms import dashpot, duffing, model_of, stop
 
 NUMBERS = {"zeta": 0.1, "k": 1.0, "kappa": 10.0, "gap": 0.5, "f": 1.0}
 SPEED = 1.3
@@ -99,3 +100,50 @@ def test_an_orbit_that_touches_the_stop_is_undetermined():
 def test_equations_without_switches_have_no_events():
     orbit = solve.nonlinear(model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.1), 0.5)
     assert (orbit.events, orbit.grazing) == ((), ())
+
+
+DAMPED = {"z": 0.1, "c": 0.4, "kappa": 5.0, "gap": 0.5, "f": 0.3, "one": 1.0}
+
+
+def after_a_period(start):
+    """State of the mass at the damped stop after a period, from event to event."""
+    z, c, kappa, gap, f, _ = DAMPED.values()
+    x, time, last = np.array(start), 0.0, 2 * np.pi / SPEED
+    while time < last:
+        touches = x[0] > gap or (x[0] == gap and x[1] > 0)
+
+        def rate(t, y, touches=touches):
+            stop_force = f + kappa * (y[0] - gap) + c * y[1] if touches else 0.0
+            return [y[1], np.cos(SPEED * t) - z * y[1] - y[0] - stop_force]
+
+        def passes(t, y):
+            return y[0] - gap
+
+        passes.terminal, passes.direction = True, -1 if touches else 1
+        run = solve_ivp(rate, (time, last), x, "DOP853", rtol=1e-13, atol=1e-14, events=passes)
+        time, x = run.t[-1], run.y[:, -1]
+        if run.status == 1:
+            x[0] = gap
+    return x
+
+
+@pytest.mark.parametrize("engine", ["numpy", "auto"])
+def test_multipliers_through_forces_that_jump_equal_differences(engine):
+    """Without the saltation matrices they would be 0.576 ± 0.200i."""
+    model = model_of(dashpot(), **DAMPED)
+    orbit = solve.nonlinear(model, SPEED, engine=engine)
+    start = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
+    assert after_a_period(start) == pytest.approx(start, abs=1e-10)
+    steps = 1e-4 * np.eye(2)
+    Phi = [(after_a_period(start + d) - after_a_period(start - d)) / 2e-4 for d in steps]
+    expected = by_imaginary_part(np.linalg.eigvals(np.array(Phi).T))
+    np.testing.assert_allclose(by_imaginary_part(orbit.multipliers), expected, atol=1e-6)
+    assert orbit.verdict == "asymptotically stable"
+    assert len(orbit.events) == 2
+    each = solve.nonlinear(model, SPEED, orbit, engine=engine, all_multipliers=True)
+    np.testing.assert_allclose(by_imaginary_part(each.multipliers), expected, atol=1e-6)
+
+
+def test_branches_of_forces_that_jump_are_refused():
+    with pytest.raises(NoOrbitError, match="forces jump at an event of the orbit"):
+        solve.branch(model_of(dashpot(), **DAMPED), (1.3, 1.4), points=3)

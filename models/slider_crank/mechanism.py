@@ -1,0 +1,53 @@
+"""Slider-crank mechanism with a clearance joint between connecting rod and slider."""
+
+from derive import Abs, Heaviside, Max, Mechanism, Min, cos, rate, sin, sqrt
+
+
+def mechanism() -> Mechanism:
+    """The bearing of the slider surrounds the pin of the rod with a clearance along the stroke.
+
+    Contact force by K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440–445: k δ (1 + χ δ̇) for a
+    penetration δ > 0, which is continuous. The constant load presses the slider against the pin at q = 0.
+    """
+    crank = Mechanism("slider_crank", "Slider-crank mechanism with a clearance joint")
+    (q,) = crank.coordinates(q=("m", "slider against pin, from the position under the load"))
+    r, L = crank.parameters(r=("m", "crank", "> 0"), L=("m", "connecting rod", "> 0"))
+    crank.require(r < L, "the crank cannot turn fully")
+    m, F = crank.parameters(
+        m=("kg", "slider", "> 0"), F=("N", "constant load on the slider towards the crank", "> 0")
+    )
+    k, chi, c = crank.parameters(
+        k=("N/m", "contact of pin and bearing", "> 0"),
+        chi=("s/m", "damping of the contact, relative to its force", ">= 0"),
+        c=("N s/m", "damping of the slider against the pin by the oil", ">= 0"),
+    )
+    g, R = crank.parameters(
+        g=("m", "clearance along the stroke", ">= 0"),
+        R=("m", "radius of the pin, for the sliding speed", "> 0"),
+    )
+
+    pin = r * cos(crank.phase) + sqrt(L**2 - r**2 * sin(crank.phase) ** 2)
+    slider = pin + q
+    penetration = F / k - q
+    front = k * Max(0, penetration) * (1 - chi * rate(q))
+    rear = k * Min(0, penetration + g) * (1 + chi * rate(q))
+    contact_force = front + rear
+    crank.kinetic, crank.dissipation = m * rate(slider) ** 2 / 2, c * rate(q) ** 2 / 2
+    crank.force(contact_force, along=q)
+    crank.force(-F, along=slider)
+
+    swing = crank.speed * r * Abs(cos(crank.phase)) / sqrt(L**2 - r**2 * sin(crank.phase) ** 2)
+    crank.output("contact_force", contact_force, "N", "pin on bearing, positive away from the crank")
+    opening = Max(0, -penetration) - Max(0, -penetration - g)
+    crank.output("gap", opening, "m", "pin from its side of the bearing, at most g")
+    crank.output("front_contact", Heaviside(penetration), "1", "1 while the load presses; mean: fraction")
+    crank.output("rear_contact", Heaviside(-penetration - g), "1", "1 while the other side touches")
+    crank.output("wear", Abs(contact_force) * R * swing, "W", "contact force times sliding speed")
+    crank.output("position", slider, "m", "position of the slider along the stroke")
+
+    joint = (r * cos(crank.phase), r * sin(crank.phase))
+    crank.sketch("rods", [(0, 0), joint, (pin, 0)])
+    half, high = 2 * R, 3 * R / 2
+    box = [(-half, -high), (half, -high), (half, high), (-half, high), (-half, -high)]
+    crank.sketch("slider", [(slider + x, y) for x, y in box])
+    return crank

@@ -1,0 +1,80 @@
+"""Saltation: the jump of the variation at an event at which the force jumps (M. di Bernardo, C. Budd, A. R.
+Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
+
+A disturbance moves the phase of the event. With the states x = (q, q') and rates f before and after it,
+
+    S = I + (f⁺ - f⁻) ∇gᵀ / (∂g/∂φ + ∇gᵀ f⁻)
+
+multiplies the variation. For continuous forces S = I."""
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.methods.collocation import Collocated
+from solve.methods.method import Steps
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.points import OnePoint
+from solve.system import PeriodicSystem
+
+_JUMP = 1e-6
+"""Jump of q'' relative to its largest modulus below which forces are continuous: above the errors of second
+derivatives of curves, far below an effect on multipliers. A choice."""
+
+
+def steps_with_saltation(
+    along: PeriodicSystem, curve: Curve, speed: float, method: Collocated, grid: Grid
+) -> Steps | None:
+    """One-step maps with the saltation at the events of an orbit at a speed in rad/s; None if no force jumps
+    there. along, grid: system linearised along the orbit, and a grid with its events as nodes."""
+    if not forces_jump(along, curve):
+        return None
+    nodes = _nodes(along, curve)
+    normals = along.event_normals(curve, speed)
+    steps = method.discretise(OnePoint(along, speed), grid).steps
+    A, b = steps.A.copy(), steps.b.copy()
+    for node, S in zip(nodes, _matrices(curve, nodes, normals), strict=True):
+        phase = curve.nodes[node : node + 1]
+        state = np.concatenate((curve(phase)[:, 0], curve(phase, 1)[:, 0]))
+        A[0, node - 1], b[0, node - 1] = S @ A[0, node - 1], S @ b[0, node - 1] + state - S @ state
+    return Steps(A, b)
+
+
+def product(maps: Array) -> Array:
+    """Product (N, N) of maps (m, N, N), the last on the left."""
+    Phi = np.eye(maps.shape[-1])
+    for step in maps:
+        Phi = step @ Phi
+    return Phi
+
+
+def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
+    """Whether forces jump at an event of an orbit: its accelerations do."""
+    if not along.events.phases:
+        return False
+    before, after = _beside(curve, _nodes(along, curve))
+    return bool(np.abs(after - before).max() > _JUMP * np.abs(curve.sampled(1, 2)).max())
+
+
+def _nodes(along: PeriodicSystem, curve: Curve) -> Array:
+    """Numbers (k,) of the nodes at the events."""
+    return np.abs(curve.nodes[:, None] - np.array(along.events.phases)).argmin(axis=0)
+
+
+def _beside(curve: Curve, nodes: Array) -> tuple[Array, Array]:
+    """q'' (n, k) before and after nodes."""
+    ends = curve.within(np.array([0.0, 1.0]), 2)
+    steps = ends.shape[-2]
+    return ends[:, (nodes - 1) % steps, 1], ends[:, nodes % steps, 0]
+
+
+def _matrices(curve: Curve, nodes: Array, normals: Array) -> list[Array]:
+    """Saltation matrices (2n, 2n) at nodes, with the derivatives of their switches (k, 1 + 2n)."""
+    found, n = [], curve.n
+    before, after = _beside(curve, nodes)
+    rates = curve(curve.nodes[nodes], 1)
+    for k, normal in enumerate(normals):
+        rate = normal[0] + normal[1 : n + 1] @ rates[:, k] + normal[n + 1 :] @ before[:, k]
+        jump = np.concatenate((np.zeros(n), after[:, k] - before[:, k]))
+        found.append(np.eye(2 * n) + np.outer(jump, normal[1:]) / rate)
+    return found
