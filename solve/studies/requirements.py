@@ -1,7 +1,9 @@
 """Requirements on an optimum, as texts: bounds of quantities, and figures and curves that are kept."""
 
+import math
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +45,8 @@ class Bound:
                 f"'{text}' is no bound; write a quantity, < or >, and a number, such as 'rho1.abs < 0.9'"
             )
         named = real_quantity(system, parts[1])
-        return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, _number(parts[3], named, text))
+        value = in_unit(_quantity(parts[3], text), named.unit, text)
+        return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, value)
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,11 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
     named = Named.of(system, text)
     if named.figure == "" and named.subject != RADIUS:
         raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
+    if named.figure.endswith("_phase"):
+        raise ValueOutOfBoundsError(
+            f"'{text}' is the phase of an extremum, which has no derivatives; give another figure, such as "
+            f"{named.subject}.max_abs"
+        )
     return named
 
 
@@ -107,16 +115,13 @@ def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
 
 
 def _quantity(text: str, whole: str) -> float | str:
-    try:
-        return quantity(text)
-    except ValueError:
-        raise ValueOutOfBoundsError(
-            f"'{whole}' has no number '{text}'; write one, such as 0.9, or with a unit, such as '0.1 mm'"
-        ) from None
-
-
-def _number(text: str, named: Named, whole: str) -> float:
-    return in_unit(_quantity(text, whole), named.unit, whole)
+    with suppress(ValueError):
+        value = quantity(text)
+        if isinstance(value, str) or math.isfinite(value):
+            return value
+    raise ValueOutOfBoundsError(
+        f"'{whole}' has no finite number '{text}'; write one, such as 0.9, or with a unit, such as '0.1 mm'"
+    )
 
 
 def _phases(interval: str, whole: str) -> Array:
