@@ -13,6 +13,7 @@ from solve.views import orbit as orbit
 from solve.views import over_speed as over_speed
 from solve.views import over_time as over_time
 from solve.views import sensitivities as sensitivities
+from solve.views import tolerances as tolerances
 from solve.views.show import as_html, as_text, figure
 from solve.views.style import Figure
 from solve.views.sweep import waterfall_figure
