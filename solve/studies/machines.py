@@ -60,8 +60,10 @@ class Event(NamedTuple):
     @classmethod
     def of(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
         """Event from what holds at points and speeds (P, k)."""
-        any_occurs, any_failed = occurs.any(axis=1), failed.any(axis=1)
-        undetermined = is_open.any(axis=1) & ~any_occurs & ~any_failed
+        any_occurs, any_open, any_failed = (
+            np.asarray(each.any(axis=1)) for each in (occurs, is_open, failed)
+        )
+        undetermined = any_open & ~any_occurs & ~any_failed
         return cls(margins, any_occurs, undetermined, any_failed & ~any_occurs)
 
 
@@ -95,6 +97,11 @@ class Machines:
         """Limit of stability and those of the bounds."""
         return [STABILITY, *(Limit(each.quantity, each.sign, each.value) for each in self.bounds)]
 
+    @property
+    def nominal(self) -> Array:
+        """Parameters (1, r) of the model."""
+        return np.array([[self.model.parameters[name] for name in self.spreads]])
+
     def parameters(self, z: Array) -> Array:
         """Parameters (P, r) of standard normal variables (P, r)."""
         return np.stack(
@@ -102,11 +109,13 @@ class Machines:
         )
 
     def outcome(self, parameters: Array, folder: str) -> Outcome:
-        """Outcome of machines with parameters (P, r); folder: name in the store, if there is one."""
+        """Outcome of machines with parameters (P, r); folder: name in the store, if there is one. Raises
+        NoResultError."""
         count, speeds, period = len(self.speeds), np.tile(self.speeds, len(parameters)), self.model.period
         points = np.column_stack((np.repeat(parameters, count, axis=0), speeds))
         store = None if self.store is None else made_folder(self.store) / folder
         results = self.task.solved(self.task.batch(points), points, self.executor, store)
+        results.require_any()
         self.solves += len(parameters)
 
         def by_speed(values: Array) -> Array:
@@ -138,17 +147,17 @@ class Machines:
 
     def design(self, speed: float) -> Design:
         """The model at one speed with x from 0 to 1 over all values with a probability."""
-        ends = np.array(
+        low, high = np.array(
             [
                 (each.first - _REACH * each.second, each.first + _REACH * each.second)
                 if each.normal
                 else (each.first, each.second)
                 for each in self.spreads.values()
             ]
-        )
-        orbits = self.task.request.orbit
-        names, task = list(self.spreads), self.task
-        return Design(self.model, names, *ends.T, [speed], task.method, task.request.rtol, orbits)
+        ).T
+        names, request = list(self.spreads), self.task.request
+        rule, rtol = self.task.method, request.rtol
+        return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
 
     def gradient(self, limit: Limit, speed: float) -> Gradient:
         """Margin of a limit at a speed, positive beyond it, and its derivatives by z (r,)."""

@@ -39,9 +39,14 @@ def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Arr
     orbit, multipliers = results.errors.T
     if quantity.of_orbit:
         place = results.kept.names.index(quantity.subject)
-        return orbit * results.figures[:, place, FIGURES.index("max_abs")]
-    error = multipliers * results.spectral_radius
+        return _bounded(orbit, results.figures[:, place, FIGURES.index("max_abs")])
+    error = _bounded(multipliers, results.spectral_radius)
     if quantity.subject != EXPONENT:
         return error
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         return error / np.abs(results.all_multipliers[:, quantity.number - 1]) * speeds / period
+
+
+def _bounded(relative: Array, sizes: Array) -> Array:
+    """Absolute errors (P,); an unknown relative error of a value of 0 is unknown, too."""
+    return np.where(np.isinf(relative), np.inf, np.where(np.isinf(relative), 0.0, relative) * sizes)

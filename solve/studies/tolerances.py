@@ -106,6 +106,8 @@ def tolerances(
     ------
     MissingValueError
         If no parameter has a tolerance.
+    NoResultError
+        If the nominal model has no solution.
     UnknownNameError, ValueOutOfBoundsError, UnitError, NoDerivativeError
         For bad input.
 
@@ -132,6 +134,7 @@ def tolerances(
     rng = np.random.default_rng(seed)
     with progress.steps(4) as step:
         step("the search for rare events")
+        nominal = machines.outcome(machines.nominal, "nominal").values
         wide = SEARCH_SPREAD * rng.standard_normal((samples // _SEARCH, len(machines.spreads)))
         searched = machines.outcome(machines.parameters(wide), "search")
         mixture = _mixture(machines, wide, searched, samples - len(wide))
@@ -142,8 +145,8 @@ def tolerances(
         step("the Sobol indices")
         sobol, unknown = _sobol(machines, index_samples, rng)
         step("the worst points")
-        every = np.concatenate((machines.parameters(wide), points))
-        worst = _worst(machines, every, np.concatenate((searched.values, outcome.values), axis=1))
+        every = np.concatenate((machines.parameters(wide), points, machines.nominal))
+        worst = _worst(machines, every, np.concatenate((searched.values, outcome.values, nominal), axis=1))
     names = [UNSTABLE, *(bound.text for bound in machines.bounds)]
     events = [outcome.unstable, *outcome.beyond]
     probability = {
@@ -261,14 +264,10 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Worst points of the quantities, by a search from the worst of points (P, r) with values (q, P, k)."""
+    """Worst points of the quantities, by a search from the worst of points (P, r) with values (q, P, k), the
+    nominal one the last."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
-    nominal = np.array([[machines.model.parameters[name] for name in machines.spreads]])
-    points = np.concatenate((np.clip(points, low, high), nominal))
-    inside = np.isfinite(values).all(axis=(0, 2)) & (values.shape[1] > 0)
-    here = machines.outcome(nominal, "nominal").values
-    values = np.concatenate((np.where(inside[None, :, None], values, np.nan), here), axis=1)
     worst, places = machines.worst(values)
     found = {}
     for at, quantity in enumerate(machines.quantities):

@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.results.formatting import greek, measured, prefixed
-from solve.results.tolerances import Tolerances
+from solve.results.tolerances import UNSTABLE, Tolerances
 from solve.views.panels import title_of
 from solve.views.show import figure, tables
 from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
@@ -65,10 +65,8 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
     if len(values):
         order = np.argsort(values)
         mass = np.cumsum(weights[order]) / weights.sum()
-        ends = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
-        axes.hist(
-            values, _BINS, range=tuple(ends.tolist()), weights=weights, density=True, color=BLUE, alpha=0.6
-        )
+        low, high = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
+        axes.hist(values, _BINS, range=(low, high), weights=weights, density=True, color=BLUE, alpha=0.6)
     axes.axvline(factor * result.worst[name].nominal, color=GREY, linewidth=1.0, label="nominal")
     if name in result.bounds:
         axes.axvline(factor * result.bounds[name], color=VERMILION, linewidth=1.2, label="limit")
@@ -119,8 +117,8 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
 
 
 def _event(name: str) -> str:
-    """Text of an event: a limit is left if its relation does not hold."""
-    return name if name.isidentifier() else f"not {name}"
+    """Text of an event."""
+    return name if name == UNSTABLE else f"violated: {name}"
 
 
 def _indices_table(result: Tolerances) -> RenderableType:
@@ -142,17 +140,13 @@ def _with_error(value: float, error: float) -> str:
 
 
 def _worst_table(result: Tolerances) -> RenderableType:
-    rows = []
-    for quantity, each in result.worst.items():
-        unit = result.units[quantity]
-        where = ", ".join(f"{name} = {value:.5g}" for name, value in each.parameters.items())
-        rows.append(
-            (
-                quantity,
-                measured(each.nominal, unit),
-                measured(each.value, unit),
-                result.system.speed_unit.text(each.speed),
-                where,
-            )
-        )
-    return table("Worst points", "quantity", "nominal", "worst", "at", "parameters", rows=rows)
+    """Column per quantity: nominal and worst value, with the speed and the parameters of the worst."""
+    worst, unit = result.worst, result.system.speed_unit
+    rows = [
+        ("nominal", *(measured(each.nominal, result.units[name]) for name, each in worst.items())),
+        ("worst", *(measured(each.value, result.units[name]) for name, each in worst.items())),
+        ("at", *(unit.text(each.speed) for each in worst.values())),
+    ]
+    for name in result.spreads:
+        rows.append((name, *(f"{each.parameters[name]:.5g}" for each in worst.values())))
+    return table("Worst points", "", *worst, rows=rows)
