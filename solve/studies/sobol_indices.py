@@ -15,12 +15,17 @@ _RESAMPLES = 200
 
 
 def sobol_indices(
-    evaluate: Callable[[Array], Array], dimensions: int, samples: int, rng: np.random.Generator
+    evaluate: Callable[[Array], Array],
+    dimensions: int,
+    samples: int,
+    rng: np.random.Generator,
+    error: float = 0.0,
 ) -> tuple[list[list[SobolIndices]], int]:
     """First-order and total indices of each quantity by each variable, and the number of samples without a
     value.
 
-    evaluate: values (P, q) of quantities at points (P, r) of the unit cube. samples: a power of two.
+    evaluate: values (P, q) of quantities at points (P, r) of the unit cube. samples: a power of two. error:
+    relative error of the values; quantities that vary by less have no indices, NaN.
     """
     from scipy.stats.qmc import Sobol
 
@@ -36,6 +41,7 @@ def sobol_indices(
     if not known.any():
         values = np.full((dimensions + 2, 1, values.shape[2]), np.nan)
     found = _estimates(values)
+    found[:, :, np.ptp(values, axis=(0, 1)) <= error * np.abs(values).max(axis=(0, 1))] = np.nan
     rows = rng.integers(values.shape[1], size=(_RESAMPLES, values.shape[1]))
     errors = QUANTILE * np.std([_estimates(values[:, each]) for each in rows], axis=0)
     indices = [

@@ -258,7 +258,9 @@ def _sobol(
         z = ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
         return machines.worst(machines.outcome(machines.parameters(z), "indices").values)[0]
 
-    indices, unknown = sobol_indices(evaluate, len(machines.spreads), 2 ** math.ceil(math.log2(samples)), rng)
+    # Errors of the values are up to their tolerance.
+    power, error = math.ceil(math.log2(samples)), machines.task.request.rtol
+    indices, unknown = sobol_indices(evaluate, len(machines.spreads), 2**power, rng, error)
     by_name = [dict(zip(machines.spreads, each, strict=True)) for each in indices]
     return dict(zip((each.named.text for each in machines.quantities), by_name, strict=True)), unknown
 

@@ -38,6 +38,9 @@ _FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -
 """Weights of five values in the first and second difference of fourth order, for a Newton step to the phase
 of an extremum. Derivatives of extrema then agree with differences to 1e-6."""
 
+_OF_CONSTANT = 16
+"""Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
+
 _DIFFERENCE = 1e-4
 """Difference of x, whose range is 0 to 1, for derivatives of a function that is given without. Errors are of
 the order of its square. On equal grids, round-off divided by it is smaller."""
@@ -203,6 +206,9 @@ def _maxima(values: Array, least: float, period: float) -> Array:
     """Phases (k,) of the local maxima of samples over a period that are at least `least`."""
     before, after = np.roll(values, 1), np.roll(values, -1)
     places = np.flatnonzero((values >= before) & (values > after) & (values >= least))
+    if not len(places):
+        # A constant has no maxima yet, and may have them anywhere in the next design.
+        places = np.arange(0, len(values), len(values) // _OF_CONSTANT)
     neighbours = np.stack((before, values, after), axis=1)[places]
     phases = (places[:, None] + np.array([-1, 0, 1])) * (period / len(values))
     return _refined(neighbours, np.ones(len(places), dtype=int), phases)

@@ -53,7 +53,7 @@ def _shown(result: Tolerances) -> list[str]:
 
 def _spread(values: Array) -> bool:
     known = values[np.isfinite(values)]
-    return len(known) > 0 and float(np.ptp(known)) > 1e-12 * float(np.abs(known).max())
+    return len(known) > 0 and float(np.ptp(known)) > 1e-9 * float(np.abs(known).max())
 
 
 def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
@@ -62,7 +62,7 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
     known = np.isfinite(values)
     factor, shown = prefixed(unit, float(np.abs(values[known]).max(initial=0.0)))
     values, weights = factor * values[known], result.weights[known]
-    if len(values):
+    if _spread(values):
         order = np.argsort(values)
         mass = np.cumsum(weights[order]) / weights.sum()
         low, high = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
@@ -81,7 +81,7 @@ def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
     ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:_MOST_BARS]
     places = np.arange(len(ranked))
     for shift, field, colour, label in ((-0.2, "total", GREY, "total"), (0.2, "first", BLUE, "first order")):
-        sizes = [max(0.0, getattr(indices[parameter], field)) for parameter in ranked]
+        sizes = [max(0.0, np.nan_to_num(getattr(indices[parameter], field))) for parameter in ranked]
         errors = [getattr(indices[parameter], f"{field}_error") for parameter in ranked]
         axes.barh(places + shift, sizes, 0.4, xerr=errors, color=colour, label=label, error_kw={"lw": 0.8})
     axes.set_yticks(places, ranked)

@@ -7,6 +7,7 @@ import pytest
 
 import solve
 from derive import Mechanism, cos, rate
+from models.manipulator.mechanism import mechanism as manipulator
 from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
 from solve.period.named import Named
@@ -248,6 +249,66 @@ def test_cam_vibrates_less_with_its_lift_kept():
     assert {*found.confirmed["verdicts"]} == {"asymptotically stable"}
     radii = [solve.floquet(found.system, speed).spectral_radius for speed in ("50 rpm", "300 rpm")]
     assert max(radii) < 1
+
+
+def test_a_quantity_that_is_zero_at_the_start_is_bounded(model):
+    # A counteracting third harmonic, absent at the start.
+    free = {"p1": (0.5, 1.5), "p2": (-0.4, 0.4)}
+    start = model.varied({"p1": 1.0, "p2": 0.0, "k": 12.0})
+    still = start.varied({"p1": 0.0})
+    found = solve.optimise(still, "q.max_abs", {"p1": (0.0, 1.0)}, 0.8, subject=["load.max_abs < 0.5"])
+    assert found.objective == 0.0
+    assert solve.optimise(start, "q.max_abs", free, 0.8, subject=["load.max > 0.9"]).objective > 0
+
+
+def manipulator_with_a_torque():
+    """The manipulator with a periodic torque on its cam, an output, and no numbers of its harmonics."""
+    made = manipulator()
+    torque = made.series("T", harmonics=6, unit="N m", meaning="torque on the cam")(made.phase)
+    made.force(torque, along=made.phase + made.declared_coordinates[0].symbol)
+    made.output("torque", torque, "N m", "torque on the cam")
+    return made
+
+
+@pytest.mark.slow
+def test_torque_of_150_nm_lowers_the_manipulators_peak_by_three_quarters():
+    names = [f"T{kind}{order}" for order in range(1, 7) for kind in "ab"]
+    numbers = {**solve.case_numbers("manipulator").parameters, **dict.fromkeys(["T", *names], 0.0)}
+    press = solve.load(manipulator_with_a_torque(), **numbers)
+    free = dict.fromkeys(names, (-200.0, 200.0))
+    found = solve.optimise(press, "q1.max_abs", free, "50 rpm", subject=["torque.max_abs < 150 N m"])
+    assert found.objective < 0.25 * found.before
+    assert found.confirmed["objective"] == pytest.approx(found.objective, rel=0.01)
+    assert {*found.confirmed["verdicts"]} == {"asymptotically stable"}
+    phase = np.linspace(0, 2 * np.pi, 2001)
+    waves = [np.cos(k * phase) for k in range(1, 7)], [np.sin(k * phase) for k in range(1, 7)]
+    torque = sum(found.free[f"T{kind}{k}"] * waves[kind == "b"][k - 1] for k in range(1, 7) for kind in "ab")
+    assert np.abs(torque).max() == pytest.approx(150.0, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
+    bar = solve.load("four_bar", elements=1)
+    quantity, speed = "crank_root_stress_minus", 30.0
+    found = solve.optimise(bar, f"{quantity}.max_abs", {"L4": (0.54, 0.67)}, speed, rtol=1e-6)
+
+    def peaks(lengths):
+        orbits = [solve.periodic(bar.varied({"L4": L4}), speed, rtol=1e-6) for L4 in lengths]
+        return np.array([orbit.statistics(quantity).max_abs for orbit in orbits])
+
+    coarse = np.linspace(0.54, 0.67, 27)
+    middle = coarse[peaks(coarse).argmin()]
+    fine = middle + np.linspace(-5e-3, 5e-3, 21)
+    middle = fine[peaks(fine).argmin()]
+    finest = middle + np.linspace(-5e-4, 5e-4, 101)
+    values = peaks(finest)
+    at = int(values.argmin())
+    assert found.free["L4"] == pytest.approx(finest[at], abs=1e-5)
+    # At a kink, where two peaks meet, the value rises linearly on both sides; at a smooth minimum twice as far
+    # means four times as high.
+    for side in (-1, 1):
+        near, far = values[at + 10 * side] - values[at], values[at + 20 * side] - values[at]
+        assert far == pytest.approx(2 * near, rel=0.2)
 
 
 @pytest.mark.parametrize(

@@ -125,6 +125,15 @@ def test_sobol_indices_of_a_product_equal_the_closed_form(model):
         assert index.total == pytest.approx(1 - first[other], abs=1e-2)
 
 
+def test_quantity_without_influence_has_no_sobol_indices():
+    # Undamped, all multipliers lie on the unit circle.
+    made = solve.load("mathieu", delta=1.0, epsilon=0.0, zeta=0.0)
+    found = solve.tolerances(made, 1.0, {"delta": "±0.01"}, samples=64, index_samples=8)
+    assert math.isnan(found.sobol["spectral_radius"]["delta"].first)
+    assert found.record()["sobol"]["spectral_radius"]["delta"]["total"] is None
+    found.plot()
+
+
 def test_worst_point_lies_at_the_ends_or_at_resonance(model):
     found = solve.tolerances(
         model, SPEED, {"k": "uniform(3, 11)", "p": "±10 %"}, of=["q.max_abs"], samples=64, index_samples=0
@@ -237,4 +246,3 @@ def test_coverage_of_instability_of_a_model_is_92_to_98_percent(model):
         unstable = found.probability["unstable"]
         covered += unstable.low <= norm.sf(2.5) <= unstable.high
     assert 0.92 <= covered / 300 <= 0.98
-    assert math.isfinite(covered)
