@@ -96,6 +96,13 @@ def optimise(
     ] = None,
     starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
+    robust: Annotated[
+        float | None, Flag("Minimise the mean plus K standard deviations over tolerances.", "K")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        Flag("Tolerance or distribution, instead of the case's; repeatable.", '"NAME=±2 %"'),
+    ] = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
 ) -> None:
     """Optimum of parameters: least vibration over speeds, stable, within bounds."""
@@ -116,8 +123,10 @@ def optimise(
     given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
+    spreads = assignments("--vary", vary or [], "NAME=±2 %")
+    options = {"method": accuracy.rule, "rtol": accuracy.rtol, "prove": prove}
     result = solve.optimise(
-        model, minimise, ranges, given, *requirements, method=accuracy.rule, rtol=accuracy.rtol, prove=prove
+        model, minimise, ranges, given, *requirements, **options, robust=robust, vary=spreads
     )
     further = {} if case is None else {case: lambda: result.toml}
     deliver_result(results, result, problem.choices, beside=further)

@@ -21,7 +21,7 @@ from solve.studies.design_points import Design
 from solve.studies.point_values import errors_of, values_of
 from solve.studies.probability import Gradient
 from solve.studies.requirements import Bound
-from solve.studies.tracked import tracked
+from solve.studies.tracked import leading
 
 _REACH = 8.0
 """Standard deviations of a normal distribution within which gradients are calculated: beyond lies a
@@ -169,15 +169,7 @@ class Machines:
             by_z = np.array(
                 [float(each.slopes(at)) for each, at in zip(self.spreads.values(), z, strict=True)]
             )
-            value, slopes = leading(design, (values - design.low) / width, quantity)
+            value, slopes = leading(design, (values - design.low) / width, 0, *quantity)
             return value - limit.sign * limit.value, slopes * by_z / width
 
         return margin
-
-
-def leading(design: Design, x: Array, quantity: Quantity) -> tuple[float, Array]:
-    """Value of a quantity times its sign, and its derivatives by x (r,): those of its leading extremum."""
-    followed = tracked(design, x, 0, quantity.named, quantity.sign)
-    values = followed.values(x)
-    lead = int(values.argmax())
-    return float(values[lead]), followed.slopes(x)[lead]

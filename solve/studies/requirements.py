@@ -1,15 +1,18 @@
-"""Requirements on an optimum, as texts: bounds of quantities, and figures and curves that are kept."""
+"""Requirements on designs, as texts: bounds of quantities, figures and curves that are kept, and spreads of
+parameters."""
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.model.model import Model
+from solve.model.spread import Spread, spread_of
 from solve.period.named import RADIUS, Named
 from solve.period.quantities import FIGURES
 from solve.system import PeriodicSystem
@@ -112,6 +115,28 @@ def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
 def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
     """Kept quantities of texts; see `Kept.of`."""
     return [Kept.of(system, text) for text in texts]
+
+
+def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
+    """Spreads of the parameters that vary. Raises SolveError subclasses."""
+    case, found = model.setup.case, {}
+    for name in {**case.spreads, **vary}:
+        require_name(f"parameter of {model.name}", name, model.parameters)
+        unit, value = model.parameter_labels[name][0], model.parameters[name]
+        if name in vary:
+            found[name] = spread_of(name, vary[name], value, unit)
+        else:
+            found[name] = spread_of(name, case.spreads[name], value, unit, case.units.get(name))
+        ends = [found[name].first] if found[name].normal else [found[name].low, found[name].high]
+        for end in ends:
+            model.require_bounds({name: end})
+    if not found:
+        raise MissingValueError(
+            "no parameter has a tolerance; state some in the case file, such as tolerance = '±2 %', or give "
+            "them, such as --vary k1=±2%"
+        )
+    model.derivatives.by(list(found))
+    return found
 
 
 def _quantity(text: str, whole: str) -> float | str:

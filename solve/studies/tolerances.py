@@ -12,12 +12,11 @@ from solve.arguments import require_integer
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.task import task_of
-from solve.errors import MissingValueError, SolveError, ValueOutOfBoundsError, require_name
+from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method
 from solve.model.model import Model, of_model
-from solve.model.spread import Spread, spread_of
 from solve.results.tolerances import (
     UNSTABLE,
     ParameterSpread,
@@ -26,11 +25,12 @@ from solve.results.tolerances import (
     Tolerances,
     WorstPoint,
 )
-from solve.studies.machines import STABILITY, Event, Machines, Outcome, Quantity, leading
+from solve.studies.machines import STABILITY, Event, Machines, Outcome, Quantity
 from solve.studies.point_values import kept_for
 from solve.studies.probability import SEARCH_SPREAD, Mixture, centres_of
-from solve.studies.requirements import bounds_of, real_quantity
+from solve.studies.requirements import bounds_of, real_quantity, spreads_of
 from solve.studies.sobol_indices import sobol_indices
+from solve.studies.tracked import leading
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -183,7 +183,7 @@ def _machines(
     """Machines of a request; texts: limits and quantities. Raises SolveError subclasses for bad input."""
     given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
     model = model.shown_in(given[0])
-    spreads = _spreads(model, vary)
+    spreads = spreads_of(model, vary)
     bounds = bounds_of(model, texts[0])
     signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}
     named = [STABILITY.named, *(bound.quantity for bound in bounds)]
@@ -200,28 +200,6 @@ def _machines(
     orbit = any(each.of_orbit for each in distinct)
     task, _ = task_of(family, rule, rtol, engine, kept_for(list(distinct)), orbit=orbit)
     return Machines(model, spreads, sorted(map(float, given)), quantities, bounds, task)
-
-
-def _spreads(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
-    """Spreads of the parameters that vary. Raises SolveError subclasses."""
-    case, found = model.setup.case, {}
-    for name in {**case.spreads, **vary}:
-        require_name(f"parameter of {model.name}", name, model.parameters)
-        unit, value = model.parameter_labels[name][0], model.parameters[name]
-        if name in vary:
-            found[name] = spread_of(name, vary[name], value, unit)
-        else:
-            found[name] = spread_of(name, case.spreads[name], value, unit, case.units.get(name))
-        ends = [found[name].first] if found[name].normal else [found[name].low, found[name].high]
-        for end in ends:
-            model.require_bounds({name: end})
-    if not found:
-        raise MissingValueError(
-            "no parameter has a tolerance; state some in the case file, such as tolerance = '±2 %', or give "
-            "them, such as --vary k1=±2%"
-        )
-    model.derivatives.by(list(found))
-    return found
 
 
 def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
@@ -300,7 +278,7 @@ def _climbed(
     def descent(x: Array) -> tuple[float, Array]:
         nonlocal best
         try:
-            value, slopes = leading(design, x, quantity)
+            value, slopes = leading(design, x, 0, *quantity)
         except SolveError:
             return 0.0, np.zeros(len(x))
         if value > best[0]:

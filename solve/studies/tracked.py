@@ -193,6 +193,15 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
     return Extrema(design, at, quantity.subject, *map(np.concatenate, (signs, phases, widths)))
 
 
+def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> tuple[float, Array]:
+    """Value of a quantity at one speed, times a sign, and its derivatives by x (r,): those of its leading
+    extremum."""
+    followed = tracked(design, x, at, quantity, sign)
+    values = followed.values(x)
+    lead = int(values.argmax())
+    return float(values[lead]), followed.slopes(x)[lead]
+
+
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
     """The largest local maxima of side · signal at one speed, several if they are equally large."""
     every = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)

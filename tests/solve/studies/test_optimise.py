@@ -4,14 +4,17 @@ import json
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import solve
 from derive import Mechanism, cos, rate
 from models.manipulator.mechanism import mechanism as manipulator
 from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
+from solve.model.spread import spread_of
 from solve.period.named import Named
 from solve.studies.design_points import Design
+from solve.studies.robust import Robust, deviating
 from solve.studies.tracked import Function, tracked
 
 MASS, DAMPING, STIFFNESS = 2.0, 0.3, 9.0
@@ -303,8 +306,8 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
         at = int(values.argmin())
         middle = lengths[at]
     assert found.free["L4"] == pytest.approx(middle, abs=1e-5)
-    # At a kink, where two peaks meet, the value rises linearly on both sides; at a smooth minimum twice as far
-    # means four times as high.
+    # At a kink, where two peaks meet, the value rises linearly on both sides. At a smooth minimum, twice the
+    # distance gives four times the rise.
     for side in (-1, 1):
         near, far = values[at + 5 * side] - values[at], values[at + 10 * side] - values[at]
         assert far == pytest.approx(2 * near, rel=0.2)
@@ -369,3 +372,54 @@ def test_command_names_the_flag_that_is_missing(capsys, missing):
     line = [part for flag, value in flags.items() if flag != missing for part in (flag, value)]
     assert run(["optimise", "mathieu", *line]) == 2
     assert missing in capsys.readouterr().err
+
+
+def integrals(k, speed, half):
+    """Mean and standard deviation of the amplitude for a stiffness within k ± half."""
+    first, second = (
+        quad(lambda x, power=power: abs(response(speed, k=x)) ** power, k - half, k + half)[0] / (2 * half)
+        for power in (1, 2)
+    )
+    return first, np.sqrt(second - first**2)
+
+
+def test_robust_optimum_equals_a_scan_of_mean_and_deviation(model):
+    speeds, half = [1.5, 3.0], 1.5
+    found = solve.optimise(
+        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust=2.0, vary={"k": f"±{half}"}, rtol=1e-8
+    )
+
+    def worst(k):
+        return max(mean + 2 * deviation for mean, deviation in (integrals(k, w, half) for w in speeds))
+
+    scan = np.linspace(10.0, 13.0, 301)
+    values = [worst(k) for k in scan]
+    assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.05)
+    assert found.objective == pytest.approx(min(values), rel=0.02)
+    nominal = solve.optimise(model, "q.max_abs", {"k": (6.5, 16.0)}, speeds)
+    assert worst(found.free["k"]) < worst(nominal.free["k"])
+    assert "mean + 2 σ" in found.minimised
+
+
+def test_robust_gradient_equals_differences(model):
+    design = Design(model, ["k"], np.array([6.5]), np.array([16.0]), [1.5], "auto", 1e-10, True)
+    spreads = {"k": spread_of("k", "±1", STIFFNESS, "N/m"), "c": spread_of("c", "±10 %", DAMPING, "N s/m")}
+    robust = Robust(deviating(design, spreads), 0, Named.of(model, "q.max_abs"), 3.0)
+    x = np.array([0.4])
+    np.testing.assert_allclose(robust.slopes(x), differences(robust.values, x), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"robust": 3.0}, "no parameter has a tolerance"),
+        ({"vary": {"k": "±1 %"}}, "without robust"),
+        ({"robust": -1.0, "vary": {"k": "±1 %"}}, "robust is -1"),
+        ({"robust": 1.0, "vary": {"k": "±1 %"}, "speeds": "1:2:3 rad/s"}, "list of speeds"),
+        ({"robust": 1.0, "vary": {"k": "±1 %"}, "minimise": lambda orbits: 0.0}, "quantity by name"),
+    ],
+)
+def test_bad_robust_requests_are_refused(model, change, text):
+    request = {"minimise": "q.max_abs", "free": {"k": (5.0, 20.0)}, "speeds": 1.0, **change}
+    with pytest.raises(SolveError, match=text):
+        solve.optimise(model, **request)
