@@ -15,7 +15,7 @@ from solve.period.named import Named
 from solve.studies.design_points import Design
 from solve.studies.tracked import leading
 
-_MACHINES = 32
+_MACHINES = 16
 """Number of machines, a power of two for a Sobol sequence. A choice: the objective of an oscillator then
 agrees with integrals to 2 %."""
 
