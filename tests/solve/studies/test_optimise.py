@@ -396,8 +396,6 @@ def test_robust_optimum_equals_a_scan_of_mean_and_deviation(model):
     values = [worst(k) for k in scan]
     assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.05)
     assert found.objective == pytest.approx(min(values), rel=0.02)
-    nominal = solve.optimise(model, "q.max_abs", {"k": (6.5, 16.0)}, speeds)
-    assert worst(found.free["k"]) < worst(nominal.free["k"])
     assert "mean + 2 σ" in found.minimised
 
 
