@@ -43,6 +43,7 @@ from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps, Validity
+from solve.results.tolerances import Tolerances
 from solve.results.transient import Transient
 from solve.single import floquet, periodic
 from solve.studies.bands import bands
@@ -56,6 +57,7 @@ from solve.studies.frequencies import frequencies, frequencies_over
 from solve.studies.optimise import optimise
 from solve.studies.sensitivities import sensitivities_over, speed_sensitivities
 from solve.studies.sweep import sweep, sweeps, validity, variants
+from solve.studies.tolerances import tolerances
 from solve.system import PeriodicSystem
 from solve.views.animation import Animation, animate
 from solve.views.live.window import LiveWindow, explore
@@ -97,6 +99,7 @@ __all__ = [
     "StateSpace",
     "Sweep",
     "Sweeps",
+    "Tolerances",
     "Transient",
     "Validity",
     "Variation",
@@ -138,6 +141,7 @@ __all__ = [
     "state_space",
     "sweep",
     "sweeps",
+    "tolerances",
     "transient",
     "validity",
     "variants",

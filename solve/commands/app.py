@@ -77,6 +77,7 @@ COMMANDS = {
     "sensitivity": "Derivatives of quantities with respect to parameters and speed, at one speed or many.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
     "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",
+    "tolerances": "Tolerances of parameters: probability of instability, Sobol indices, worst points.",
     "branch": "Branch of nonlinear orbits over the speed or a parameter, through its turning points.",
     "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
     "report": "Everything about a model on one page of HTML.",
@@ -89,7 +90,7 @@ MODULES = {
     **dict.fromkeys(("periodic", "floquet", "compare", "transient"), "one_speed"),
     **dict.fromkeys(("sweep", "chart", "bands", "critical", "modes", "validity"), "many_speeds"),
     "branch": "branches",
-    **dict.fromkeys(("sensitivity", "fit", "optimise", "frequencies"), "parameters"),
+    **dict.fromkeys(("sensitivity", "fit", "optimise", "tolerances", "frequencies"), "parameters"),
     **dict.fromkeys(("report", "animate", "export"), "documents"),
 }
 SOLVE = Program(

@@ -1,4 +1,5 @@
-"""Commands on parameters and natural frequencies: `sensitivity`, `fit`, `optimise` and `frequencies`."""
+"""Commands on parameters and natural frequencies: `sensitivity`, `fit`, `optimise`, `tolerances` and
+`frequencies`."""
 
 from typing import Annotated
 
@@ -6,7 +7,7 @@ import numpy as np
 
 import solve
 from solve.commands.deliver import deliver_result
-from solve.commands.groups import Accuracy, Flag, Problem, Results, Speed, Speeds, Steps
+from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import assignments, points
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
@@ -95,6 +96,13 @@ def optimise(
     ] = None,
     starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
+    robust: Annotated[
+        float | None, Flag("Minimise the mean plus K standard deviations over tolerances.", "K")
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        Flag("Tolerance or distribution, instead of the case's; repeatable.", '"NAME=±2 %"'),
+    ] = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
 ) -> None:
     """Optimum of parameters: least vibration over speeds, stable, within bounds."""
@@ -115,18 +123,53 @@ def optimise(
     speed_texts = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
+    spreads = assignments("--vary", vary or [], "NAME=±2 %")
+    options = {"method": accuracy.rule, "rtol": accuracy.rtol, "prove": prove}
     result = solve.optimise(
-        model,
-        minimise,
-        ranges,
-        speed_texts,
-        *requirements,
-        method=accuracy.rule,
-        rtol=accuracy.rtol,
-        prove=prove,
+        model, minimise, ranges, speed_texts, *requirements, **options, robust=robust, vary=spreads
     )
     further = {} if case is None else {case: lambda: result.toml}
     deliver_result(results, result, problem.choices, beside=further)
+
+
+def tolerances(
+    problem: Problem,
+    speed: Speed,
+    speeds: Speeds,
+    accuracy: Accuracy,
+    places: Places,
+    results: Results,
+    vary: Annotated[
+        list[str] | None,
+        Flag(
+            "Tolerance or distribution of a parameter; repeatable; in addition to the case's.", '"NAME=±2 %"'
+        ),
+    ] = None,
+    subject: Annotated[
+        list[str] | None, Flag("Limit of a quantity; repeatable.", '"QUANTITY < NUMBER"')
+    ] = None,
+    of: Annotated[
+        list[str] | None,
+        Flag("Further quantity for Sobol indices and worst points; repeatable.", "QUANTITY"),
+    ] = None,
+    samples: Annotated[int, Flag("Number of samples for the probabilities.", "N")] = 4096,
+    index_samples: Annotated[
+        int, Flag("Samples for Sobol indices, times the number of parameters plus 2; 0 for none.", "N")
+    ] = 256,
+    seed: Annotated[int, Flag("Seed of the random numbers.", "N")] = 0,
+) -> None:
+    """Tolerances of parameters: probability of instability, Sobol indices, worst points."""
+    if speed.speed is not None and speeds.speeds is not None:
+        raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
+    spreads = assignments("--vary", vary or [], "NAME=±2 %")
+    model = problem.loaded()
+    given = speeds.speeds if speeds.speeds is not None else speed.omega(model)
+    sizes = samples, index_samples, accuracy.rule, accuracy.rtol
+    with places.given() as resources:
+        result = solve.tolerances(
+            model, given, spreads, subject or (), of or (), *sizes, seed=seed, **resources
+        )
+    deliver_result(results, result, problem.choices)
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:

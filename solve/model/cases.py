@@ -10,13 +10,22 @@ from types import MappingProxyType, ModuleType
 from typing import Any
 
 from solve.arguments import require_size
-from solve.errors import CaseFileError, MissingValueError, UnitError, UnknownNameError, cause
+from solve.errors import (
+    CaseFileError,
+    MissingValueError,
+    UnitError,
+    UnknownNameError,
+    ValueOutOfBoundsError,
+    cause,
+)
 from solve.labels import Labels
 from solve.model.bodies import EXAMPLE, Body, body_parameters
+from solve.model.spread import spread_of
 from solve.model.tables import Fit, Series, fitted, series_of
 from solve.units import conversion
 
-_NUMBER_KEYS = {"value", "values", "count", "unit", "source"}
+_SPREAD_KEYS = {"tolerance", "distribution"}
+_NUMBER_KEYS = {"value", "values", "count", "unit", "source"} | _SPREAD_KEYS
 _TABLE_KEYS = {"table", "columns", "harmonics", "source"}
 _BODY_KEYS = {"file", "interface", "unit", "sha256", "source"}
 _NUMBERS_A_BYTE = 64
@@ -39,6 +48,8 @@ class Case:
         Fits of series to tables, by the name of the series.
     sources, units : mapping
         Source of each parameter, and its unit in the file, if stated.
+    spreads : mapping
+        Tolerance or distribution of parameters, as text, such as "±2 %".
     """
 
     name: str
@@ -47,6 +58,7 @@ class Case:
     fits: Mapping[str, Fit] = field(default_factory=dict)
     sources: Mapping[str, str] = field(default_factory=dict, compare=False)
     units: Mapping[str, str] = field(default_factory=dict, compare=False)
+    spreads: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def replaced(
         self,
@@ -54,22 +66,28 @@ class Case:
         fits: Mapping[str, Fit] = MappingProxyType({}),
         sources: Mapping[str, str] = MappingProxyType({}),
         units: Mapping[str, str] = MappingProxyType({}),
+        spreads: Mapping[str, str] = MappingProxyType({}),
     ) -> "Case":
         """Case with replaced parameters, and further fits and sources.
 
-        A series with a replaced parameter is no longer fitted. A replaced parameter loses its source unless a
-        new one is given; its unit in the file remains.
+        A series with a replaced parameter is no longer fitted. A replaced parameter loses its source and its
+        distribution unless new ones are given; its unit in the file and a tolerance, which is about the new
+        value, remain.
         """
         old_fits = {
             name: fit for name, fit in self.fits.items() if fit.parameters.keys().isdisjoint(parameters)
         }
         old_sources = {name: text for name, text in self.sources.items() if name not in parameters}
+        old_spreads = {
+            name: text for name, text in self.spreads.items() if name not in parameters or "(" not in text
+        }
         return replace(
             self,
             parameters={**self.parameters, **parameters},
             fits={**old_fits, **fits},
             sources={**old_sources, **sources},
             units={**self.units, **units},
+            spreads={**old_spreads, **spreads},
         )
 
 
@@ -129,10 +147,10 @@ def read_cases(
     """Cases of a file, in its order; `units`, and `series` and bodies, are declared by the model.
 
     An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns
-    the same value to NAME1 … NAMEcount; { table, columns, harmonics } fits a series to a CSV file in the same
-    folder; { file, unit, source } gives the matrices of an elastic body. Entries of [common.parameters] hold
-    for every case. Raises CaseFileError, UnknownNameError for a misspelt key or parameter, UnitError for a
-    unit of another dimension.
+    the same value to NAME1 … NAMEcount; `tolerance` or `distribution` states the spread of each number;
+    { table, columns, harmonics } fits a series to a CSV file in the same folder; { file, unit, source } gives
+    the matrices of an elastic body. Entries of [common.parameters] hold for every case. Raises CaseFileError,
+    UnknownNameError for a misspelt key or parameter, UnitError for a unit of another dimension.
     """
     table = _read(path)
     _require_known_keys(table, {"common", "case"}, f"key of {path.name}")
@@ -174,8 +192,9 @@ def _read(path: Path) -> dict[str, Any]:
 
 def _parameters(
     raw: Any, units: Mapping[str, str], series: Mapping[str, Series | Body], path: Path
-) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str]]:
-    """Values in the units declared by the model, fitted series, sources, and units in the file."""
+) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str], dict[str, str]]:
+    """Values in the units declared by the model, fitted series, sources, units in the file, and spreads."""
+    spreads: dict[str, str] = {}
     values: dict[str, float] = {}
     fits: dict[str, Fit] = {}
     sources: dict[str, str] = {}
@@ -190,12 +209,13 @@ def _parameters(
         else:
             numbers = _numbers(name, entry, units, path)
             file_units |= dict.fromkeys(numbers, str(entry["unit"]))
+            spreads |= _spreads(name, entry, numbers, units, path)
         for member in numbers:
             if member in values:
                 raise CaseFileError(f"{member} in {path.name} is given twice, the second time by {name}")
         values |= numbers
         sources |= dict.fromkeys(numbers, str(entry.get("source") or entry.get("table")))
-    return values, fits, sources, file_units
+    return values, fits, sources, file_units, spreads
 
 
 def _body(
@@ -250,6 +270,23 @@ def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: P
         except UnitError as error:
             raise UnitError(f"{member} in {path.name}: {error}") from None
     return values
+
+
+def _spreads(
+    name: str, entry: dict[str, Any], numbers: Mapping[str, float], units: Mapping[str, str], path: Path
+) -> dict[str, str]:
+    """Spread of each parameter of an entry, as text. Raises CaseFileError, UnitError."""
+    texts = [entry[key] for key in sorted(_SPREAD_KEYS & entry.keys())]
+    if len(texts) > 1 or not all(isinstance(text, str) for text in texts):
+        raise CaseFileError(
+            f"{name} in {path.name} needs one text, tolerance = '±2 %' or distribution = 'normal(8e4, 2e3)'"
+        )
+    try:
+        for member, value in numbers.items() if texts else ():
+            spread_of(member, texts[0], value, units[member], entry["unit"])
+    except ValueOutOfBoundsError as error:
+        raise CaseFileError(f"{path.name}: {error}") from None
+    return dict.fromkeys(numbers, str(texts[0])) if texts else {}
 
 
 def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str, float]]:

@@ -1,5 +1,6 @@
 """Optimum of a design: free parameters, objective before and after, requirements, and curves."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -109,11 +110,13 @@ class Optimum(Result):
     @property
     def summary(self) -> str:
         """Sentence on the reduction of the objective."""
-        change = f", by {100 * (1 - self.objective / self.before):.3g} %" if self.before else ""
-        return (
-            f"{self.minimised} falls from {measured(self.before, self.unit)} to "
-            f"{measured(self.objective, self.unit)}{change}."
-        )
+        before, after = measured(self.before, self.unit), measured(self.objective, self.unit)
+        if not self.objective < self.before:
+            comment = "falls no further" if self.objective == self.before else f"rises to {after}"
+            return f"{self.minimised} is {before} and {comment}."
+        reduction = 100 * (1 - self.objective / self.before) if self.before > 0 else math.inf
+        change = f", by {reduction:.3g} %" if reduction <= 100 else ""
+        return f"{self.minimised} falls from {before} to {after}{change}."
 
     @property
     def summary_values(self) -> dict[str, Any]:

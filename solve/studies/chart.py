@@ -19,8 +19,7 @@ from solve.errors import LinearModelError, MissingValueError, NoResultError, Val
 from solve.loading import load
 from solve.methods.choice import Rule
 from solve.model.model import Model
-from solve.period.named import EXPONENT, HARMONIC, PHASE, RADIUS, RHO, Named
-from solve.period.quantities import FIGURES
+from solve.period.named import EXPONENT, PHASE, RHO, Named
 from solve.proof.prove import prove_boxes, require_provable
 from solve.results.chart import BoundaryCurve, Chart, Cut
 from solve.results.points import KINDS, Kept, PointResults
@@ -29,6 +28,7 @@ from solve.single import floquet
 from solve.studies.boundaries import BoundarySearch, Lines
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.contours import contours
+from solve.studies.point_values import kept_for, values_of
 from solve.studies.stability_samples import StabilitySamples, evaluator
 from solve.studies.sweep import parameter_values
 from solve.studies.tongues import find_narrow_tongues
@@ -127,7 +127,8 @@ def chart(
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
     if quantity is not None and of_orbit:
-        task, _ = task_of(family, method, rtol, engine, quantity.kept(family.example.judged_quantities))
+        kept = kept_for([quantity.named], family.example.judged_quantities)
+        task, _ = task_of(family, method, rtol, engine, kept)
     batch = stability.batch(points)
     with progress.steps(3) as step:
         step("the grid")
@@ -143,7 +144,7 @@ def chart(
         at = partial(_at, batch, system.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
         if quantity is not None:
-            values = quantity.over(solved_points, family.speeds(points), system.period)
+            values = values_of(quantity.named, solved_points, family.speeds(points), system.period)
             beyond = _beyond(system, solved_points, results) if of_orbit else []
             solved = replace(solved, of=quantity.named, values=values.reshape(solved.shape), beyond=beyond)
         if provable is not None and isinstance(family, SystemFamily):
@@ -209,25 +210,6 @@ class _Quantity:
     def of_orbit(self) -> bool:
         """Whether the quantity requires orbits."""
         return self.named.of_orbit
-
-    def kept(self, judged: Sequence[str]) -> Kept:
-        """Statistics of orbits to store, including those of quantities with bounds."""
-        subject, order = (self.named.subject,), self.named.number if self.named.figure == HARMONIC else None
-        names = tuple(dict.fromkeys((*subject, *judged)))
-        return Kept(names, () if order is None else subject, order or 0, warnings=False)
-
-    def over(self, results: PointResults, speeds: Array, period: float) -> Array:
-        """Values (P,) of the quantity; NaN where there is none. speeds (P,) in rad/s; period in phase."""
-        named = self.named
-        if named.figure == HARMONIC:
-            return results.amplitudes[:, 0, named.number]
-        if self.of_orbit:
-            return results.figures[:, 0, FIGURES.index(named.figure)]
-        if named.subject == RADIUS:
-            return results.spectral_radius
-        multipliers = results.all_multipliers
-        rho = np.where(multipliers == 0, np.nan, multipliers)[:, named.number - 1]
-        return named.part(np.log(rho) * speeds / period if named.subject == EXPONENT else rho)
 
 
 def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:

@@ -107,6 +107,18 @@ class Design:
         model, solve = self.varied(x), periodic if self.orbits else floquet
         return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
 
+    def on_grids_of(self, points: Sequence[DesignPoint], x: Array) -> list[DesignPoint]:
+        """Solutions at another x with the methods and grids of these points, so that errors cancel in
+        differences."""
+        model = self.varied(x)
+        return [
+            DesignPoint(
+                periodic(model, speed, point.solved.certified.method, point.solved.steps, self.rtol),
+                self.names,
+            )
+            for point, speed in zip(points, self.speeds, strict=True)
+        ]
+
     def slopes(self, by_parameters: Array) -> Array:
         """Derivatives (…, r) with respect to x of derivatives with respect to the parameters."""
         return by_parameters * (self.high - self.low)

@@ -18,6 +18,7 @@ from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
 from solve.studies.minimax import Limited, minimised, restored
 from solve.studies.requirements import Bound, Kept
+from solve.studies.robust import Robust
 from solve.studies.tracked import Function, Single, Tracked, tracked
 from solve.terminal import progress
 
@@ -77,6 +78,7 @@ class State:
 class Search:
     """Search of the optimum of a quantity, or of a function of the orbits at all speeds.
 
+    machines, multiple: deviating machines of a robust objective, and its multiple of the standard deviation.
     limit: of the spectral radius. failures: reasons of trials without a solution.
     """
 
@@ -84,6 +86,8 @@ class Search:
     minimise: Named | Callable[[Sequence[Orbit]], float]
     bounds: Sequence[Bound]
     kept: Sequence[Kept]
+    machines: Sequence[Design] = ()
+    multiple: float = 0.0
     failures: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -134,6 +138,12 @@ class Search:
             return np.array([point.value(self.minimise) for point in points])
         return np.full(len(points), Function(self.design, self.minimise).of(points))
 
+    def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
+        """Objective (k,) at each speed, with the deviations of a robust one; points: the solutions at x."""
+        if not self.machines:
+            return self.values(points)
+        return np.concatenate([each.values(x) for each in self._objective(x)])
+
     def requirements(self, points: Sequence[DesignPoint]) -> list[Requirement]:
         """Requirements with their worst values over the speeds."""
         changes = [
@@ -160,7 +170,7 @@ class Search:
         violations += [
             _VIOLATION * (change / allowed - 1) for _, change, allowed in self.kept_values.changes(points)
         ]
-        return State(x, float(self.values(points).max()), max(0.0, *violations))
+        return State(x, float(self.values_at(x, points).max()), max(0.0, *violations))
 
     def _descended(self, x: Array) -> State:
         """Local optimum from a start. Raises the error of a start without a solution."""
@@ -201,6 +211,11 @@ class Search:
     def _objective(self, x: Array) -> list[Tracked]:
         if not isinstance(self.minimise, Named):
             return [Function(self.design, self.minimise)]
+        if self.machines:
+            return [
+                Robust(self.machines, at, self.minimise, self.multiple)
+                for at in range(len(self.design.speeds))
+            ]
         return [tracked(self.design, x, at, self.minimise) for at in range(len(self.design.speeds))]
 
     def _worse_between(self, state: State) -> list[float]:

@@ -1,13 +1,18 @@
-"""Requirements on an optimum, as texts: bounds of quantities, and figures and curves that are kept."""
+"""Requirements on designs, as texts: bounds of quantities, figures and curves that are kept, and spreads of
+parameters."""
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import ValueOutOfBoundsError, require_name
+from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.model.model import Model
+from solve.model.spread import Spread, spread_of
 from solve.period.named import RADIUS, Named
 from solve.period.quantities import FIGURES
 from solve.system import PeriodicSystem
@@ -43,7 +48,8 @@ class Bound:
                 f"'{text}' is not a bound; write a quantity, < or >, and a number, such as 'rho1.abs < 0.9'"
             )
         named = real_quantity(system, parts[1])
-        return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, _number(parts[3], named, text))
+        value = in_unit(_quantity(parts[3], text), named.unit, text)
+        return cls(text.strip(), named, 1.0 if "<" in parts[2] else -1.0, value)
 
 
 @dataclass(frozen=True)
@@ -93,6 +99,11 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
     named = Named.of(system, text)
     if named.figure == "" and named.subject != RADIUS:
         raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
+    if named.figure.endswith("_phase"):
+        raise ValueOutOfBoundsError(
+            f"'{text}' is the phase of an extremum, which has no derivatives; give another figure, such as "
+            f"{named.subject}.max_abs"
+        )
     return named
 
 
@@ -106,17 +117,36 @@ def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
     return [Kept.of(system, text) for text in texts]
 
 
+def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
+    """Spreads of the parameters that vary. Raises SolveError subclasses."""
+    case, found = model.setup.case, {}
+    for name in {**case.spreads, **vary}:
+        require_name(f"parameter of {model.name}", name, model.parameters)
+        unit, value = model.parameter_labels[name][0], model.parameters[name]
+        if name in vary:
+            found[name] = spread_of(name, vary[name], value, unit)
+        else:
+            found[name] = spread_of(name, case.spreads[name], value, unit, case.units.get(name))
+        ends = [found[name].first] if found[name].normal else [found[name].low, found[name].high]
+        for end in ends:
+            model.require_bounds({name: end})
+    if not found:
+        raise MissingValueError(
+            "no parameter has a tolerance; state some in the case file, such as tolerance = '±2 %', or give "
+            "them, such as --vary k1=±2%"
+        )
+    model.derivatives.by(list(found))
+    return found
+
+
 def _quantity(text: str, whole: str) -> float | str:
-    try:
-        return quantity(text)
-    except ValueError:
-        raise ValueOutOfBoundsError(
-            f"'{whole}' has no number '{text}'; write one, such as 0.9, or with a unit, such as '0.1 mm'"
-        ) from None
-
-
-def _number(text: str, named: Named, whole: str) -> float:
-    return in_unit(_quantity(text, whole), named.unit, whole)
+    with suppress(ValueError):
+        value = quantity(text)
+        if isinstance(value, str) or math.isfinite(value):
+            return value
+    raise ValueOutOfBoundsError(
+        f"'{whole}' has no finite number '{text}'; write one, such as 0.9, or with a unit, such as '0.1 mm'"
+    )
 
 
 def _phases(interval: str, whole: str) -> Array:

@@ -34,9 +34,16 @@ _ZOOMS, _ZOOM = 2, 16
 _WIDEST = 1 / 16
 """Largest half width of a window, in periods. A choice."""
 
+_FIRST, _SECOND = np.array([1, -8, 0, 8, -1]) / 12, np.array([-1, 16, -30, 16, -1]) / 12
+"""Weights of five values in the first and second difference of fourth order, for a Newton step to the phase
+of an extremum. Derivatives of extrema then agree with differences to 1e-6."""
+
+_OF_CONSTANT = 16
+"""Number of windows, over the whole period, in which maxima of a constant are followed. A choice."""
+
 _DIFFERENCE = 1e-4
 """Difference of x, whose range is 0 to 1, for derivatives of a function that is given without. Errors are of
-the order of its square and of rtol divided by it."""
+the order of its square. On equal grids, round-off divided by it is smaller."""
 
 
 _EQUAL = 1e-9
@@ -89,12 +96,17 @@ class Extrema:
 
     def _found(self, x: Array) -> tuple[Array, Array]:
         """Phases and values (k,) of the maxima in the windows, or at an end of a window without one."""
-        point, refined, widths = self.design.points(x)[self.at], self.phases, self.widths
+        point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
         for _ in range(_ZOOMS):
-            phases = refined[:, None] + widths[:, None] * _WINDOW
+            phases = found[:, None] + widths[:, None] * _WINDOW
             values = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
-            refined, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
-        return refined, self.sides * point.signal(self.name, refined)
+            found, widths = _refined(values, values.argmax(axis=1), phases), widths / _ZOOM
+        phases = found[:, None] + widths[:, None] * np.arange(-2, 3)
+        around = point.signal(self.name, phases.ravel()).reshape(phases.shape) * self.sides[:, None]
+        first, second = around @ _FIRST, around @ _SECOND
+        is_near = (second < 0) & (np.abs(first) < np.abs(second))
+        found = found - np.where(is_near, first / np.where(is_near, second, 1.0), 0.0) * widths
+        return found, self.sides * point.signal(self.name, found)
 
 
 @dataclass(frozen=True)
@@ -149,14 +161,17 @@ class Function:
         return float(self.function([point.orbit for point in points]))
 
     def slopes(self, x: Array) -> Array:
-        slopes = np.empty((1, len(x)))
-        for place in range(len(x)):
-            ends = np.clip(x[place] + _DIFFERENCE * np.array([-1.0, 1.0]), 0.0, 1.0)
-            below, above = (
-                self.of(self.design.at(np.r_[x[:place], end, x[place + 1 :]], self.design.speeds))
-                for end in ends
-            )
-            slopes[0, place] = (above - below) / (ends[1] - ends[0])
+        points, slopes = self.design.points(x), np.empty((1, len(x)))
+
+        def value(place: int, end: float) -> float:
+            return self.of(self.design.on_grids_of(points, np.r_[x[:place], end, x[place + 1 :]]))
+
+        for place, at in enumerate(x.tolist()):
+            # At a bound the difference is one-sided, and corrected by the second difference.
+            middle = min(max(at, _DIFFERENCE), 1 - _DIFFERENCE)
+            below, above = value(place, middle - _DIFFERENCE), value(place, middle + _DIFFERENCE)
+            bend = 0.0 if middle == at else below - 2 * value(place, middle) + above
+            slopes[0, place] = (above - below) / (2 * _DIFFERENCE) + (at - middle) * bend / _DIFFERENCE**2
         return slopes
 
 
@@ -178,6 +193,15 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
     return Extrema(design, at, quantity.subject, *map(np.concatenate, (signs, phases, widths)))
 
 
+def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> tuple[float, Array]:
+    """Value of a quantity at one speed, times a sign, and its derivatives by x (r,): those of its leading
+    extremum."""
+    followed = tracked(design, x, at, quantity, sign)
+    values = followed.values(x)
+    lead = int(values.argmax())
+    return float(values[lead]), followed.slopes(x)[lead]
+
+
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
     """The largest local maxima of side · signal at one speed, several if they are equally large."""
     extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
@@ -191,6 +215,9 @@ def _maxima(values: Array, least: float, period: float) -> Array:
     """Phases (k,) of the local maxima of samples over a period that are at least `least`."""
     before, after = np.roll(values, 1), np.roll(values, -1)
     places = np.flatnonzero((values >= before) & (values > after) & (values >= least))
+    if not len(places):
+        # A constant has no maxima yet, and may have them anywhere in the next design.
+        places = np.arange(0, len(values), len(values) // _OF_CONSTANT)
     neighbours = np.stack((before, values, after), axis=1)[places]
     phases = (places[:, None] + np.array([-1, 0, 1])) * (period / len(values))
     return _refined(neighbours, np.ones(len(places), dtype=int), phases)

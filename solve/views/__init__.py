@@ -11,6 +11,7 @@ from solve.views import frequencies as frequencies
 from solve.views import optimum as optimum
 from solve.views import orbit as orbit
 from solve.views import over_time as over_time
+from solve.views import tolerances as tolerances
 from solve.views.show import as_html, as_text, figure
 from solve.views.style import Figure
 from solve.views.sweep import waterfall_figure

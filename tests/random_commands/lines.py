@@ -25,6 +25,7 @@ CHEAP = {
     ),
     **dict.fromkeys(("sweep", "bands", "branch", "chart", "critical", "report"), (("--rtol", "1e-2"),)),
     "compare": (("--method", "rk4"), ("--steps", "64"), ("--rtol", "1e-2")),
+    "tolerances": (("--samples", "64"), ("--index-samples", "4"), ("--rtol", "1e-2")),
 }
 NEEDED = {
     **dict.fromkeys(("periodic", "floquet", "sensitivity"), (("--speed", "30 rad/s"),)),
@@ -39,6 +40,7 @@ NEEDED = {
     "export": (("--speed", "30 rad/s"), ("--out", "a.mat")),
     "chart": (("--x", "delta=0.5:1.5:3"), ("--y", "epsilon=0.1:0.5:3")),
     "transient": (("--speed", "30 rad/s"), ("--turns", "3")),
+    "tolerances": (("--speed", "30 rad/s"), ("--vary", "k1=±2 %")),
     "fit": (("--speed", "30 rad/s"), ("--data", "measured.csv"), ("--free", "k1")),
     "design": (("--time", "0.5 s"), ("--speeds", "10:20:3 rad/s"), ("--L4", "0.5:0.6:2 m")),
 }

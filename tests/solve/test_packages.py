@@ -85,6 +85,7 @@ called = {
     "transient": solve.transient(cam, "600 rpm", 1, rtol=1e-2),
     "fit": solve.fit(cam, orbit_file, "k1", speed="300 rpm", rtol=1e-3),
     "optimise": solve.optimise(mathieu, "spectral_radius", {"zeta": (0.0, 0.1)}, 1.0, rtol=1e-4),
+    "tolerances": solve.tolerances(mathieu, 1.0, {"delta": "±1 %"}, samples=64, index_samples=2, rtol=1e-4),
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "follow_modes": solve.follow_modes(mathieu, [1.0, 1.1], rtol=1e-4),

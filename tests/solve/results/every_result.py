@@ -103,6 +103,13 @@ MADE = {
         lambda: solve.optimise(cam(), "q3.max_abs", {"k3": (2e8, 3e8)}, ["500 rpm", "600 rpm"], rtol=1e-5),
         '--minimise q3.max_abs --free k3 --bounds k3=2e8:3e8 --speeds "500 600 rpm" --rtol 1e-5',
     ),
+    "solve.tolerances": (
+        lambda: solve.tolerances(
+            cam(), "500 rpm", {"k3": "±1 %"}, ["q3.max_abs < 4 mm"], samples=64, index_samples=8, rtol=1e-5
+        ),
+        '--speed "500 rpm" --vary k3=±1% --subject "q3.max_abs < 4 mm" --samples 64 --index-samples 8 '
+        "--rtol 1e-5",
+    ),
     "solve.fit": (
         lambda: solve.fit(cam(), measured_torque(), "k1", speed="400 rpm", rtol=1e-6),
         f'--data {measured_torque()} --free k1 --speed "6.5 Hz" --rtol 1e-6',

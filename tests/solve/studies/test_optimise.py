@@ -4,14 +4,18 @@ import json
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import solve
 from derive import Mechanism, cos, rate
+from models.manipulator.mechanism import mechanism as manipulator
 from solve.commands.app import run
 from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoundsError
+from solve.model.spread import spread_of
 from solve.period.named import Named
 from solve.studies.design_points import Design
-from solve.studies.tracked import tracked
+from solve.studies.robust import Robust, deviating
+from solve.studies.tracked import Function, tracked
 
 MASS, DAMPING, STIFFNESS = 2.0, 0.3, 9.0
 
@@ -146,12 +150,68 @@ def test_derivatives_of_extrema_equal_the_closed_form(model):
     first, third = response(speed, k=k), response(3 * speed, k=k)
     phase = np.linspace(0, 2 * np.pi, 200_001)
     curve = np.real(first * np.exp(1j * phase) + p2 * third * np.exp(3j * phase))
-    top = phase[curve.argmax()] + np.array([0.0, np.pi])
+    top = phase[curve.argmax()]
+    waves = first * np.exp(1j * top), p2 * third * np.exp(3j * top)
+    top += np.imag(waves[0] + 3 * waves[1]) / -np.real(waves[0] + 9 * waves[1])
+    top = top + np.array([0.0, np.pi])
     by_k = -np.real(first**2 * np.exp(1j * top) + p2 * third**2 * np.exp(3j * top))
     by_p2 = np.real(third * np.exp(3j * top))
     closed = np.array([1.0, -1.0])[:, None] * np.stack((by_k, by_p2), axis=1) * (high - low)
-    np.testing.assert_allclose(extrema.slopes(x), closed, rtol=1e-4)
+    np.testing.assert_allclose(extrema.slopes(x), closed, rtol=1e-6, atol=1e-6 * np.abs(closed).max())
     np.testing.assert_allclose(extrema.values(x), curve.max(), rtol=1e-9)
+
+
+def differences(function, x, size=1e-3):
+    """Derivatives (k, r) of values (k,) by differences of fourth order."""
+    columns = []
+    for step in size * np.eye(len(x)):
+        near, far = (function(x + each * step) - function(x - each * step) for each in (1, 2))
+        columns.append((8 * near - far) / (12 * size))
+    return np.stack(columns, axis=1)
+
+
+FIGURES = ("max", "min", "max_abs", "rms", "harmonic1", "harmonic3", "phase3")
+
+
+@pytest.mark.parametrize(
+    ("name", "free", "speed", "quantities"),
+    [
+        (
+            "cam",
+            {"k1": (7e4, 9e4), "a3": (0.05, 0.06)},
+            62.8,
+            [f"{each}.{figure}" for each in ("q3", "shaft_torque") for figure in FIGURES]
+            + ["lift.max_abs", "shaft_torque.mean", "rho1.re", "exponent1.im"],
+        ),
+        (
+            "mathieu",
+            {"delta": (0.9, 1.1), "zeta": (0.005, 0.02)},
+            1.0,
+            ["spectral_radius", "rho1.abs", "exponent1.re"],
+        ),
+    ],
+)
+def test_gradient_of_every_objective_equals_differences(name, free, speed, quantities):
+    system = solve.load(name) if name == "cam" else solve.load(name, delta=1.0, epsilon=0.5, zeta=0.01)
+    low, high = np.array(list(free.values())).T
+    design = Design(system, list(free), low, high, [speed], "auto", 1e-12, name == "cam")
+    x = np.array([0.45, 0.55])
+    every = {text: tracked(design, x, 0, Named.of(system, text)) for text in quantities}
+    sizes = [len(each.values(x)) for each in every.values()]
+
+    numeric = differences(lambda at: np.concatenate([each.values(at) for each in every.values()]), x)
+    for each, expected in zip(every.values(), np.split(numeric, np.cumsum(sizes)[:-1]), strict=True):
+        found = each.slopes(x)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("at", [0.0, 0.4, 1.0])
+def test_gradient_of_a_function_equals_that_of_the_quantity(model, at):
+    design = Design(model, ["k"], np.array([5.0]), np.array([17.0]), [1.5, 2.0], "auto", 1e-8, True)
+    x, rms = np.array([at]), Named.of(model, "q.rms")
+    given = Function(design, lambda orbits: sum(orbit.statistics("q").rms for orbit in orbits))
+    exact = sum(design.slopes(point.slopes(rms)) for point in design.points(x))
+    np.testing.assert_allclose(given.slopes(x)[0], exact, rtol=1e-6)
 
 
 @pytest.mark.slow
@@ -194,6 +254,65 @@ def test_cam_vibrates_less_with_its_lift_kept():
     assert max(radii) < 1
 
 
+def test_a_quantity_that_is_zero_at_the_start_is_bounded(model):
+    # A counteracting third harmonic, absent at the start.
+    free = {"p1": (0.5, 1.5), "p2": (-0.4, 0.4)}
+    start = model.varied({"p1": 1.0, "p2": 0.0, "k": 12.0})
+    still = start.varied({"p1": 0.0})
+    found = solve.optimise(still, "q.max_abs", {"p1": (0.0, 1.0)}, 0.8, subject=["load.max_abs < 0.5"])
+    assert found.objective == 0.0
+    assert solve.optimise(start, "q.max_abs", free, 0.8, subject=["load.max > 0.9"]).objective > 0
+
+
+def manipulator_with_a_torque():
+    """The manipulator with a periodic torque on its cam, an output, and no numbers of its harmonics."""
+    made = manipulator()
+    torque = made.series("T", harmonics=6, unit="N m", meaning="torque on the cam")(made.phase)
+    made.force(torque, along=made.phase + made.declared_coordinates[0].symbol)
+    made.output("torque", torque, "N m", "torque on the cam")
+    return made
+
+
+@pytest.mark.slow
+def test_torque_of_150_nm_lowers_the_manipulators_peak_by_three_quarters():
+    names = [f"T{kind}{order}" for order in range(1, 7) for kind in "ab"]
+    numbers = {**solve.case_numbers("manipulator").parameters, **dict.fromkeys(["T", *names], 0.0)}
+    press = solve.load(manipulator_with_a_torque(), **numbers)
+    free = dict.fromkeys(names, (-200.0, 200.0))
+    found = solve.optimise(press, "q1.max_abs", free, "50 rpm", subject=["torque.max_abs < 150 N m"])
+    assert found.objective < 0.25 * found.before
+    assert found.confirmed["objective"] == pytest.approx(found.objective, rel=0.01)
+    assert {*found.confirmed["verdicts"]} == {"asymptotically stable"}
+    phase = np.linspace(0, 2 * np.pi, 2001)
+    waves = [np.cos(k * phase) for k in range(1, 7)], [np.sin(k * phase) for k in range(1, 7)]
+    torque = sum(found.free[f"T{kind}{k}"] * waves[kind == "b"][k - 1] for k in range(1, 7) for kind in "ab")
+    assert np.abs(torque).max() == pytest.approx(150.0, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
+    bar = solve.load("four_bar", elements=1)
+    quantity, speed = "crank_root_stress_minus", 17.0
+    found = solve.optimise(bar, f"{quantity}.max_abs", {"L4": (0.54, 0.67)}, speed, rtol=1e-7)
+
+    def peaks(lengths):
+        orbits = [solve.periodic(bar.varied({"L4": L4}), speed, rtol=1e-6) for L4 in lengths]
+        return np.array([orbit.statistics(quantity).max_abs for orbit in orbits])
+
+    middle = 0.605
+    for half, count in ((6.5e-2, 14), (1e-2, 21), (1e-3, 21), (2e-4, 41)):
+        lengths = middle + np.linspace(-half, half, count)
+        values = peaks(lengths)
+        at = int(values.argmin())
+        middle = lengths[at]
+    assert found.free["L4"] == pytest.approx(middle, abs=1e-5)
+    # At a kink, where two peaks meet, the value rises linearly on both sides. At a smooth minimum, twice the
+    # distance gives four times the rise.
+    for side in (-1, 1):
+        near, far = values[at + 5 * side] - values[at], values[at + 10 * side] - values[at]
+        assert far == pytest.approx(2 * near, rel=0.2)
+
+
 @pytest.mark.parametrize(
     ("change", "error", "text"),
     [
@@ -211,6 +330,8 @@ def test_cam_vibrates_less_with_its_lift_kept():
         ({"keep": ["load.max within 0 N"]}, ValueOutOfBoundsError, "numbers > 0"),
         ({"subject": ["q.max"]}, ValueOutOfBoundsError, "is not a bound"),
         ({"subject": ["q.max < 3 kg"]}, UnitError, "kg"),
+        ({"subject": ["q.max < nan m"]}, ValueOutOfBoundsError, "has no finite number 'nan m'"),
+        ({"minimise": "q.max_phase"}, ValueOutOfBoundsError, "has no derivatives"),
         ({"subject": ["rho1 < 1"]}, ValueOutOfBoundsError, "is complex"),
         ({"starts": 0}, ValueOutOfBoundsError, "starts is 0"),
         ({"method": "newmark"}, ValueOutOfBoundsError, "takes radau, gauss, or auto"),
@@ -251,3 +372,70 @@ def test_command_names_the_flag_that_is_missing(capsys, missing):
     line = [part for flag, value in flags.items() if flag != missing for part in (flag, value)]
     assert run(["optimise", "mathieu", *line]) == 2
     assert missing in capsys.readouterr().err
+
+
+def integrals(k, speed, half):
+    """Mean and standard deviation of the amplitude for a stiffness within k ± half."""
+    first, second = (
+        quad(lambda x, power=power: abs(response(speed, k=x)) ** power, k - half, k + half)[0] / (2 * half)
+        for power in (1, 2)
+    )
+    return first, np.sqrt(second - first**2)
+
+
+def test_robust_optimum_equals_a_scan_of_mean_and_deviation(model):
+    speeds, half = [1.5, 3.0], 1.5
+    found = solve.optimise(
+        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust=2.0, vary={"k": f"±{half}"}, rtol=1e-8
+    )
+
+    def worst(k):
+        return max(mean + 2 * deviation for mean, deviation in (integrals(k, w, half) for w in speeds))
+
+    scan = np.linspace(10.0, 13.0, 301)
+    values = [worst(k) for k in scan]
+    assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.05)
+    assert found.objective == pytest.approx(min(values), rel=0.02)
+    assert "mean + 2 σ" in found.minimised
+
+
+def test_robust_gradient_equals_differences(model):
+    design = Design(model, ["k"], np.array([6.5]), np.array([16.0]), [1.5], "auto", 1e-10, True)
+    spreads = {"k": spread_of("k", "±1", STIFFNESS, "N/m"), "c": spread_of("c", "±10 %", DAMPING, "N s/m")}
+    robust = Robust(deviating(design, spreads), 0, Named.of(model, "q.max_abs"), 3.0)
+    x = np.array([0.4])
+    np.testing.assert_allclose(robust.slopes(x), differences(robust.values, x), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"robust": 3.0}, "no parameter has a tolerance"),
+        ({"vary": {"k": "±1 %"}}, "without robust"),
+        ({"robust": -1.0, "vary": {"k": "±1 %"}}, "robust is -1"),
+        ({"robust": 1.0, "vary": {"k": "±1 %"}, "speeds": "1:2:3 rad/s"}, "list of speeds"),
+        ({"robust": 1.0, "vary": {"k": "±1 %"}, "minimise": lambda orbits: 0.0}, "quantity by name"),
+    ],
+)
+def test_bad_robust_requests_are_refused(model, change, text):
+    request = {"minimise": "q.max_abs", "free": {"k": (5.0, 20.0)}, "speeds": 1.0, **change}
+    with pytest.raises(SolveError, match=text):
+        solve.optimise(model, **request)
+
+
+@pytest.mark.slow
+def test_robust_gear_deviates_less_than_the_nominal_optimum():
+    gear, free = solve.load("gear_pair", J1=0.05), {"J1": (0.03, 0.08)}
+    vary, speed = {"k0": "±5 %", "zeta": "normal(0.024, 0.002)"}, "3800 rpm"
+    spread = []
+    for robust in (None, 3.0):
+        options = {} if robust is None else {"robust": robust, "vary": vary}
+        found = solve.optimise(gear, "mesh_force.max", free, speed, rtol=1e-5, **options)
+        batch = solve.tolerances(
+            found.system, speed, vary, of=["mesh_force.max"], samples=512, index_samples=0, rtol=1e-5
+        )
+        forces = batch.values[:, 1]
+        spread.append((forces.mean() + 3 * forces.std(), forces.std()))
+    (nominal, wide), (robust, narrow) = spread
+    assert robust < 0.96 * nominal
+    assert narrow < 0.3 * wide

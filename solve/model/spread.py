@@ -1,0 +1,110 @@
+"""Spreads of parameters: uniform within a tolerance, or normally distributed."""
+
+import math
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
+from solve.units import apart, in_unit
+
+_TOLERANCE = re.compile(r"(?:±|\+/-|\+-)\s*(.+)")
+_DISTRIBUTION = re.compile(r"(normal|uniform)\s*\(\s*([^,]+?)\s*,\s*([^,]+?)\s*\)")
+
+_FORMS = "write '±2 %', '±0.1 mm', 'normal(8e4, 2e3)' or 'uniform(7e4, 9e4)'"
+
+EXTENT = 3.0
+"""Standard deviations within which the worst point of a normal distribution is sought: 99.7 % of all values.
+A convention."""
+
+
+class Spread(NamedTuple):
+    """Spread of a parameter in the model's unit.
+
+    normal: whether the numbers are mean and standard deviation of a normal distribution; otherwise they are
+    the ends of a uniform one.
+    """
+
+    text: str
+    normal: bool
+    first: float
+    second: float
+
+    @property
+    def low(self) -> float:
+        """Lower end; of a normal distribution, EXTENT standard deviations below the mean."""
+        return self.first - EXTENT * self.second if self.normal else self.first
+
+    @property
+    def high(self) -> float:
+        """Upper end; of a normal distribution, EXTENT standard deviations above the mean."""
+        return self.first + EXTENT * self.second if self.normal else self.second
+
+    def values(self, z: Array) -> Array:
+        """Values of a standard normal variable z."""
+        from scipy.special import ndtr
+
+        if self.normal:
+            return self.first + self.second * z
+        # Rounding must not leave the ends.
+        return np.clip(self.first + (self.second - self.first) * ndtr(z), self.first, self.second)
+
+    def slopes(self, z: Array) -> Array:
+        """Derivatives of the values."""
+        if self.normal:
+            return np.full(np.shape(z), self.second)
+        return (self.second - self.first) * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
+
+
+def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | None = None) -> Spread:
+    """Spread of a parameter with a nominal value in the model's unit.
+
+    text: a tolerance about the value, or a distribution. Numbers without a unit are in `file_unit`, by
+    default the model's. Raises ValueOutOfBoundsError, UnitError.
+
+    >>> spread_of("k1", "±2 %", 100.0, "N/m")[1:], spread_of("k1", "normal(0.1, 0.01)", 0, "N/m", "N/mm")[1:]
+    ((False, 98.0, 102.0), (True, 100.0, 10.0))
+    """
+    where = f"spread of {name}"
+
+    def number(part: str) -> float:
+        bare = file_unit is not None and not apart(part).partition(" ")[2]
+        try:
+            found = in_unit(f"{part} {file_unit}" if bare else part, unit, where)
+        except ValueError:
+            found = math.nan
+        if not math.isfinite(found):
+            raise ValueOutOfBoundsError(f"{where} is '{text}', with the number '{part}'; {_FORMS}")
+        return found
+
+    if tolerance := _TOLERANCE.fullmatch(text.strip()):
+        part = tolerance[1]
+        width = number(part) if not part.endswith("%") else _percent(part, text, where) * abs(value)
+        if not width > 0:
+            raise ValueOutOfBoundsError(
+                f"{where} is '{text}' about {value:g}, which leaves no range; give a tolerance > 0, for a "
+                "value of 0 in its unit"
+            )
+        return Spread(text, False, value - width, value + width)
+    distribution = _DISTRIBUTION.fullmatch(text.strip())
+    if distribution is None:
+        raise ValueOutOfBoundsError(f"{where} is '{text}'; {_FORMS}")
+    kind, first, second = distribution[1], number(distribution[2]), number(distribution[3])
+    if kind == "normal" and not second > 0:
+        raise ValueOutOfBoundsError(f"{where} is '{text}'; give a standard deviation > 0")
+    if kind == "uniform" and not first < second:
+        raise ValueOutOfBoundsError(f"{where} is '{text}', which ends before it begins; write uniform(A, B)")
+    return Spread(text, kind == "normal", first, second)
+
+
+def _percent(part: str, text: str, where: str) -> float:
+    """Fraction of a percentage."""
+    try:
+        fraction = float(part.removesuffix("%")) / 100
+    except ValueError:
+        fraction = math.nan
+    if not math.isfinite(fraction):
+        raise ValueOutOfBoundsError(f"{where} is '{text}', with no percentage; {_FORMS}")
+    return fraction

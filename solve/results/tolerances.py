@@ -1,0 +1,153 @@
+"""Tolerances: probabilities of instability and of leaving limits, Sobol indices, worst points."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from solve.arrays import Array
+from solve.results.contents import Column, Columns, HeaderRows
+from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
+from solve.system import PeriodicSystem
+
+UNSTABLE = "unstable"
+"""Name of the probability of instability."""
+
+
+@serializable
+class ParameterSpread(NamedTuple):
+    """Spread of a parameter as text, its nominal value, and the range in which the worst point is sought, in
+    the model's unit."""
+
+    text: str
+    nominal: float
+    low: float
+    high: float
+
+
+@serializable
+class Probability(NamedTuple):
+    """Probability of an event with the ends of its 95 % interval.
+
+    events, undetermined, failed: numbers of samples with the event, with a result whose error leaves it open,
+    and without a result. The upper end of the interval includes all of them.
+    """
+
+    value: float
+    low: float
+    high: float
+    events: int
+    undetermined: int
+    failed: int
+
+
+@serializable
+class SobolIndices(NamedTuple):
+    """First-order and total index of a parameter, with 95 % errors."""
+
+    first: float
+    total: float
+    first_error: float
+    total_error: float
+
+
+@serializable
+class WorstPoint(NamedTuple):
+    """Worst value of a quantity within the ranges of the parameters, at a speed (rad/s), and its value at the
+    nominal parameters."""
+
+    value: float
+    nominal: float
+    speed: float
+    parameters: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Tolerances(Result):
+    """Consequences of the tolerances of a model's parameters, from `solve.tolerances`.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        Model with the nominal parameters.
+    speeds : (k,) array
+        Speeds in rad/s.
+    spreads : mapping of str to ParameterSpread
+        Parameters that vary, by name.
+    samples, solves : int
+        Number of samples for the probabilities, and of all solutions at one speed.
+    probability : mapping of str to Probability
+        Probability of instability, under "unstable", and of leaving each limit.
+    sobol : mapping of str to mapping of str to SobolIndices
+        Sobol indices by quantity and parameter.
+    worst : mapping of str to WorstPoint
+        Worst points by quantity.
+    bounds, units : mapping of str to float, str
+        Limits by quantity, and units of quantities.
+    points : (P, r) array
+        Parameters of the samples, in the model's units.
+    values : (P, q) array
+        Quantities of the samples, over the speeds the worst.
+    weights : (P,) array
+        Weights of the samples in means over the distribution.
+    doubts : sequence of str
+        Sentences on what is doubtful.
+    """
+
+    system: PeriodicSystem
+    speeds: Array
+    spreads: Mapping[str, ParameterSpread]
+    samples: int
+    solves: int
+    probability: Mapping[str, Probability]
+    sobol: Mapping[str, Mapping[str, SobolIndices]]
+    worst: Mapping[str, WorstPoint]
+    bounds: Mapping[str, float]
+    units: Mapping[str, str]
+    points: Array
+    values: Array
+    weights: Array
+    doubts: Sequence[str] = ()
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful."""
+        return [*self._reduction, *self.doubts]
+
+    @property
+    def summary(self) -> str:
+        """Sentence on the probability of instability."""
+        found = self.probability[UNSTABLE]
+        ends = f"{found.low:.3g} to {found.high:.3g}"
+        return f"Probability of instability: {found.value:.3g}, 95 % interval {ends}."
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        return {
+            "speeds": self.speeds,
+            "tolerances": {name: spread.text for name, spread in self.spreads.items()},
+            "samples": self.samples,
+            "solves": self.solves,
+            "probability": self.probability,
+            "sobol": self.sobol,
+            "worst": self.worst,
+        }
+
+    @property
+    def columns(self) -> Columns:
+        """Row per sample."""
+        parameters = {
+            name: Column(column, self.system.parameter_labels[name][0], self.system.parameter_labels[name][1])
+            for name, column in zip(self.spreads, self.points.T, strict=True)
+        }
+        quantities = {
+            name: Column(column, unit, f"{name}, worst over the speeds")
+            for (name, unit), column in zip(self.units.items(), self.values.T, strict=True)
+        }
+        return {**parameters, **quantities, "weight": Column(self.weights, "1", "weight of the sample")}
+
+    def header_rows(self) -> HeaderRows:
+        unit = self.system.speed_unit
+        texts = [unit.text(float(speed)) for speed in self.speeds]
+        shown = texts[0] if len(texts) == 1 else f"{len(texts)} speeds, {texts[0]} to {texts[-1]}"
+        return [("speed", shown), ("samples", f"{self.samples}, {self.solves} solutions per speed")]

@@ -1,0 +1,175 @@
+"""Machines of a batch: a model whose parameters vary at random, its stability and quantities at several
+speeds, and their gradients."""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.batch.store import made_folder
+from solve.batch.task import Task
+from solve.model.model import Model
+from solve.model.spread import Spread
+from solve.period.multipliers import UNDETERMINED, UNSTABLE
+from solve.period.named import RADIUS, Named
+from solve.results.points import FAILED
+from solve.studies.design_points import Design
+from solve.studies.point_values import errors_of, values_of
+from solve.studies.probability import Gradient
+from solve.studies.requirements import Bound
+from solve.studies.tracked import leading
+
+_REACH = 8.0
+"""Standard deviations of a normal distribution within which gradients are calculated: beyond lies a
+probability of 1e-15."""
+
+
+class Quantity(NamedTuple):
+    """A quantity with the sign of its worst direction: 1 where large values are worse, -1 where small ones
+    are."""
+
+    named: Named
+    sign: float
+
+
+class Limit(NamedTuple):
+    """Limit of a quantity, upper with the sign 1, lower with -1."""
+
+    named: Named
+    sign: float
+    value: float
+
+
+STABILITY = Limit(Named(RADIUS, "1", RADIUS), 1.0, 1.0)
+"""Limit of the spectral radius beyond which a machine is unstable."""
+
+
+class Event(NamedTuple):
+    """An event at points (P,) and speeds (k,). margins (P, k): positive where it occurs, NaN without a
+    result. occurs, undetermined, failed: whether it occurs at any speed; else, whether it is open at one."""
+
+    margins: Array
+    occurs: Array
+    undetermined: Array
+    failed: Array
+
+    @classmethod
+    def of(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
+        """Event from what holds at points and speeds (P, k)."""
+        any_occurs, any_open, any_failed = (
+            np.asarray(each.any(axis=1)) for each in (occurs, is_open, failed)
+        )
+        undetermined = any_open & ~any_occurs & ~any_failed
+        return cls(margins, any_occurs, undetermined, any_failed & ~any_occurs)
+
+
+class Outcome(NamedTuple):
+    """Outcome of P machines: instability, the leaving of each limit, and values (q, P, k) of quantities."""
+
+    unstable: Event
+    beyond: Sequence[Event]
+    values: Array
+
+
+@dataclass(eq=False)
+class Machines:
+    """Machines whose parameters have spreads, at speeds in rad/s.
+
+    solves: number of machines solved so far.
+    """
+
+    model: Model
+    spreads: dict[str, Spread]
+    speeds: list[float]
+    quantities: Sequence[Quantity]
+    bounds: Sequence[Bound]
+    task: Task
+    executor: Executor | None = None
+    store: str | Path | None = None
+    solves: int = 0
+
+    @property
+    def limits(self) -> list[Limit]:
+        """Limit of stability and those of the bounds."""
+        return [STABILITY, *(Limit(each.quantity, each.sign, each.value) for each in self.bounds)]
+
+    @property
+    def nominal(self) -> Array:
+        """Parameters (1, r) of the model."""
+        return np.array([[self.model.parameters[name] for name in self.spreads]])
+
+    def parameters(self, z: Array) -> Array:
+        """Parameters (P, r) of standard normal variables (P, r)."""
+        return np.stack(
+            [spread.values(column) for spread, column in zip(self.spreads.values(), z.T, strict=True)], axis=1
+        )
+
+    def outcome(self, parameters: Array, folder: str) -> Outcome:
+        """Outcome of machines with parameters (P, r); folder: name in the store, if there is one. Raises
+        NoResultError."""
+        count, speeds, period = len(self.speeds), np.tile(self.speeds, len(parameters)), self.model.period
+        points = np.column_stack((np.repeat(parameters, count, axis=0), speeds))
+        store = None if self.store is None else made_folder(self.store) / folder
+        results = self.task.solved(self.task.batch(points), points, self.executor, store)
+        results.require_any()
+        self.solves += len(parameters)
+
+        def by_speed(values: Array) -> Array:
+            return values.reshape(-1, count)
+
+        verdicts = by_speed(results.verdicts)
+        unstable = Event.of(
+            by_speed(results.spectral_radius - 1),
+            verdicts == UNSTABLE,
+            verdicts == UNDETERMINED,
+            verdicts == FAILED,
+        )
+        beyond = []
+        for bound in self.bounds:
+            values = values_of(bound.quantity, results, speeds, period)
+            errors = by_speed(errors_of(bound.quantity, values, results, speeds, period))
+            margins = bound.sign * by_speed(values - bound.value)
+            # An infinite error leaves the event open.
+            is_open = ~(np.abs(margins) > errors) & ~np.isnan(margins)
+            beyond.append(Event.of(margins, (margins > 0) & ~is_open, is_open, np.isnan(margins)))
+        every = [by_speed(values_of(each.named, results, speeds, period)) for each in self.quantities]
+        return Outcome(unstable, beyond, np.array(every))
+
+    def worst(self, values: Array) -> tuple[Array, Array]:
+        """Worst values (P, q) over the speeds, and the indices (P, q) of their speeds; NaN if one is."""
+        signs = np.array([each.sign for each in self.quantities])[:, None, None]
+        places = (signs * values).argmax(axis=2)
+        return np.take_along_axis(values, places[..., None], axis=2)[..., 0].T, places.T
+
+    def design(self, speed: float) -> Design:
+        """The model at one speed with x from 0 to 1 over all values with a probability."""
+        low, high = np.array(
+            [
+                (each.first - _REACH * each.second, each.first + _REACH * each.second)
+                if each.normal
+                else (each.first, each.second)
+                for each in self.spreads.values()
+            ]
+        ).T
+        names, request = list(self.spreads), self.task.request
+        rule, rtol = self.task.method, request.rtol
+        return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
+
+    def gradient(self, limit: Limit, speed: float) -> Gradient:
+        """Margin of a limit at a speed, positive beyond it, and its derivatives by z (r,)."""
+        design, quantity = self.design(speed), Quantity(limit.named, limit.sign)
+        width = design.high - design.low
+
+        def margin(z: Array) -> tuple[float, Array]:
+            values = self.parameters(z[None])[0]
+            by_z = np.array(
+                [float(each.slopes(at)) for each, at in zip(self.spreads.values(), z, strict=True)]
+            )
+            value, slopes = leading(design, (values - design.low) / width, 0, *quantity)
+            return value - limit.sign * limit.value, slopes * by_z / width
+
+        return margin

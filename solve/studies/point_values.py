@@ -1,0 +1,52 @@
+"""Values of named quantities in results of many points."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.named import EXPONENT, HARMONIC, RADIUS, Named
+from solve.period.quantities import FIGURES
+from solve.results.points import Kept, PointResults
+
+
+def kept_for(quantities: Sequence[Named], judged: Sequence[str] = ()) -> Kept:
+    """Selection of what is stored of each point for the quantities, and for those with limits."""
+    of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
+    orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
+    spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)
+    names = dict.fromkeys([*(quantity.subject for quantity in of_orbit), *judged])
+    return Kept(tuple(names), tuple(spectra), max(orders, default=0), warnings=False)
+
+
+def values_of(quantity: Named, results: PointResults, speeds: Array, period: float) -> Array:
+    """Values (P,) of a quantity, NaN where there is none; speeds (P,) in rad/s, period in phase."""
+    if quantity.figure == HARMONIC:
+        return results.amplitudes[:, results.kept.spectra.index(quantity.subject), quantity.number]
+    if quantity.of_orbit:
+        place = results.kept.names.index(quantity.subject)
+        return results.figures[:, place, FIGURES.index(quantity.figure)]
+    if quantity.subject == RADIUS:
+        return results.spectral_radius
+    every = results.all_multipliers
+    rho = np.where(every == 0, np.nan, every)[:, quantity.number - 1]
+    return quantity.part(np.log(rho) * speeds / period if quantity.subject == EXPONENT else rho)
+
+
+def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Array, period: float) -> Array:
+    """Estimated absolute errors (P,) of values (P,): of the orbit relative to its largest modulus, of
+    multipliers to the spectral radius."""
+    orbit, multipliers = results.errors.T
+    if quantity.of_orbit:
+        place = results.kept.names.index(quantity.subject)
+        return _bounded(orbit, results.figures[:, place, FIGURES.index("max_abs")])
+    error = _bounded(multipliers, results.spectral_radius)
+    if quantity.subject != EXPONENT:
+        return error
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return error / np.abs(results.all_multipliers[:, quantity.number - 1]) * speeds / period
+
+
+def _bounded(relative: Array, sizes: Array) -> Array:
+    """Absolute errors (P,); an unknown relative error of a value of 0 is unknown, too."""
+    return np.where(np.isinf(relative), np.inf, np.where(np.isinf(relative), 0.0, relative) * sizes)

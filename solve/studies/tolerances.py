@@ -1,0 +1,307 @@
+"""Tolerances of parameters: probabilities of instability and of exceeded limits, Sobol indices, worst
+points."""
+
+import math
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+
+import numpy as np
+
+from solve.arguments import require_integer
+from solve.arrays import Array
+from solve.batch.family import SPEED, SystemFamily
+from solve.batch.task import task_of
+from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.methods.choice import Rule, chosen
+from solve.methods.collocation import Collocated
+from solve.methods.method import Method
+from solve.model.model import Model, of_model
+from solve.results.tolerances import (
+    UNSTABLE,
+    ParameterSpread,
+    Probability,
+    SobolIndices,
+    Tolerances,
+    WorstPoint,
+)
+from solve.studies.machines import STABILITY, Event, Machines, Outcome, Quantity
+from solve.studies.point_values import kept_for
+from solve.studies.probability import SEARCH_SPREAD, Mixture, centres_of
+from solve.studies.requirements import bounds_of, real_quantity, spreads_of
+from solve.studies.sobol_indices import sobol_indices
+from solve.studies.tracked import leading
+from solve.terminal import progress
+from solve.units import speeds_given
+
+_SEARCH = 8
+"""Fraction 1 / _SEARCH of the samples that search for rare events. A choice."""
+
+_MOST_SPEEDS, _MOST_CENTRES = 4, 8
+"""Most speeds at which points of an event are sought, and most such points, those nearest to the nominal
+parameters. Choices."""
+
+_MOST_STEPS = 40
+"""Most evaluations in the search of a worst point. A choice."""
+
+_STARTS = 3
+"""Number of the worst samples from which a worst point is sought. A choice: maxima may be local."""
+
+_LEAST_SAMPLES, _MOST_SAMPLES = 64, 10**7
+"""Bounds of the number of samples. Intervals of fewer samples say little."""
+
+
+@of_model
+def tolerances(
+    model: Model,
+    speeds: float | str | Sequence[float | str] | None = None,
+    vary: Mapping[str, str] | None = None,
+    subject: Sequence[str] = (),
+    of: Sequence[str] = (),
+    samples: int = 4096,
+    index_samples: int = 256,
+    method: str | Rule = "auto",
+    rtol: float = 1e-8,
+    engine: str = "auto",
+    executor: Executor | None = None,
+    store: str | Path | None = None,
+    seed: int = 0,
+) -> Tolerances:
+    """Calculate what tolerances of the parameters cause: instability, exceeded limits, spread of quantities.
+
+    Parameters
+    ----------
+    model : Model
+        Model with the nominal parameters, and with derivatives with respect to those that vary.
+    speeds : float, str or sequence, optional
+        Speeds in rad/s, texts with unit, or one text such as "50:300:11 rpm"; by default the speed of the
+        case. A machine counts as unstable if it is unstable at one of these speeds.
+    vary : mapping of str to str, optional
+        Tolerance or distribution by parameter, such as "±2 %", "±0.1 mm", "normal(8e4, 2e3)" or
+        "uniform(7e4, 9e4)"; in addition to those of the case, or instead of them.
+    subject : sequence of str
+        Limits of quantities at every speed, such as "q3.max_abs < 9 um".
+    of : sequence of str
+        Further quantities for Sobol indices and worst points, such as "contact_force.min".
+    samples : int
+        Number of samples for the probabilities.
+    index_samples : int
+        Number of samples for the Sobol indices, times the number of parameters plus 2; rounded up to a power
+        of two. 0 for none.
+    method : str or Method
+        "radau", "gauss" or "auto".
+    rtol : float
+        Relative tolerance of the solutions.
+    engine, executor, store : optional
+        As in `sweep`.
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    Tolerances
+        Probabilities with 95 % intervals, Sobol indices, worst points, and the samples.
+
+    Raises
+    ------
+    MissingValueError
+        If no parameter has a tolerance.
+    NoResultError
+        If the nominal model has no solution.
+    UnknownNameError, ValueOutOfBoundsError, UnitError, NoDerivativeError
+        For bad input.
+
+    Notes
+    -----
+    Parameters are independent. Of normal distributions, worst points are sought within three standard
+    deviations. Samples with an open verdict are counted apart; the upper ends of the intervals include them.
+
+    Examples
+    --------
+    >>> import solve
+    >>> pendulum = solve.load("mathieu", delta=1.0, epsilon=0.19, zeta=0.05)
+    >>> found = tolerances(pendulum, 1.0, {"epsilon": "±10 %"}, samples=256, index_samples=0)
+    >>> 0.2 < found.probability["unstable"].value < 0.8
+    True
+    """
+    machines = _machines(model, speeds, vary or {}, (subject, of), (method, rtol, engine))
+    machines.executor, machines.store = executor, store
+    for name, count, least in (("samples", samples, _LEAST_SAMPLES), ("index_samples", index_samples, 0)):
+        require_integer(name, count, least)
+        if count > _MOST_SAMPLES:
+            raise ValueOutOfBoundsError(f"{name} is {count}; allowed: up to {_MOST_SAMPLES}")
+    require_integer("seed", seed, 0)
+    rng = np.random.default_rng(seed)
+    with progress.steps(4) as step:
+        step("the search for rare events")
+        nominal = machines.outcome(machines.nominal, "nominal").values
+        wide = SEARCH_SPREAD * rng.standard_normal((samples // _SEARCH, len(machines.spreads)))
+        searched = machines.outcome(machines.parameters(wide), "search")
+        mixture = _mixture(machines, wide, searched, samples - len(wide))
+        step("the samples")
+        z = mixture.samples(rng)
+        points, weights = machines.parameters(z), mixture.weights(z)
+        outcome = machines.outcome(points, "samples")
+        step("the Sobol indices")
+        sobol, unknown = _sobol(machines, index_samples, rng)
+        step("the worst points")
+        every = np.concatenate((machines.parameters(wide), points, machines.nominal))
+        worst = _worst(machines, every, np.concatenate((searched.values, outcome.values, nominal), axis=1))
+    names = [UNSTABLE, *(bound.text for bound in machines.bounds)]
+    events = [outcome.unstable, *outcome.beyond]
+    probability = {
+        name: mixture.probability(weights, *event[1:]) for name, event in zip(names, events, strict=True)
+    }
+    return Tolerances(
+        system=machines.model,
+        speeds=np.array(machines.speeds),
+        spreads={
+            name: ParameterSpread(each.text, machines.model.parameters[name], each.low, each.high)
+            for name, each in machines.spreads.items()
+        },
+        samples=samples,
+        solves=machines.solves,
+        probability=probability,
+        sobol=sobol,
+        worst=worst,
+        bounds={bound.quantity.text: bound.value for bound in machines.bounds},
+        units={each.named.text: each.named.unit for each in machines.quantities},
+        points=points,
+        values=machines.worst(outcome.values)[0],
+        weights=weights,
+        doubts=_doubts(probability, unknown),
+    )
+
+
+def _machines(
+    model: Model,
+    speeds: float | str | Sequence[float | str] | None,
+    vary: Mapping[str, str],
+    texts: tuple[Sequence[str], Sequence[str]],
+    accuracy: tuple[str | Rule, float, str],
+) -> Machines:
+    """Machines of a request; texts: limits and quantities. Raises SolveError subclasses for bad input."""
+    given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
+    model = model.shown_in(given[0])
+    spreads = spreads_of(model, vary)
+    bounds = bounds_of(model, texts[0])
+    signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}
+    named = [STABILITY.named, *(bound.quantity for bound in bounds)]
+    named += [real_quantity(model, text) for text in texts[1]]
+    distinct = {each.text: each for each in named}.values()
+    quantities = [
+        Quantity(each, signs.get(each.text, -1.0 if each.figure == "min" else 1.0)) for each in distinct
+    ]
+    method, rtol, engine = accuracy
+    rule = chosen(method)
+    if isinstance(rule, Method) and not isinstance(rule, Collocated):
+        raise ValueOutOfBoundsError(f"method is {rule.name}; tolerances take radau, gauss, or auto")
+    family = SystemFamily(model, [*spreads, SPEED])
+    orbit = any(each.of_orbit for each in distinct)
+    task, _ = task_of(family, rule, rtol, engine, kept_for(list(distinct)), orbit=orbit)
+    return Machines(model, spreads, sorted(map(float, given)), quantities, bounds, task)
+
+
+def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
+    """Mixture about 0 and the nearest points of all events among the searched points z (P, r)."""
+    centres: list[Array] = []
+    for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
+        for place in _speeds_of(event):
+            gradient = machines.gradient(limit, machines.speeds[place])
+            centres += centres_of(gradient, z[event.margins[:, place] > 0], _MOST_CENTRES)
+    centres.sort(key=lambda centre: float(np.linalg.norm(centre)))
+    return Mixture.about(centres[:_MOST_CENTRES], z.shape[1], samples)
+
+
+def _speeds_of(event: Event) -> list[int]:
+    """Indices of the speeds with most events; without any, of the largest margin."""
+    counts = np.count_nonzero(event.margins > 0, axis=0)
+    order = np.argsort(-counts, kind="stable")[:_MOST_SPEEDS]
+    if counts.any():
+        return [int(place) for place in order if counts[place]]
+    known = np.where(np.isnan(event.margins), -np.inf, event.margins)
+    return [int(known.max(axis=0).argmax())]
+
+
+def _sobol(
+    machines: Machines, samples: int, rng: np.random.Generator
+) -> tuple[dict[str, dict[str, SobolIndices]], int]:
+    """Sobol indices by quantity and parameter, and the number of samples without a value."""
+    if not samples:
+        return {}, 0
+    from scipy.special import ndtri
+
+    def evaluate(cube: Array) -> Array:
+        # A quasi-random sample may be 0.
+        z = ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
+        return machines.worst(machines.outcome(machines.parameters(z), "indices").values)[0]
+
+    # Errors of the values are up to their tolerance.
+    power, error = math.ceil(math.log2(samples)), machines.task.request.rtol
+    indices, unknown = sobol_indices(evaluate, len(machines.spreads), 2**power, rng, error)
+    by_name = [dict(zip(machines.spreads, each, strict=True)) for each in indices]
+    return dict(zip((each.named.text for each in machines.quantities), by_name, strict=True)), unknown
+
+
+def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
+    """Worst points of the quantities, by a search from the worst of points (P, r) with values (q, P, k), the
+    nominal one the last."""
+    spreads = machines.spreads.values()
+    low, high = np.array([(each.low, each.high) for each in spreads]).T
+    worst, places = machines.worst(values)
+    found = {}
+    for at, quantity in enumerate(machines.quantities):
+        known = np.where(np.isnan(worst[:, at]), -np.inf, quantity.sign * worst[:, at])
+        climbed = []
+        for start in known.argsort()[-_STARTS:].tolist():
+            speed = machines.speeds[int(places[start, at])]
+            value, parameters = _climbed(machines, quantity, speed, points[start], (low, high))
+            climbed.append((quantity.sign * value, value, speed, parameters))
+        _, value, speed, parameters = max(climbed, key=lambda each: each[0])
+        found[quantity.named.text] = WorstPoint(
+            value, float(worst[-1, at]), speed, dict(zip(machines.spreads, parameters.tolist(), strict=True))
+        )
+    return found
+
+
+def _climbed(
+    machines: Machines, quantity: Quantity, speed: float, start: Array, ends: tuple[Array, Array]
+) -> tuple[float, Array]:
+    """Worst value within the ends at a speed, and its parameters (r,), by gradients from a start."""
+    from scipy.optimize import minimize
+
+    design = machines.design(speed)
+    width = design.high - design.low
+    low, high = ((end - design.low) / width for end in ends)
+    best: tuple[float, Array] = (-math.inf, start)
+
+    def descent(x: Array) -> tuple[float, Array]:
+        nonlocal best
+        try:
+            value, slopes = leading(design, x, 0, *quantity)
+        except SolveError:
+            return 0.0, np.zeros(len(x))
+        if value > best[0]:
+            best = value, design.low + x * width
+        return -value / scale, -slopes / scale
+
+    x = np.clip((start - design.low) / width, low, high)
+    scale = 1.0
+    scale = abs(descent(x)[0]) or 1.0
+    bounds, options = list(zip(low, high, strict=True)), {"maxfun": _MOST_STEPS}
+    minimize(descent, x, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
+    return (quantity.sign * best[0] if math.isfinite(best[0]) else math.nan), best[1]
+
+
+def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:
+    """Sentences on samples without a result, and on intervals that leave much open."""
+    doubts = []
+    for name, each in probability.items():
+        if each.undetermined or each.failed:
+            doubts.append(
+                f"{name}: {each.undetermined} samples are undetermined and {each.failed} have no result; the "
+                "upper end of the interval includes them"
+            )
+    if unknown:
+        doubts.append(f"the Sobol indices leave out {unknown} groups of samples without a result")
+    return doubts

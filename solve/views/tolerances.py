@@ -1,0 +1,152 @@
+"""Tolerances: distributions of quantities, limits, Sobol indices, probabilities and worst points."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.results.formatting import greek, measured, prefixed
+from solve.results.tolerances import UNSTABLE, Tolerances
+from solve.views.panels import title_of
+from solve.views.show import figure, tables
+from solve.views.style import BLUE, GREY, VERMILION, Axes, Figure, page
+from solve.views.tables import RenderableType, table, text
+
+_MOST_QUANTITIES, _MOST_BARS = 4, 8
+"""Largest numbers of quantities in the picture, and of parameters per quantity: as many as fit."""
+
+_BINS = 40
+"""Number of bars of a histogram. A choice."""
+
+_OUTSIDE = 5e-4
+"""Fraction of the distribution at either end that histograms leave out. A choice."""
+
+
+@figure.register(Tolerances)
+def tolerances_figure(result: Tolerances) -> Figure:
+    """Row per quantity: its distribution with the limit, and its Sobol indices."""
+    names = _shown(result)
+    columns = 2 if result.sobol else 1
+    bars = min(len(result.spreads), _MOST_BARS)
+    with page(
+        0.7 + len(names) * max(2.0, 0.7 + 0.28 * bars), f"{title_of(result.system)}: tolerances"
+    ) as made:
+        panels = made.subplots(len(names), columns, squeeze=False)
+        for row, name in zip(panels, names, strict=True):
+            _draw_distribution(row[0], result, name)
+            if result.sobol:
+                _draw_indices(row[1], result, name)
+        panels[0, 0].legend(ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), fontsize="small")
+        if result.sobol:
+            panels[0, 1].set_title("Sobol indices", loc="left", color=GREY)
+            panels[-1, 1].legend(loc="lower right", fontsize="small")
+    return made
+
+
+def _shown(result: Tolerances) -> list[str]:
+    """Quantities that vary, the spectral radius last."""
+    varying = [name for name, column in zip(result.units, result.values.T, strict=True) if _spread(column)]
+    ordered = [*varying[1:], *varying[:1]] if varying[:1] == ["spectral_radius"] else varying
+    return (ordered or list(result.units)[:1])[:_MOST_QUANTITIES]
+
+
+def _spread(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    return len(known) > 0 and float(np.ptp(known)) > 1e-9 * float(np.abs(known).max())
+
+
+def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
+    """Density of a quantity, worst over the speeds, with its limit and its nominal value."""
+    values, unit = result.values[:, list(result.units).index(name)], result.units[name]
+    known = np.isfinite(values)
+    factor, shown = prefixed(unit, float(np.abs(values[known]).max(initial=0.0)))
+    values, weights = factor * values[known], result.weights[known]
+    if _spread(values):
+        order = np.argsort(values)
+        mass = np.cumsum(weights[order]) / weights.sum()
+        low, high = np.interp([_OUTSIDE, 1 - _OUTSIDE], mass, values[order])
+        axes.hist(values, _BINS, range=(low, high), weights=weights, density=True, color=BLUE, alpha=0.6)
+    axes.axvline(factor * result.worst[name].nominal, color=GREY, linewidth=1.0, label="nominal")
+    if name in result.bounds:
+        axes.axvline(factor * result.bounds[name], color=VERMILION, linewidth=1.2, label="limit")
+    axes.set_xlabel(f"{greek(name)} ({shown})" if shown else greek(name).replace("_", " "))
+    axes.set_yticks([])
+    axes.set_ylabel("density")
+
+
+def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
+    """First-order and total indices of the parameters, the largest at the top."""
+    indices = result.sobol[name]
+    ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:_MOST_BARS]
+    places = np.arange(len(ranked))
+    for shift, field, colour, label in ((-0.2, "total", GREY, "total"), (0.2, "first", BLUE, "first order")):
+        sizes = [max(0.0, np.nan_to_num(getattr(indices[parameter], field))) for parameter in ranked]
+        errors = [getattr(indices[parameter], f"{field}_error") for parameter in ranked]
+        axes.barh(places + shift, sizes, 0.4, xerr=errors, color=colour, label=label, error_kw={"lw": 0.8})
+    axes.set_yticks(places, ranked)
+    axes.invert_yaxis()
+    axes.set_xlim(left=0.0)
+
+
+@tables.register(Tolerances)
+def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
+    """Spreads, probabilities, Sobol indices and worst points."""
+    unit_of = result.system.unit_of
+    spreads = table(
+        "Parameters",
+        *("parameter", "unit", "nominal", "spread"),
+        left=2,
+        rows=[
+            (name, unit_of(name).name, f"{each.nominal:.6g}", each.text)
+            for name, each in result.spreads.items()
+        ],
+    )
+    probabilities = table(
+        "Probabilities, with 95 % intervals",
+        *("event", "probability", "low", "high", "undetermined", "failed"),
+        rows=[
+            (_event(name), *(f"{number:.3g}" for number in each[:3]), *map(str, each[4:]))
+            for name, each in result.probability.items()
+        ],
+    )
+    shown = [text(f"\n{result.summary}", "bold"), spreads, probabilities]
+    if result.sobol:
+        shown.append(_indices_table(result))
+    return [*shown, _worst_table(result)]
+
+
+def _event(name: str) -> str:
+    """Text of an event."""
+    return name if name == UNSTABLE else f"violated: {name}"
+
+
+def _indices_table(result: Tolerances) -> RenderableType:
+    rows = [
+        (
+            quantity,
+            parameter,
+            _with_error(each.first, each.first_error),
+            _with_error(each.total, each.total_error),
+        )
+        for quantity, indices in result.sobol.items()
+        for parameter, each in sorted(indices.items(), key=lambda item: -item[1].total)
+    ]
+    return table("Sobol indices", "quantity", "parameter", "first order", "total", left=2, rows=rows)
+
+
+def _with_error(value: float, error: float) -> str:
+    return f"{value:z.3f} ± {error:.3f}" if math.isfinite(value) else "–"
+
+
+def _worst_table(result: Tolerances) -> RenderableType:
+    """Column per quantity: nominal and worst value, with the speed and the parameters of the worst."""
+    worst, unit = result.worst, result.system.speed_unit
+    rows = [
+        ("nominal", *(measured(each.nominal, result.units[name]) for name, each in worst.items())),
+        ("worst", *(measured(each.value, result.units[name]) for name, each in worst.items())),
+        ("at", *(unit.text(each.speed) for each in worst.values())),
+    ]
+    for name in result.spreads:
+        rows.append((name, *(f"{each.parameters[name]:.5g}" for each in worst.values())))
+    return table("Worst points", "", *worst, rows=rows)
