@@ -144,6 +144,7 @@ class SystemLabels(NamedTuple):
     judged_quantities: Sequence[str]
     speed_unit: ShownUnit
     states: Sequence[str] = ()
+    inputs: Sequence[str] = ()
 
     @classmethod
     def of(cls, system: PeriodicSystem) -> "SystemLabels":

@@ -1,0 +1,394 @@
+"""Linear-quadratic regulator, Kalman filter and their combination for systems with periodic coefficients."""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.period.curve import Curve
+from solve.results.controller import Controller
+from solve.single import floquet
+from solve.studies.control.closed_loop import ClosedLoop, Observer
+from solve.studies.control.plant import Plant
+from solve.studies.control.riccati import Riccati, Solved, solve_riccati, symmetric_of, through_points
+from solve.studies.control.weights import Weight, matrix_function, named_numbers
+from solve.system import PeriodicSystem, of_system
+from solve.threads import one_thread
+from solve.units import checked_rtol, speed_in_si
+
+Function = Callable[[Array], Array]
+
+
+@of_system
+def lqr(
+    system: PeriodicSystem, speed: float | str, Q: Weight, R: Weight, rtol: float = 1e-8
+) -> Controller:
+    """Compute the state feedback u = −K(φ)x that minimises the mean of xᵀQx + uᵀRu.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System with r inputs, of first or second order. Its states x are (q, q̇), or those of a first-order
+        system.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    Q : (N, N) array, mapping or callable
+        Weights of the states: a positive semidefinite matrix; numbers by name of states and outputs, such as
+        {"q1": 1e6, "q1_dot": 10}; or a function of phases (k,) that returns (k, N, N).
+    R : (r, r) array, mapping or callable
+        Weights of the inputs: a positive definite matrix, numbers by name of the inputs, or a function.
+    rtol : float
+        Relative tolerance of the solution of the Riccati equation and of the multipliers.
+
+    Returns
+    -------
+    Controller
+        Solution X(φ), gain K(φ) = R⁻¹BᵀX and the closed loop.
+
+    Raises
+    ------
+    ControlError
+        Without inputs, or without a stabilising solution.
+    SolveError
+        Other subclasses for bad input.
+
+    Notes
+    -----
+    X is the stabilising periodic solution of −Ẋ = AᵀX + XA − XBR⁻¹BᵀX + Q (S. Bittanti, P. Colaneri, Periodic
+    Systems, 2009). It is computed by doubling on the symplectic maps of Gauss collocation and corrected by
+    Newton's method. Multipliers of the closed loop are those of `solve.floquet`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def unstable(phase, speed):
+    ...     one = np.ones((len(phase), 1, 1))
+    ...     return one, 0 * one, -(2 + np.cos(phase)[:, None, None]), 0 * phase[:, None], one
+    >>> found = lqr(PeriodicSystem(unstable, ["q"], inputs=["u"]), 1.0, {"q": 1.0}, {"u": 1.0})
+    >>> found.stable
+    True
+    """
+    plant, rtol = _plant(system, speed), checked_rtol(rtol)
+    plant.require_inputs()
+    solved, gain = _regulator(plant, Q, R, rtol)
+    closed = ClosedLoop(plant.system, gain)
+    return _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
+
+
+@of_system
+def kalman(
+    system: PeriodicSystem, speed: float | str, W: Weight, V: Weight, rtol: float = 1e-8
+) -> Controller:
+    """Compute the gain L(φ) of the observer x̂′ = A x̂ + b + B u + L (y − C x̂) with least mean square error.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System of first or second order.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    W : (N, N) array, mapping or callable
+        Spectral density of the noise of the states: a positive semidefinite matrix; numbers by name of inputs
+        along which noise acts, or of states to whose rates it is added; or a function of phases (k,).
+    V : (y, y) array, mapping or callable
+        Spectral density of the noise of the measured quantities: numbers by name of states and outputs, which
+        are then measured. A positive definite matrix, or a function of phases, is of the outputs of a
+        `FirstOrderSystem` that names some, otherwise of all coordinates.
+    rtol : float
+        Relative tolerance of the solution of the Riccati equation and of the multipliers.
+
+    Returns
+    -------
+    Controller
+        Covariance P(φ) of the error of the estimates, gain L(φ) = P Cᵀ V⁻¹ (N, y), and as closed loop the
+        equations of the error.
+
+    Raises
+    ------
+    ControlError
+        Without a stabilising solution.
+    SolveError
+        Other subclasses for bad input.
+
+    Notes
+    -----
+    P is the stabilising periodic solution of Ṗ = AP + PAᵀ − PCᵀV⁻¹CP + W (R. E. Kalman, R. S. Bucy, J. Basic
+    Eng. 83 (1961) 95-108).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def integrator(phase, speed):
+    ...     zero = np.zeros((len(phase), 1, 1))
+    ...     return zero, zero[:, 0]
+    >>> found = kalman(solve.FirstOrderSystem(integrator, ["x"]), 1.0, [[4.0]], {"x": 1.0})
+    >>> round(float(found.gain(0.0)[0, 0, 0]), 9)
+    2.0
+    """
+    plant, rtol = _plant(system, speed), checked_rtol(rtol)
+    solved, gain, measured = _filter(plant, W, V, rtol)
+    return _controller("kalman", plant, solved, gain, measured, _errors(plant, gain, measured), rtol)
+
+
+@of_system
+def lqg(
+    system: PeriodicSystem,
+    speed: float | str,
+    Q: Weight,
+    R: Weight,
+    W: Weight,
+    V: Weight,
+    rtol: float = 1e-8,
+) -> Controller:
+    """Compute the output feedback of `lqr` with the estimates of `kalman`.
+
+    Parameters
+    ----------
+    system, speed, rtol
+        As in `lqr`.
+    Q, R : array, mapping or callable
+        Weights of the regulator, as in `lqr`.
+    W, V : array, mapping or callable
+        Noise of the filter, as in `kalman`.
+
+    Returns
+    -------
+    Controller
+        As of `lqr`, with the filter as `observer`; the closed loop has the estimates NAME_hat as states.
+
+    Raises
+    ------
+    ControlError
+        Without inputs, or without a stabilising solution.
+    SolveError
+        Other subclasses for bad input.
+
+    Examples
+    --------
+    >>> import solve
+    >>> press = solve.load("manipulator")
+    >>> found = lqg(press, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, {"u": 1.0}, {"q1": 1e-9})
+    >>> found.closed.n
+    6
+    """
+    plant, rtol = _plant(system, speed), checked_rtol(rtol)
+    plant.require_inputs()
+    solved, gain = _regulator(plant, Q, R, rtol)
+    filtered, observer_gain, measured = _filter(plant, W, V, rtol)
+    errors = _errors(plant, observer_gain, measured)
+    observer = _controller("kalman", plant, filtered, observer_gain, measured, errors, rtol)
+    closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured))
+    return _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol, observer)
+
+
+@of_system
+def control(
+    system: PeriodicSystem,
+    speed: float | str,
+    lqr: Mapping[str, float] | tuple[Weight, Weight] | None = None,
+    kalman: Mapping[str, float] | tuple[Weight, Weight] | None = None,
+    rtol: float = 1e-8,
+) -> Controller:
+    """Compute a regulator, a filter, or both, from weights by name.
+
+    Parameters
+    ----------
+    system, speed, rtol
+        As in `lqr`.
+    lqr : mapping or pair, optional
+        Weights by name, of inputs and of states and outputs, such as {"q3": 1e6, "u": 1}; or Q and R.
+    kalman : mapping or pair, optional
+        Noise by name, along inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9}; or W and
+        V.
+
+    Returns
+    -------
+    Controller
+        Of `lqr`, `kalman`, or, if both are given, of `lqg`.
+
+    Raises
+    ------
+    SolveError
+        As of `lqr` and `kalman`.
+
+    Examples
+    --------
+    >>> import solve
+    >>> control(solve.load("manipulator"), "50 rpm", lqr={"q2": 1e8, "u": 1e-2}).verdict
+    'asymptotically stable'
+    """
+    weights = None if lqr is None else _pair(system, lqr, "lqr", inputs_first=False)
+    noise = None if kalman is None else _pair(system, kalman, "kalman", inputs_first=True)
+    if weights and noise:
+        return lqg_of(system, speed, *weights, *noise, rtol)
+    if weights:
+        return lqr_of(system, speed, *weights, rtol)
+    if noise:
+        return kalman_of(system, speed, *noise, rtol)
+    raise MissingValueError('a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman')
+
+
+lqr_of, kalman_of, lqg_of = lqr, kalman, lqg
+"""The functions under names that arguments of `control` do not hide."""
+
+
+def _pair(
+    system: PeriodicSystem, given: Mapping[str, float] | tuple[Weight, Weight], name: str, inputs_first: bool
+) -> tuple[Weight, Weight]:
+    """Weights (Q, R), or noise (W, V), from numbers by name. Raises MissingValueError."""
+    if not isinstance(given, Mapping):
+        if not isinstance(given, tuple) or len(given) != 2:
+            raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: numbers by name, or two weights")
+        return given
+    inputs = {key: value for key, value in given.items() if key in system.inputs}
+    others = {key: value for key, value in given.items() if key not in system.inputs}
+    if not inputs or not others:
+        missing = f"no input ({', '.join(system.inputs) or 'there is none'})" if not inputs else "no state"
+        raise MissingValueError(f"{name} names {missing}; give numbers for inputs and for states or outputs")
+    return (inputs, others) if inputs_first else (others, inputs)
+
+
+def _plant(system: PeriodicSystem, speed: float | str) -> Plant:
+    omega = speed_in_si(speed)
+    system.require_motion()
+    system.checked(omega)
+    return Plant(system.shown_in(omega), omega)
+
+
+def _regulator(plant: Plant, Q: Weight, R: Weight, rtol: float) -> tuple[Solved, Curve]:
+    """Solution X of the regulator's Riccati equation and curve of K."""
+    weight, inputs = _state_weight(plant, Q), plant.system.inputs
+    if isinstance(R, Mapping):
+        numbers = named_numbers("R", R, inputs, positive=True)
+        if missing := [name for name in inputs if name not in numbers]:
+            raise MissingValueError(f"R has no number for the input {missing[0]}; give one for every input")
+        R = np.diag([numbers[name] for name in inputs])
+    cost = matrix_function("R", R, len(inputs), plant.system.period, definite=True)
+
+    def coefficients(phase: Array) -> tuple[Array, Array, Array]:
+        A, B, _ = plant.dynamics(phase)
+        return A, B @ np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2)), weight(phase)
+
+    solved = _solved(plant, coefficients, rtol)
+
+    def gain(phase: Array) -> Array:
+        _, B, _ = plant.dynamics(phase)
+        return np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase)))
+
+    return solved, through_points(gain, solved.grid)
+
+
+def _state_weight(plant: Plant, Q: Weight) -> Function:
+    """Q (k, N, N), from numbers by name as the sum of squares of rows."""
+    if not isinstance(Q, Mapping):
+        return matrix_function("Q", Q, plant.N, plant.system.period)
+    plant.rows(list(Q), np.zeros(1))
+    numbers = named_numbers("Q", Q, list(Q), positive=False)
+    names, weights = list(numbers), np.array(list(numbers.values()))
+
+    def weight(phase: Array) -> Array:
+        rows = plant.rows(names, phase)
+        return np.swapaxes(rows, 1, 2) @ (weights[:, None] * rows)
+
+    return weight
+
+
+def _filter(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, Curve, tuple[str, ...]]:
+    """Solution P of the filter's Riccati equation, curve of L, and the names of the measured quantities."""
+    system = plant.system
+    noise, measured = _state_noise(plant, W), tuple(getattr(system, "measured", ()) or ())
+    if isinstance(V, Mapping):
+        measured = tuple(V)
+        plant.rows(measured, np.zeros(1))
+        V = np.diag(list(named_numbers("V", V, measured, positive=True).values()))
+    else:
+        of_states = len(system.states) == system.n and system.outputs
+        measured = tuple(system.outputs if of_states else system.coordinates)
+    cost = matrix_function("V", V, len(measured), system.period, definite=True)
+
+    def coefficients(phase: Array) -> tuple[Array, Array, Array]:
+        C, A = plant.rows(measured, phase), plant.dynamics(phase)[0]
+        G = np.swapaxes(C, 1, 2) @ np.linalg.solve(cost(phase), C)
+        return np.swapaxes(A, 1, 2), G, noise(phase)
+
+    solved = _solved(plant, coefficients, rtol, filters=True)
+
+    def gain(phase: Array) -> Array:
+        shown = plant.rows(measured, phase) @ symmetric_of(solved.curve(phase))
+        return np.swapaxes(np.linalg.solve(cost(phase), shown), 1, 2)
+
+    return solved, through_points(gain, solved.grid), measured
+
+
+def _state_noise(plant: Plant, W: Weight) -> Function:
+    """W (k, N, N), from numbers by name of inputs and states."""
+    if not isinstance(W, Mapping):
+        return matrix_function("W", W, plant.N, plant.system.period)
+    inputs, states = plant.system.inputs, plant.states
+    numbers = named_numbers("W", W, [*inputs, *states], positive=False)
+    along = np.array([numbers.get(name, 0.0) for name in inputs])
+    direct = np.diag([numbers.get(name, 0.0) for name in states])
+
+    def noise(phase: Array) -> Array:
+        B = plant.dynamics(phase)[1]
+        return (B * along) @ np.swapaxes(B, 1, 2) + direct
+
+    return noise
+
+
+def _solved(
+    plant: Plant,
+    coefficients: Callable[[Array], tuple[Array, Array, Array]],
+    rtol: float,
+    filters: bool = False,
+) -> Solved:
+    system = plant.system
+    with one_thread(system.n):
+        equation = Riccati(coefficients, plant.speed, system.period, system.breaks, filters)
+        return solve_riccati(equation, rtol)
+
+
+def _errors(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:
+    """Equations e′ = (A − LC) e of the error of the estimates."""
+    from solve.first_order import FirstOrderSystem
+
+    def matrices(phase: Array, speed: float) -> tuple[Array, Array]:
+        here = Plant(plant.system, speed)
+        L = gain(phase).T.reshape(len(phase), plant.N, -1)
+        A = here.dynamics(phase)[0] - L @ here.rows(measured, phase)
+        return A, np.zeros((len(phase), plant.N))
+
+    made = FirstOrderSystem(matrices, plant.states, plant.system.period, plant.system.breaks)
+    made.name, made.speed_unit = f"error of the estimates of {plant.system.name}", plant.system.speed_unit
+    return made
+
+
+def _controller(
+    kind: str,
+    plant: Plant,
+    solved: Solved,
+    gain: Curve,
+    signals: tuple[str, ...],
+    closed: PeriodicSystem,
+    rtol: float,
+    observer: Controller | None = None,
+) -> Controller:
+    """Result, with the certified multipliers of the closed loop."""
+    return Controller(
+        system=plant.system,
+        speed=plant.speed,
+        kind=kind,
+        states=plant.states,
+        signals=signals,
+        solution=solved.curve,
+        gains=gain,
+        closed=closed,
+        stability=floquet(closed, plant.speed, rtol=rtol),
+        error_estimate=solved.error,
+        residual=solved.residual,
+        rtol=rtol,
+        observer=observer,
+    )
