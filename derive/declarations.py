@@ -104,6 +104,16 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Input:
+    """Declared input: a force, with the displacement along which it acts."""
+
+    name: str
+    along: Any
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
 class Option:
     """An option of the generated module, with its allowed values."""
 

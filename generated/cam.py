@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "49ffc17d32c04436deb133f0bd7564f20408154a5574d6b371ac9186aade50a9"
-DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
+MECHANISM_SHA256 = "3321a3b16538c664122a93f3ef99600a238a7d8a9ed2fcb577594f31885fb44c"
+DERIVE_SHA256 = "16c9b067edc1bd323dddfe6bf55a3850637e9cbb8b93fd924fa58bfd535a10a8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "149629bcb97d2c9182dca1a48ccafc64a2b03dbe2369cdfd772ce1c917e9022e"
+FILE_SHA256 = "cca49691934e086d5da4cc302c523bf6f7723e0734e29fa9a22f19eac355d882"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -79,6 +79,9 @@ OUTPUTS = (
 )
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
+)
+INPUTS = (
+    ("u", "N m", "torque on the cam in addition to that of the shaft"),
 )
 SERIES = (
     ("U", "cosine-sine", True, "", "a", "b", 12),
@@ -180,6 +183,31 @@ def linearised():
         ],
         ["phase", "speed", "p"],
         ["M", "C", "K", "d"],
+    )
+
+
+def inputs():
+    """B of M q̈ + C q̇ + K q = d + B u."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    parameters = casadi.SX.sym("p", 47)
+    (
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2,
+        b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3, Fb4,
+        Fb5, Fb6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "inputs",
+        [phase, speed, parameters],
+        [
+            casadi.vertcat(
+                1,
+                0,
+                0,
+            ),
+        ],
+        ["phase", "speed", "p"],
+        ["B"],
     )
 
 

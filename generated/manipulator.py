@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
+MECHANISM_SHA256 = "c49a73b80fb3107850546bb2c84b37e493643c863d49cc0b811714534249ce81"
+DERIVE_SHA256 = "16c9b067edc1bd323dddfe6bf55a3850637e9cbb8b93fd924fa58bfd535a10a8"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "424c58c20f4deadb1df962205d140c473eaeb3525e98a5c7d2bca13f3cf79d54"
+FILE_SHA256 = "c8517c04240d3e5d5e67cf146704b22ef4879a3840828618f3398f4335ba1ef2"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -60,6 +60,9 @@ OUTPUTS = (
     ("hammer_displacement", "m", "position of the hammer"),
 )
 LIMITS = ()
+INPUTS = (
+    ("u", "N m", "torque on the cam in addition to that of the shaft"),
+)
 SERIES = (
     ("U", "cosine-sine", True, "", "a", "b", 12),
 )
@@ -144,6 +147,29 @@ def linearised():
         ],
         ["phase", "speed", "p"],
         ["M", "C", "K", "d"],
+    )
+
+
+def inputs():
+    """B of M q̈ + C q̇ + K q = d + B u."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    parameters = casadi.SX.sym("p", 32)
+    (
+        I0, I1, m2, k1, k2, c1, c2, F, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2, b3, b4,
+        b5, b6, b7, b8, b9, b10, b11, b12,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "inputs",
+        [phase, speed, parameters],
+        [
+            casadi.vertcat(
+                1,
+                0,
+            ),
+        ],
+        ["phase", "speed", "p"],
+        ["B"],
     )
 
 

@@ -39,6 +39,7 @@ def mechanism() -> Mechanism:
     cam.potential = (k1 * q1**2 + k2 * q2**2 + k3 * q3**2) / 2
     cam.dissipation = (c1 * rate(q1) ** 2 + c2 * rate(q2) ** 2 + c3 * rate(q3) ** 2) / 2
     cam.force(-F(cam.phase), along=y3)
+    cam.input("u", "N m", along=phi1, meaning="torque on the cam in addition to that of the shaft")
 
     shaft_torque = k1 * q1 + c1 * rate(q1)
     contact_force = -(k2 * q2 + c2 * rate(q2))

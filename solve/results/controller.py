@@ -1,8 +1,9 @@
 """Feedback gain over the period, solution of its Riccati equation, and stability of the closed loop."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from solve.period.curve import Curve
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.periodic_motion import require_finite
 from solve.results.result import Result
-from solve.results.serialization import stored_property
+from solve.results.serialization import serializable, stored_property
 from solve.results.stability import Stability
 from solve.system import PeriodicSystem
 
@@ -22,6 +23,16 @@ _HARMONICS = 12
 """Harmonics of the gain in the record. A choice."""
 
 _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with a Kalman filter"}
+
+
+@serializable
+class Vibration(NamedTuple):
+    """Largest moduli of a quantity over a period without and with feedback, and its root mean square with
+    feedback, in SI units."""
+
+    without: float
+    controlled: float
+    rms: float
 
 
 @dataclass(frozen=True)
@@ -54,6 +65,8 @@ class Controller(Result):
         Requested tolerance.
     observer : Controller or None
         Filter of `solve.lqg`.
+    vibration : mapping of str to Vibration
+        Periodic vibration of coordinates and inputs without and with feedback, if it was requested.
     """
 
     system: PeriodicSystem
@@ -69,6 +82,7 @@ class Controller(Result):
     residual: float
     rtol: float
     observer: "Controller | None" = None
+    vibration: Mapping[str, Vibration] = field(default_factory=dict)
 
     def riccati(self, phase: Array | float) -> Array:
         """Solution of the Riccati equation.
@@ -108,8 +122,8 @@ class Controller(Result):
 
     @cached_property
     def harmonics(self) -> Array:
-        """Complex harmonics (13, r, N) of the gain, or (13, N, y) of a filter: K(φ) = Re Σ_k K_k e^{ikφ}, with
-        φ in units of the period over 2π."""
+        """Complex harmonics (13, r, N) of the gain, or (13, N, y) of a filter: K = Re Σ_k K_k e^{ikφ} for a
+        period of 2π."""
         count = 16 * _PHASES
         gains = self.gain(np.arange(count) * (self.system.period / count))
         transform = np.fft.rfft(gains, axis=0)[: _HARMONICS + 1] * (2 / count)
@@ -166,7 +180,7 @@ class Controller(Result):
             "signals": self.signals,
             "gain": {
                 name: {"harmonics": np.abs(row), "phases": np.angle(row)}
-                for name, row in zip(self._names, gains.reshape(-1, gains.shape[-1]), strict=True)
+                for name, row in zip(self.gain_names, gains.reshape(-1, gains.shape[-1]), strict=True)
             },
             "multipliers": self.multipliers,
             "exponents": stability.exponents,
@@ -176,10 +190,11 @@ class Controller(Result):
             "error_estimate": {"riccati": self.error_estimate, "multipliers": stability.error_estimate[1]},
             "residual": self.residual,
             "observer": observer,
+            "vibration": self.vibration,
         }
 
     @property
-    def _names(self) -> list[str]:
+    def gain_names(self) -> list[str]:
         """Names of the entries of the gain by rows."""
         if self.kind == "kalman":
             return [f"{state}_by_{signal}" for state in self.states for signal in self.signals]
@@ -199,7 +214,7 @@ class Controller(Result):
         phase = np.linspace(0.0, self.system.period, _PHASES)
         gains = self.gain(phase).reshape(_PHASES, -1).T
         columns = {"phase": Column(phase, "rad", "phase of the drive", axes=("phase",))}
-        for name, values in zip(self._names, gains, strict=True):
+        for name, values in zip(self.gain_names, gains, strict=True):
             first, _, second = name.partition("_by_")
             columns[name] = Column(values, "", f"gain of {first} by {second}", axes=("phase",))
         return columns

@@ -27,7 +27,7 @@ class Observer(NamedTuple):
 
 
 class ClosedLoop(MixedSystem):
-    """System with the feedback u = −K(φ)x, or u = −K(φ)x̂ with the estimates x̂ of an observer as states.
+    """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
 
     The load of the system is known to the observer. The inputs are further outputs. At other speeds than
     that of the design, the gains keep their values at each phase.
@@ -40,15 +40,24 @@ class ClosedLoop(MixedSystem):
         Curve of K (r N,) over the phase.
     observer : Observer, optional
         Observer of the states.
+    ahead : Curve, optional
+        Curve of the feedforward f (r,) over the phase.
     """
 
-    def __init__(self, system: PeriodicSystem, gain: Curve, observer: Observer | None = None):
+    def __init__(
+        self,
+        system: PeriodicSystem,
+        gain: Curve,
+        observer: Observer | None = None,
+        ahead: Curve | None = None,
+    ):
         names = state_names(system)
         estimates = () if observer is None else tuple(f"{name}_hat" for name in names)
         inertial = system.coordinates[: system.n - system.first_order]
         states = (*system.states, *estimates)
         super().__init__(system.at, inertial, states, system.period, system.breaks)
         self.open_loop, self.model, self.gain, self.observer = system, system, gain, observer
+        self.ahead = ahead
         own = ("n", "first_order", "multiplier_count", "coordinates", "inputs", "outputs", "states")
         vars(self).update({name: getattr(system, name) for name in _LABELS if name not in own})
         self.name = f"{system.name} with feedback"
@@ -70,13 +79,18 @@ class ClosedLoop(MixedSystem):
         system, n = self.open_loop, self.n_open
         p = n - system.first_order
         M, C, K, d = (np.array(part) for part in system.at(phase, speed))
-        force = system.input_matrix(phase, speed) @ self.feedback(phase)
+        inputs = system.input_matrix(phase, speed)
+        force = inputs @ self.feedback(phase)
+        if self.ahead is not None:
+            d += np.einsum("knr,rk->kn", inputs, self.ahead(phase))
         if self.observer is None:
             C[..., :p] += force[..., n:]
             return M, C, K + force[..., :n], d
         # The observer has the equations of the model, also where the system is linearised about a motion.
         plant = Plant(self.model, speed)
         A, B, b = plant.dynamics(phase)
+        if self.ahead is not None:
+            b = b + np.einsum("knr,rk->kn", B, self.ahead(phase))
         N = plant.N
         L = self.observer.gain(phase).T.reshape(len(phase), N, -1)
         shown = L @ plant.rows(self.observer.measured, phase)
@@ -91,7 +105,8 @@ class ClosedLoop(MixedSystem):
         """u (r, k) at phases (k,) for states q and q̇ (n, k)."""
         n, system = self.n_open, self.open_loop
         x = np.concatenate((q, qd[: n - system.first_order])) if self.observer is None else q[n:]
-        return -np.einsum("krn,nk->rk", self.feedback(phase), x)
+        u = -np.einsum("krn,nk->rk", self.feedback(phase), x)
+        return u if self.ahead is None else u + self.ahead(phase)
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0

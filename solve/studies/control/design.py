@@ -1,21 +1,21 @@
 """Linear-quadratic regulator, Kalman filter and their combination for systems with periodic coefficients."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
+from solve.first_order import FirstOrderSystem
 from solve.period.curve import Curve
-from solve.results.controller import Controller
-from solve.single import floquet
+from solve.results.controller import Controller, Vibration
+from solve.single import floquet, periodic
 from solve.studies.control.closed_loop import ClosedLoop, Observer
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, Solved, solve_riccati, symmetric_of, through_points
 from solve.studies.control.weights import Weight, matrix_function, named_numbers
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, require_load
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
 
@@ -24,7 +24,12 @@ Function = Callable[[Array], Array]
 
 @of_system
 def lqr(
-    system: PeriodicSystem, speed: float | str, Q: Weight, R: Weight, rtol: float = 1e-8
+    system: PeriodicSystem,
+    speed: float | str,
+    Q: Weight,
+    R: Weight,
+    rtol: float = 1e-8,
+    feedforward: bool = False,
 ) -> Controller:
     """Compute the state feedback u = −K(φ)x that minimises the mean of xᵀQx + uᵀRu.
 
@@ -42,6 +47,9 @@ def lqr(
         Weights of the inputs: a positive definite matrix, numbers by name of the inputs, or a function.
     rtol : float
         Relative tolerance of the solution of the Riccati equation and of the multipliers.
+    feedforward : bool
+        Whether to add the periodic f(φ) that minimises the mean under the load, u = −K x + f. Without it,
+        feedback opposes every motion, the one that the load forces included.
 
     Returns
     -------
@@ -59,7 +67,8 @@ def lqr(
     -----
     X is the stabilising periodic solution of −Ẋ = AᵀX + XA − XBR⁻¹BᵀX + Q (S. Bittanti, P. Colaneri, Periodic
     Systems, 2009). It is computed by doubling on the symplectic maps of Gauss collocation and corrected by
-    Newton's method. Multipliers of the closed loop are those of `solve.floquet`.
+    Newton's method. Multipliers of the closed loop are those of `solve.floquet`. f = −R⁻¹Bᵀg with the
+    periodic solution of −ġ = (A − BK)ᵀg + Xb for the load b of the states.
 
     Examples
     --------
@@ -73,8 +82,8 @@ def lqr(
     """
     plant, rtol = _plant(system, speed), checked_rtol(rtol)
     plant.require_inputs()
-    solved, gain = _regulator(plant, Q, R, rtol)
-    closed = ClosedLoop(plant.system, gain)
+    solved, gain, ahead = _regulator(plant, Q, R, rtol, feedforward)
+    closed = ClosedLoop(plant.system, gain, None, ahead)
     return _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
 
 
@@ -142,6 +151,7 @@ def lqg(
     W: Weight,
     V: Weight,
     rtol: float = 1e-8,
+    feedforward: bool = False,
 ) -> Controller:
     """Compute the output feedback of `lqr` with the estimates of `kalman`.
 
@@ -153,6 +163,8 @@ def lqg(
         Weights of the regulator, as in `lqr`.
     W, V : array, mapping or callable
         Noise of the filter, as in `kalman`.
+    feedforward : bool
+        As in `lqr`.
 
     Returns
     -------
@@ -176,11 +188,11 @@ def lqg(
     """
     plant, rtol = _plant(system, speed), checked_rtol(rtol)
     plant.require_inputs()
-    solved, gain = _regulator(plant, Q, R, rtol)
+    solved, gain, ahead = _regulator(plant, Q, R, rtol, feedforward)
     filtered, observer_gain, measured = _filter(plant, W, V, rtol)
     errors = _errors(plant, observer_gain, measured)
     observer = _controller("kalman", plant, filtered, observer_gain, measured, errors, rtol)
-    closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured))
+    closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured), ahead)
     return _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol, observer)
 
 
@@ -191,6 +203,8 @@ def control(
     lqr: Mapping[str, float] | tuple[Weight, Weight] | None = None,
     kalman: Mapping[str, float] | tuple[Weight, Weight] | None = None,
     rtol: float = 1e-8,
+    feedforward: bool = False,
+    vibration: bool = False,
 ) -> Controller:
     """Compute a regulator, a filter, or both, from weights by name.
 
@@ -203,6 +217,10 @@ def control(
     kalman : mapping or pair, optional
         Noise by name, along inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9}; or W and
         V.
+    feedforward : bool
+        As in `lqr`.
+    vibration : bool
+        Whether to compute the periodic vibration without and with feedback.
 
     Returns
     -------
@@ -222,17 +240,39 @@ def control(
     """
     weights = None if lqr is None else _pair(system, lqr, "lqr", inputs_first=False)
     noise = None if kalman is None else _pair(system, kalman, "kalman", inputs_first=True)
-    if weights and noise:
-        return lqg_of(system, speed, *weights, *noise, rtol)
-    if weights:
-        return lqr_of(system, speed, *weights, rtol)
-    if noise:
-        return kalman_of(system, speed, *noise, rtol)
-    raise MissingValueError('a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman')
+    if weights is None:
+        if noise is None:
+            raise MissingValueError(
+                'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
+            )
+        return _OF["kalman"](system, speed, *noise, rtol)
+    if noise is None:
+        made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
+    else:
+        made = _OF["lqg"](system, speed, *weights, *noise, rtol, feedforward)
+    return replace(made, vibration=_vibration(made)) if vibration else made
 
 
-lqr_of, kalman_of, lqg_of = lqr, kalman, lqg
+_OF = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
 """The functions under names that arguments of `control` do not hide."""
+
+
+def _vibration(made: Controller) -> dict[str, Vibration]:
+    """Periodic vibration of coordinates and inputs without and with feedback; none without a load.
+
+    Raises SolveError if an orbit does not exist."""
+    system = made.system
+    try:
+        require_load(system, made.speed)
+    except NoLoadError:
+        return {}
+    before, after = (periodic(each, made.speed, rtol=made.rtol) for each in (system, made.closed))
+    found = {}
+    for name in (*system.coordinates, *system.inputs):
+        without = before.statistics(name).max_abs if name in system.coordinates else 0.0
+        figures = after.statistics(name)
+        found[name] = Vibration(without, figures.max_abs, figures.rms)
+    return found
 
 
 def _pair(
@@ -258,8 +298,10 @@ def _plant(system: PeriodicSystem, speed: float | str) -> Plant:
     return Plant(system.shown_in(omega), omega)
 
 
-def _regulator(plant: Plant, Q: Weight, R: Weight, rtol: float) -> tuple[Solved, Curve]:
-    """Solution X of the regulator's Riccati equation and curve of K."""
+def _regulator(
+    plant: Plant, Q: Weight, R: Weight, rtol: float, feedforward: bool
+) -> tuple[Solved, Curve, Curve | None]:
+    """Solution X of the regulator's Riccati equation, curve of K, and curve of the feedforward."""
     weight, inputs = _state_weight(plant, Q), plant.system.inputs
     if isinstance(R, Mapping):
         numbers = named_numbers("R", R, inputs, positive=True)
@@ -278,7 +320,25 @@ def _regulator(plant: Plant, Q: Weight, R: Weight, rtol: float) -> tuple[Solved,
         _, B, _ = plant.dynamics(phase)
         return np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase)))
 
-    return solved, through_points(gain, solved.grid)
+    gains = through_points(gain, solved.grid)
+    if not feedforward:
+        return solved, gains, None
+
+    def adjoint(phase: Array, speed: float) -> tuple[Array, Array]:
+        A, B, b = plant.dynamics(phase)
+        closed = A - B @ gains(phase).T.reshape(len(phase), len(inputs), plant.N)
+        load = np.einsum("kij,kj->ki", symmetric_of(solved.curve(phase)), b)
+        return -np.swapaxes(closed, 1, 2), -load
+
+    adjoints = FirstOrderSystem(adjoint, plant.states, plant.system.period, plant.system.breaks)
+    orbit = periodic(adjoints, plant.speed, rtol=rtol)
+
+    def ahead(phase: Array) -> Array:
+        _, B, _ = plant.dynamics(phase)
+        along = np.einsum("kir,ik->kr", B, orbit.at(phase))
+        return -np.linalg.solve(cost(phase), along[..., None])[..., 0]
+
+    return solved, gains, through_points(ahead, solved.grid)
 
 
 def _state_weight(plant: Plant, Q: Weight) -> Function:
@@ -299,7 +359,7 @@ def _state_weight(plant: Plant, Q: Weight) -> Function:
 def _filter(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, Curve, tuple[str, ...]]:
     """Solution P of the filter's Riccati equation, curve of L, and the names of the measured quantities."""
     system = plant.system
-    noise, measured = _state_noise(plant, W), tuple(getattr(system, "measured", ()) or ())
+    noise = _state_noise(plant, W)
     if isinstance(V, Mapping):
         measured = tuple(V)
         plant.rows(measured, np.zeros(1))
@@ -311,8 +371,7 @@ def _filter(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, Cu
 
     def coefficients(phase: Array) -> tuple[Array, Array, Array]:
         C, A = plant.rows(measured, phase), plant.dynamics(phase)[0]
-        G = np.swapaxes(C, 1, 2) @ np.linalg.solve(cost(phase), C)
-        return np.swapaxes(A, 1, 2), G, noise(phase)
+        return A, noise(phase), np.swapaxes(C, 1, 2) @ np.linalg.solve(cost(phase), C)
 
     solved = _solved(plant, coefficients, rtol, filters=True)
 
@@ -353,7 +412,6 @@ def _solved(
 
 def _errors(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:
     """Equations e′ = (A − LC) e of the error of the estimates."""
-    from solve.first_order import FirstOrderSystem
 
     def matrices(phase: Array, speed: float) -> tuple[Array, Array]:
         here = Plant(plant.system, speed)

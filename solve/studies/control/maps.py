@@ -24,7 +24,7 @@ _CONVERGED = 4 * EPS
 _CORRECTIONS = 2
 """Largest number of Newton corrections. The first one reaches round-off; a choice."""
 
-_BYTES = 2**24
+_BYTES = 2**20
 """Bytes of the stage systems that are solved at a time. A choice."""
 
 Coefficients = Callable[[Array], tuple[Array, Array, Array]]
@@ -59,6 +59,11 @@ class Maps(NamedTuple):
             symmetric(self.H + transposed(self.A) @ next_.H @ forward),
         )
 
+    @property
+    def dual(self) -> "Maps":
+        """Maps of the filter, whose solution at the starts, in reverse order, is that at the nodes."""
+        return Maps(transposed(self.A)[::-1], self.H[::-1], self.G[::-1])
+
     def closed(self, X: Array) -> Array:
         """Maps (m, N, N) of the closed loop, for X (m, N, N) at the ends of the steps."""
         return np.linalg.solve(np.eye(self.A.shape[-1]) + self.G @ X, self.A)
@@ -69,10 +74,12 @@ class Maps(NamedTuple):
 
 
 def transposed(A: Array) -> Array:
+    """Transposes of matrices (…, N, M)."""
     return np.swapaxes(A, -1, -2)
 
 
 def symmetric(A: Array) -> Array:
+    """Symmetric parts of matrices (…, N, N)."""
     return (A + transposed(A)) / 2
 
 
@@ -80,12 +87,13 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int) -> Maps:
     """Maps of the steps by the Gauss method of an order, from collocation with x₀ and λ₁ given."""
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
-    N = coefficients(phases[0, :1])[0].shape[-1]
+    sampled = coefficients(phases.ravel())
+    N = sampled[0].shape[-1]
     size = max(1, _BYTES // (8 * (2 * N * s) ** 2))
-    parts = [
-        _maps_of(coefficients(phases[part].ravel()), grid.h[part], method.A, method.b)
-        for part in (slice(first, first + size) for first in range(0, grid.steps, size))
-    ]
+    parts = []
+    for first in range(0, grid.steps, size):
+        A, G, Q = (each[s * first : s * (first + size)] for each in sampled)
+        parts.append(_maps_of((A, G, Q), grid.h[first : first + size], method.A, method.b))
     return Maps(*map(np.concatenate, zip(*parts, strict=True)))
 
 
@@ -98,14 +106,15 @@ def _maps_of(sampled: tuple[Array, Array, Array], h: Array, weights: Array, b: A
         (np.concatenate((A, -G), axis=-1), np.concatenate((Q, transposed(A)), axis=-1)), axis=-2
     )
     # States are integrated from the start, costates from the end.
-    fractions = np.concatenate((np.repeat(weights[..., None], N, 2), np.repeat((b - weights)[..., None], N, 2)), 2)
+    fractions = np.repeat(np.stack((weights, b - weights), axis=-1), N, axis=-1)
     system = -rates[:, :, :, None, :] * fractions[:, None]
     system[:, range(s), :, range(s)] += np.eye(2 * N)
     stages = np.linalg.solve(
         system.reshape(m, 2 * N * s, 2 * N * s), rates.reshape(m, 2 * N * s, 2 * N)
     ).reshape(m, s, 2 * N, 2 * N)
     ends = np.eye(2 * N) + np.einsum("s,msij->mij", b, stages)
-    return Maps((ends[:, :N, :N] + transposed(ends[:, N:, N:])) / 2, symmetric(-ends[:, :N, N:]), symmetric(ends[:, N:, :N]))
+    along = (ends[:, :N, :N] + transposed(ends[:, N:, N:])) / 2
+    return Maps(along, symmetric(-ends[:, :N, N:]), symmetric(ends[:, N:, :N]))
 
 
 def periodic_solution(maps: Maps) -> Array | None:

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -10,16 +11,19 @@ import numpy as np
 from solve.arrays import EPS, Array
 from solve.errors import ControlError
 from solve.period.curve import Curve
-from solve.period.eigenvalues import roundoff_growth
+from solve.period.eigenvalues import balance_matrices, roundoff_growth
 from solve.period.grid import Grid
 from solve.studies.control.maps import periodic_solution, step_maps, symmetric, transposed
 
 _ORDER = 16
 """Order of the Gauss method, the highest available: solutions are as smooth as the coefficients."""
 
-_ADVANCE = 3.0
-"""Phase advance per step of the fastest frozen mode on the first grid. The error constant 2.2e-19 of order 16
-times 3^17 is 3e-11."""
+_ADVANCE, _AT = 4.2, 1e-8
+"""Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
+constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
+
+_GROWTH = 5, 4
+"""Growth of the number of steps from grid to grid, as a fraction. Errors fall by at least (4/5)^12 = 0.07."""
 
 _PHASES = 48
 """Phases at which frozen modes are computed. A choice."""
@@ -36,7 +40,7 @@ _POINTS = 9
 
 @dataclass(frozen=True)
 class Riccati:
-    """Riccati equation of a regulator, −dX/dt = AᵀX + XA − XGX + Q, or of a filter, with dX/dt on the left.
+    """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, or dX/dt = AX + XAᵀ − XQX + G of a filter.
 
     coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives by time."""
 
@@ -47,41 +51,60 @@ class Riccati:
     filters: bool = False
 
     def terms(self, phase: Array, X: Array) -> tuple[Array, Array, Array]:
-        """XA + AᵀX, −XGX and Q (k, N, N), whose sum is −dX/dt, or dX/dt of a filter."""
+        """Linear, quadratic and constant term (k, N, N), whose sum is −dX/dt, or dX/dt of a filter."""
         A, G, Q = self.coefficients(phase)
+        if self.filters:
+            return 2 * symmetric(A @ X), -X @ Q @ X, G
         return 2 * symmetric(X @ A), -X @ G @ X, Q
 
     def slope(self, phase: Array, X: Array) -> Array:
         """dX/dφ (k, N, N)."""
         return sum(self.terms(phase, X)) * (1.0 if self.filters else -1.0) / self.speed
 
-    def first_steps(self) -> int:
+    def first_steps(self, rtol: float) -> int:
         """Number of steps of the first grid, from the frozen modes of the Hamiltonian matrix."""
-        phase = (np.arange(_PHASES) + 0.5) * (self.period / _PHASES)
-        A, G, Q = self.coefficients(phase)
+        A, G, Q = self._sampled
         hamiltonian = np.concatenate(
             (np.concatenate((A, -G), axis=-1), np.concatenate((-Q, -transposed(A)), axis=-1)), axis=-2
         )
         fastest = np.abs(np.linalg.eigvals(hamiltonian)).max()
-        return int(np.clip(np.ceil(fastest * self.period / self.speed / _ADVANCE), _LEAST, _MOST))
+        advance = _ADVANCE * (rtol / _AT) ** (1 / _ORDER)
+        return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
 
     def at_nodes(self, grid: Grid) -> Array:
         """X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
-        sign = -1.0 if self.filters else 1.0
+        unit, size = self._scales
 
         def by_phase(phase: Array) -> tuple[Array, Array, Array]:
-            A, G, Q = self.coefficients(phase if sign > 0 else self.period - phase)
-            return A / self.speed, G / self.speed, Q / self.speed
+            A, G, Q = self.coefficients(phase)
+            return (
+                A * (unit / unit[:, None] / self.speed),
+                G * (size / unit / unit[:, None] / self.speed),
+                Q * (unit * unit[:, None] / size / self.speed),
+            )
 
-        if self.filters:
-            # A filter is a regulator backwards in time.
-            mirrored = Grid(grid.period - grid.nodes[::-1], np.roll(grid.at_break[::-1], 1))
-            X = periodic_solution(step_maps(by_phase, mirrored, _ORDER))
-        else:
-            X = periodic_solution(step_maps(by_phase, grid, _ORDER))
+        maps = step_maps(by_phase, grid, _ORDER)
+        X = periodic_solution(maps.dual if self.filters else maps)
         if X is None or not np.isfinite(X).all():
             raise ControlError(self._reason)
-        return X[::-1] if self.filters else X
+        if self.filters:
+            return X[::-1] * (unit * unit[:, None] / size)
+        return X * (size / unit / unit[:, None])
+
+    @cached_property
+    def _scales(self) -> tuple[Array, float]:
+        """Powers of 2 as units (N,) of the states, which balance A, and a size of X that balances G and Q.
+
+        Elimination would lose digits of states whose units differ by many powers of ten."""
+        A, G, Q = self._sampled
+        unit = balance_matrices(np.abs(A).mean(axis=0))[1]
+        quotient = np.abs(Q * unit * unit[:, None]).max() / np.abs(G / unit / unit[:, None]).max()
+        return unit, float(2.0 ** np.round(np.log2(quotient) / 2)) if 0 < quotient < np.inf else 1.0
+
+    @cached_property
+    def _sampled(self) -> tuple[Array, Array, Array]:
+        """A, G and Q at phases over the period."""
+        return self.coefficients((np.arange(_PHASES) + 0.5) * (self.period / _PHASES))
 
     @property
     def _reason(self) -> str:
@@ -101,8 +124,8 @@ class Riccati:
         X = self.at_nodes(grid)
         ends = grid.stages(np.array([0.0, 1.0])).T
         rows = upper(X.shape[-1])
-        starts, stops = (self.slope(at, values)[:, *rows] for at, values in zip(ends, (X[:-1], X[1:])))
-        return interpolated(grid, X[:, *rows], starts, stops)
+        starts, stops = (self.slope(at, values) for at, values in ((ends[0], X[:-1]), (ends[1], X[1:])))
+        return interpolated(grid, X[:, *rows], starts[:, *rows], stops[:, *rows])
 
 
 class Solved(NamedTuple):
@@ -116,11 +139,11 @@ class Solved(NamedTuple):
 
 
 def solve_riccati(equation: Riccati, rtol: float) -> Solved:
-    """Periodic solution on grids refined by half until two agree to the tolerance, or no longer improve."""
-    steps, previous = equation.first_steps(), np.inf
+    """Periodic solution on grids refined until two agree to the tolerance, or no longer improve."""
+    steps, previous = equation.first_steps(rtol), np.inf
     curve = equation.curve(steps)
     while True:
-        steps = -(-3 * steps // 2)
+        steps = -(-_GROWTH[0] * steps // _GROWTH[1])
         finer = equation.curve(steps)
         error = max(_distance(curve, finer), EPS * roundoff_growth(steps))
         if error <= rtol or error > previous / 2 or steps >= _MOST:
@@ -176,7 +199,7 @@ def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve
     bounds = [*np.flatnonzero(grid.at_break).tolist(), m]
     bounds = bounds if grid.smooth or grid.at_break[0] else [0, *bounds]
     beside = _STENCIL // 2 - 1
-    for first, last in zip(bounds, bounds[1:]) if not grid.smooth else [(0, m)]:
+    for first, last in [(0, m)] if grid.smooth else pairwise(bounds):
         nodes = np.arange(first, last + 1)
         q, v = values[nodes], np.concatenate((starts[first:last], ends[last - 1 : last]))
         if grid.smooth:
@@ -198,7 +221,7 @@ def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve
 def _hermite(first: int, count: int) -> Array:
     """Matrix (2 count, 2 count) from values and slopes at the integers from `first` on to powers of θ.
 
-    Built from products of integers, which are exact: the inverse of a Vandermonde matrix would lose digits."""
+    Products of integers are exact; the inverse of a Vandermonde matrix would lose digits."""
     nodes = np.arange(first, first + count, dtype=float)
     columns = np.zeros((2 * count, 2 * count))
     for at, node in enumerate(nodes):
@@ -223,5 +246,8 @@ def through_points(function: Callable[[Array], Array], grid: Grid) -> Curve:
 def _lagrange_powers(theta: tuple[float, ...]) -> Array:
     """Matrix from values at fractions of a step to powers of θ."""
     nodes = np.array(theta)
-    others = [np.delete(nodes, at) for at in range(len(nodes))]
-    return np.stack([np.poly(o)[::-1] / np.prod(x - o) for x, o in zip(nodes, others)], axis=1)
+    columns = []
+    for at, node in enumerate(nodes):
+        others = np.delete(nodes, at)
+        columns.append(np.poly(others)[::-1] / np.prod(node - others))
+    return np.stack(columns, axis=1)

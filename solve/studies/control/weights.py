@@ -58,8 +58,8 @@ def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -
 def named_numbers(
     name: str, given: Mapping[str, float], allowed: Sequence[str], positive: bool
 ) -> dict[str, float]:
-    """Numbers by name. Raises UnknownNameError, and ValueOutOfBoundsError for negative numbers, or zeros where
-    they must be positive."""
+    """Numbers by name. Raises UnknownNameError, and ValueOutOfBoundsError for negative numbers, and for zeros
+    where they must be positive."""
     numbers = {}
     for key, value in given.items():
         require_name(f"{name}: name", key, allowed)
