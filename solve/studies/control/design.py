@@ -324,18 +324,23 @@ def _regulator(
     if not feedforward:
         return solved, gains, None
 
-    def adjoint(phase: Array, speed: float) -> tuple[Array, Array]:
+    system = plant.system
+
+    def adjoint(mirrored: Array, speed: float) -> tuple[Array, Array]:
+        phase = system.period - mirrored
         A, B, b = plant.dynamics(phase)
         closed = A - B @ gains(phase).T.reshape(len(phase), len(inputs), plant.N)
         load = np.einsum("kij,kj->ki", symmetric_of(solved.curve(phase)), b)
-        return -np.swapaxes(closed, 1, 2), -load
+        return np.swapaxes(closed, 1, 2), load
 
-    adjoints = FirstOrderSystem(adjoint, plant.states, plant.system.period, plant.system.breaks)
+    # The adjoint decays backwards in time.
+    breaks = [(system.period - each) % system.period for each in system.breaks]
+    adjoints = FirstOrderSystem(adjoint, plant.states, system.period, breaks)
     orbit = periodic(adjoints, plant.speed, rtol=rtol)
 
     def ahead(phase: Array) -> Array:
         _, B, _ = plant.dynamics(phase)
-        along = np.einsum("kir,ik->kr", B, orbit.at(phase))
+        along = np.einsum("kir,ik->kr", B, orbit.at(system.period - phase))
         return -np.linalg.solve(cost(phase), along[..., None])[..., 0]
 
     return solved, gains, through_points(ahead, solved.grid)
