@@ -41,7 +41,7 @@ def require_result(name: str) -> None:
     require_plain(name)
     if name in ARGUMENTS:
         raise DeclarationError(
-            f'"{name}" cannot be the name of an output, an option or a line: generated functions take '
+            f'"{name}" cannot be the name of an input, an output, an option or a line: generated functions take '
             "arguments of that name; choose a longer one"
         )
 

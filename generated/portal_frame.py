@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "16c9b067edc1bd323dddfe6bf55a3850637e9cbb8b93fd924fa58bfd535a10a8"
+DERIVE_SHA256 = "4e001d0504bf2059503f69601b19a7df651e204ffe8e2360fd7dbe3978404a15"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "50b8df734c0dc1bc643c14944fcb41019ff9d47a13a3c05a0a7b7099a8048c20"
+FILE_SHA256 = "f7bff2088a1fddf2cea7a35adc3499a390df09c2000bc369033aee1f407ba301"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

@@ -1,6 +1,6 @@
 """Feedback gain over the period, solution of its Riccati equation, and stability of the closed loop."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -67,6 +67,8 @@ class Controller(Result):
         Filter of `solve.lqg`.
     vibration : mapping of str to Vibration
         Periodic vibration of coordinates and inputs without and with feedback, if it was requested.
+    ahead : Curve or None
+        Curve of the feedforward.
     """
 
     system: PeriodicSystem
@@ -83,6 +85,7 @@ class Controller(Result):
     rtol: float
     observer: "Controller | None" = None
     vibration: Mapping[str, Vibration] = field(default_factory=dict)
+    ahead: Curve | None = None
 
     def riccati(self, phase: Array | float) -> Array:
         """Solution of the Riccati equation.
@@ -120,13 +123,33 @@ class Controller(Result):
         N, r = len(self.states), len(self.signals)
         return values.reshape(len(values), *((N, r) if self.kind == "kalman" else (r, N)))
 
+    def feedforward(self, phase: Array | float) -> Array:
+        """Feedforward of the inputs, u = −K x + f.
+
+        Parameters
+        ----------
+        phase : float or (k,) array
+            Phases in rad, in any period.
+
+        Returns
+        -------
+        (k, r) array
+            f; zero without feedforward.
+        """
+        phases = _phases(phase)
+        return np.zeros((len(phases), len(self.signals))) if self.ahead is None else self.ahead(phases).T
+
     @cached_property
     def harmonics(self) -> Array:
         """Complex harmonics (13, r, N) of the gain, or (13, N, y) of a filter: K = Re Σ_k K_k e^{ikφ} for a
         period of 2π."""
+        return self._harmonics_of(self.gain)
+
+    def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:
+        """Complex harmonics (13, …) of a function of phases."""
         count = 16 * _PHASES
-        gains = self.gain(np.arange(count) * (self.system.period / count))
-        transform = np.fft.rfft(gains, axis=0)[: _HARMONICS + 1] * (2 / count)
+        values = function(np.arange(count) * (self.system.period / count))
+        transform = np.fft.rfft(values, axis=0)[: _HARMONICS + 1] * (2 / count)
         transform[0] /= 2
         return transform
 
@@ -171,17 +194,21 @@ class Controller(Result):
     @property
     def summary_values(self) -> dict[str, Any]:
         stability, gains = self.stability, np.moveaxis(self.harmonics, 0, -1)
+        ahead = (
+            {}
+            if self.ahead is None
+            else dict(zip(self.signals, self._harmonics_of(self.feedforward).T, strict=True))
+        )
         observer = None if self.observer is None else self.observer.record()
+        rows = map(_amplitudes, gains.reshape(-1, gains.shape[-1]))
         return {
             "speed": self.speed,
             "period": self.system.period / self.speed,
             "kind": self.kind,
             "states": self.states,
             "signals": self.signals,
-            "gain": {
-                name: {"harmonics": np.abs(row), "phases": np.angle(row)}
-                for name, row in zip(self.gain_names, gains.reshape(-1, gains.shape[-1]), strict=True)
-            },
+            "gain": dict(zip(self.gain_names, rows, strict=True)),
+            "feedforward": {name: _amplitudes(row) for name, row in ahead.items()},
             "multipliers": self.multipliers,
             "exponents": stability.exponents,
             "spectral_radius": stability.spectral_radius,
@@ -228,6 +255,11 @@ class Controller(Result):
     def record(self) -> dict[str, Any]:
         """JSON object of `solve control --json`."""
         return to_json({**self.model_info, **self.summary_values, "warnings": self.warnings})
+
+
+def _amplitudes(harmonics: Array) -> dict[str, Array]:
+    """Moduli and phase angles of complex harmonics."""
+    return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
 
 
 def _phases(phase: Array | float) -> Array:

@@ -84,7 +84,8 @@ def lqr(
     plant.require_inputs()
     solved, gain, ahead = _regulator(plant, Q, R, rtol, feedforward)
     closed = ClosedLoop(plant.system, gain, None, ahead)
-    return _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
+    made = _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
+    return replace(made, ahead=ahead)
 
 
 @of_system
@@ -193,7 +194,8 @@ def lqg(
     errors = _errors(plant, observer_gain, measured)
     observer = _controller("kalman", plant, filtered, observer_gain, measured, errors, rtol)
     closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured), ahead)
-    return _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol, observer)
+    made = _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol)
+    return replace(made, ahead=ahead, observer=observer)
 
 
 @of_system
@@ -437,7 +439,6 @@ def _controller(
     signals: tuple[str, ...],
     closed: PeriodicSystem,
     rtol: float,
-    observer: Controller | None = None,
 ) -> Controller:
     """Result, with the certified multipliers of the closed loop."""
     return Controller(
@@ -453,5 +454,4 @@ def _controller(
         error_estimate=solved.error,
         residual=solved.residual,
         rtol=rtol,
-        observer=observer,
     )
