@@ -19,13 +19,14 @@ def control(
         str | None, Flag("Noise along inputs, and of measured states and outputs.", '"u=1, q1=1e-9"')
     ] = None,
     feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
+    vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
     """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
     weights = None if lqr is None else _numbers("--lqr", lqr)
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()
-    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration=True)
+    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration)
     deliver_result(results, result, problem.choices)
 
 

@@ -6,6 +6,7 @@ import pytest
 import solve
 from derive import Mechanism, cos, rate
 from derive.errors import DeclarationError, UnitError, UnknownSymbolError
+from solve.errors import ValueOutOfBoundsError
 
 
 def beam_on_a_wheel(**inputs):
@@ -31,6 +32,20 @@ def test_force_acts_along_the_derivative_of_its_displacement():
     assert np.allclose(model.input_matrix(phase, 3.0)[:, 0], np.stack((np.cos(phase), 2 + 0 * phase), axis=1))
     found = solve.lqr(model, 1.0, {"q": 1.0}, {"push": 1.0, "twist": 1.0})
     assert found.gain(0.3).shape == (1, 2, 2)
+
+
+def test_outputs_that_inputs_change_at_once_are_no_weights():
+    wheel = beam_on_a_wheel(push=("N", lambda q, x, r: x))
+    (q,) = (each.symbol for each in wheel.declared_coordinates)
+    wheel.output("acceleration_of_q", rate(rate(q)), "m/s^2", "acceleration")
+    wheel.output("velocity", rate(q), "m/s", "velocity")
+    model = solve.load(wheel, m=2.0, k=8.0, r=0.5)
+    with pytest.raises(ValueOutOfBoundsError, match="depends on accelerations"):
+        solve.lqr(model, 1.0, {"acceleration_of_q": 1.0}, {"push": 1.0})
+    by_output, by_state = (
+        solve.lqr(model, 1.0, {name: 1.0}, {"push": 1.0}) for name in ("velocity", "q_dot")
+    )
+    assert np.allclose(by_output.riccati(0.5), by_state.riccati(0.5), rtol=1e-9)
 
 
 def test_mechanism_without_inputs_has_the_code_that_it_had():

@@ -108,7 +108,7 @@ def test_outputs_share_the_names():
         with pytest.raises(DeclarationError, match=f'"{argument}" cannot be the name of an output'):
             one.output(argument, q, "m", "displacement")
         with pytest.raises(
-            DeclarationError, match=f'"{argument}" cannot be the name of an output, an option'
+            DeclarationError, match=f'"{argument}" cannot be the name of an input, an output, an option'
         ):
             one.option(argument, ("soft", "hard"))
     one.output("drive_torque", q, "m", "displacement")

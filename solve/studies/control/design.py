@@ -158,12 +158,16 @@ def lqg(
 
     Parameters
     ----------
-    system, speed, rtol
-        As in `lqr`.
+    system : PeriodicSystem
+        System with inputs.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
     Q, R : array, mapping or callable
         Weights of the regulator, as in `lqr`.
     W, V : array, mapping or callable
         Noise of the filter, as in `kalman`.
+    rtol : float
+        As in `lqr`.
     feedforward : bool
         As in `lqr`.
 
@@ -212,13 +216,17 @@ def control(
 
     Parameters
     ----------
-    system, speed, rtol
-        As in `lqr`.
+    system : PeriodicSystem
+        System with inputs.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
     lqr : mapping or pair, optional
         Weights by name, of inputs and of states and outputs, such as {"q3": 1e6, "u": 1}; or Q and R.
     kalman : mapping or pair, optional
         Noise by name, along inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9}; or W and
         V.
+    rtol : float
+        As in `lqr`.
     feedforward : bool
         As in `lqr`.
     vibration : bool

@@ -9,7 +9,7 @@ from solve.commands.app import run
 
 
 def test_regulator_is_printed_with_the_vibration(capsys):
-    assert run(["control", "manipulator", "--lqr", "q2=1e8, u=1e-2"]) == 0
+    assert run(["control", "manipulator", "--lqr", "q2=1e8, u=1e-2", "--vibration"]) == 0
     out, err = capsys.readouterr()
     assert "the closed loop is asymptotically stable" in out
     assert "u by q1_dot" in out
@@ -18,7 +18,7 @@ def test_regulator_is_printed_with_the_vibration(capsys):
 
 
 def test_json_has_gain_feedforward_and_observer(capsys):
-    flags = ["--lqr", "q2=1e8, u=1e-2", "--kalman", "u=1, q1=1e-9", "--feedforward", "--json"]
+    flags = ["--lqr", "q2=1e8, u=1e-2", "--kalman", "u=1, q1=1e-9", "--feedforward", "--vibration", "--json"]
     assert run(["control", "manipulator", "--speed", "70 rpm", *flags]) == 0
     record = json.loads(capsys.readouterr().out)
     found = solve.control(
@@ -43,7 +43,6 @@ def test_json_has_gain_feedforward_and_observer(capsys):
         (["--lqr", "q9=1, u=1"], "q9"),
         (["--lqr", "q2=-1, u=1"], "at least 0"),
         (["--lqr", "q2=1, u=0"], "positive"),
-        (["--kalman", "u=1, drive_torque=1"], "depends on accelerations"),
     ],
 )
 def test_weights_that_do_not_fit_are_refused_in_one_line(capsys, flags, words):
