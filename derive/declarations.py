@@ -41,8 +41,8 @@ def require_result(name: str) -> None:
     require_plain(name)
     if name in ARGUMENTS:
         raise DeclarationError(
-            f'"{name}" cannot be the name of an input, an output, an option or a line: generated functions take '
-            "arguments of that name; choose a longer one"
+            f'"{name}" cannot be the name of an input, an output, an option or a line: generated functions '
+            "take arguments of that name; choose a longer one"
         )
 
 

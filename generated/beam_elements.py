@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "3586729caa5b3d9f2e2fb5433be3ed0638cd86c4045691e4f4109a7710109203"
-DERIVE_SHA256 = "4e001d0504bf2059503f69601b19a7df651e204ffe8e2360fd7dbe3978404a15"
+DERIVE_SHA256 = "18a3d5c454917623abfe1a9bf3653021daada7682a2a275ef2456faee6c63370"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "9bd6a31347818b1c171aaa740534db9c4723c8681eb933764e64cd69e82107c2"
+FILE_SHA256 = "1922b05736e8b3d83b376f91932a2a24d48d71e2b7662fce00d81eb2e356c7b1"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;
