@@ -18,8 +18,8 @@ _MOST_DOUBLINGS = 60
 """Doublings of the period after which the solution counts as nonexistent: closed-loop multipliers up to
 1 − 1e-17 converge before."""
 
-_CONVERGED = 4 * EPS
-"""Relative change of the solution that counts as round-off. A choice."""
+_CONVERGED = 16 * EPS
+"""Relative change or residual of the solution that counts as round-off. A choice."""
 
 _CORRECTIONS = 2
 """Largest number of Newton corrections. The first one reaches round-off; a choice."""
@@ -123,7 +123,9 @@ def periodic_solution(maps: Maps) -> Array | None:
     The solution is corrected by Newton's method, whose periodic Lyapunov equation is the case G = 0."""
     with np.errstate(all="ignore"):
         X = _doubled(maps)
-        for _ in range(_CORRECTIONS if X is not None else 0):
+        if X is None:
+            return None
+        for _ in range(_CORRECTIONS):
             left = maps.before(X[1:]) - X[:-1]
             if np.abs(left).max() <= _CONVERGED * np.abs(X).max():
                 break

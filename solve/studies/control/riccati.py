@@ -59,7 +59,8 @@ class Riccati:
 
     def slope(self, phase: Array, X: Array) -> Array:
         """dX/dφ (k, N, N)."""
-        return sum(self.terms(phase, X)) * (1.0 if self.filters else -1.0) / self.speed
+        linear, quadratic, constant = self.terms(phase, X)
+        return (linear + quadratic + constant) * ((1.0 if self.filters else -1.0) / self.speed)
 
     def first_steps(self, rtol: float) -> int:
         """Number of steps of the first grid, from the frozen modes of the Hamiltonian matrix."""
