@@ -88,20 +88,35 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int) -> Maps:
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
     sampled = coefficients(phases.ravel())
-    N = sampled[0].shape[-1]
-    size = max(1, _BYTES // (8 * (2 * N * s) ** 2))
-    parts = []
+    mechanical, N = _is_mechanical(*sampled[:2]), sampled[0].shape[-1]
+    size = max(1, _BYTES // (8 * ((1 if mechanical else 2) * N * s) ** 2))
+    ends_of, parts = _mechanical_ends if mechanical else _ends, []
     for first in range(0, grid.steps, size):
-        A, G, Q = (each[s * first : s * (first + size)] for each in sampled)
-        parts.append(_maps_of((A, G, Q), grid.h[first : first + size], method.A, method.b))
-    return Maps(*map(np.concatenate, zip(*parts, strict=True)))
+        h = grid.h[first : first + size, None, None, None]
+        some = slice(s * first, s * (first + len(h)))
+        A, G, Q = (h * each[some].reshape(len(h), s, N, N) for each in sampled)
+        parts.append(ends_of(A, G, Q, method.A, method.b))
+    ends = np.concatenate(parts)
+    along = (ends[:, :N, :N] + transposed(ends[:, N:, N:])) / 2
+    return Maps(along, symmetric(-ends[:, :N, N:]), symmetric(ends[:, N:, :N]))
 
 
-def _maps_of(sampled: tuple[Array, Array, Array], h: Array, weights: Array, b: Array) -> Maps:
-    """Maps of steps h (m,) from A, G and Q (m s, N, N) at their stages."""
-    m, s = len(h), len(b)
-    A, G, Q = (h[:, None, None, None] * part.reshape(m, s, *part.shape[1:]) for part in sampled)
+def _is_mechanical(A: Array, G: Array) -> bool:
+    """Whether the states are positions q and velocities v, q′ = T v with a constant diagonal T, and inputs
+    act through v′ only."""
     N = A.shape[-1]
+    p = N // 2
+    if N % 2 or A[:, :p, :p].any() or G[:, :p].any():
+        return False
+    rates = A[:, :p, p:]
+    return bool((rates == np.diag(np.diagonal(rates[0]))).all())
+
+
+def _ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
+    """State at the end and costate at the start of m steps (m, 2N, 2N), by those at the other ends.
+
+    A, G and Q (m, s, N, N) at the stages are multiplied by the lengths of the steps."""
+    m, s, N, _ = A.shape
     rates = np.concatenate(
         (np.concatenate((A, -G), axis=-1), np.concatenate((Q, transposed(A)), axis=-1)), axis=-2
     )
@@ -112,9 +127,49 @@ def _maps_of(sampled: tuple[Array, Array, Array], h: Array, weights: Array, b: A
     stages = np.linalg.solve(
         system.reshape(m, 2 * N * s, 2 * N * s), rates.reshape(m, 2 * N * s, 2 * N)
     ).reshape(m, s, 2 * N, 2 * N)
-    ends = np.eye(2 * N) + np.einsum("s,msij->mij", b, stages)
-    along = (ends[:, :N, :N] + transposed(ends[:, N:, N:])) / 2
-    return Maps(along, symmetric(-ends[:, :N, N:]), symmetric(ends[:, N:, :N]))
+    return np.eye(2 * N) + np.einsum("s,msij->mij", b, stages)
+
+
+def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
+    """`_ends` of systems of second order, from equations of half the size.
+
+    The rates of the positions follow from the velocities, and those of their costates from the others.
+    Unknowns are the rates w of v, and those μ of its costate backwards, at the stages. Given are the state at
+    the start and the costate at the end."""
+    m, s, N, _ = A.shape
+    p, back, T = N // 2, b - weights, np.diagonal(A[:, 0, : N // 2, N // 2 :], axis1=1, axis2=2)
+    square, sums = (weights @ weights)[:, None, :, None], weights.sum(axis=1)[:, None, None]
+
+    def combined(by_q: Array, by_v: Array, by_costate: Array) -> tuple[Array, Array]:
+        """Combination of q, v and the costate of v at each stage, by the unknowns and by what is given."""
+        moved, each = by_q * T[:, None, None, :], np.s_[:, :, :, None, :]
+        unknown = np.empty((m, s, p, s, 2, p))
+        unknown[..., 0, :] = moved[each] * square + by_v[each] * weights[:, None, :, None]
+        unknown[..., 1, :] = by_costate[each] * back[:, None, :, None]
+        given = np.stack((by_q, moved * sums + by_v, np.zeros_like(by_q), by_costate), axis=3)
+        return unknown.reshape(m, s, p, 2 * s * p), given.reshape(m, s, p, 4 * p)
+
+    low, high = np.s_[..., p:, :p], np.s_[..., p:, p:]
+    w = combined(A[low], A[high], -G[high])
+    k = combined(Q[..., :p, :p], Q[..., :p, p:], transposed(A[low]))
+    mu = combined(Q[low], Q[high], transposed(A[high]))
+    for part, inner in zip(mu, k, strict=True):
+        part += T[:, None, :, None] * (back @ inner.reshape(m, s, -1)).reshape(part.shape)
+    mu[1][..., range(p), range(2 * p, 3 * p)] += T[:, None]
+    system, right = (np.stack(pair, axis=2).reshape(m, 2 * s * p, -1) for pair in zip(w, mu, strict=True))
+    rates = np.linalg.solve(np.eye(2 * s * p) - system, right)
+    k_rates = (k[0].reshape(m, s * p, -1) @ rates + k[1].reshape(m, s * p, -1)).reshape(m, s, p, 4 * p)
+    rates = rates.reshape(m, s, 2, p, 4 * p)
+    ends = np.broadcast_to(np.eye(2 * N), (m, 2 * N, 2 * N)).copy()
+    ends[:, range(p), range(p, N)] += T
+    ends[:, :p] += T[:, :, None] * np.einsum("s,msij->mij", b @ weights, rates[:, :, 0])
+    for rows, of in (
+        (np.s_[p:N], rates[:, :, 0]),
+        (np.s_[N : N + p], k_rates),
+        (np.s_[N + p :], rates[:, :, 1]),
+    ):
+        ends[:, rows] += np.einsum("s,msij->mij", b, of)
+    return ends
 
 
 def periodic_solution(maps: Maps) -> Array | None:

@@ -10,6 +10,8 @@ from scipy.linalg import solve_continuous_are
 
 import solve
 from solve.errors import ControlError, MissingValueError, UnknownNameError, ValueOutOfBoundsError
+from solve.methods.gauss import Gauss
+from solve.studies.control import maps
 
 MACHINES = (Path(__file__).parents[3] / "docs" / "machines.md").read_text(encoding="utf-8")
 PHASES = np.array([0.1, 1.3, 2.9, 4.4, 6.0])
@@ -335,3 +337,17 @@ def test_weights_are_functions_of_the_phase():
     X = found.riccati(PHASES)
     left = slope_of(found, PHASES) + A.T @ X + X @ A - X @ B @ B.T @ X + Q(PHASES)
     assert np.abs(left).max() < 1e-7
+
+
+def test_mechanical_steps_equal_those_of_any_system():
+    rng, p = np.random.default_rng(1), 3
+    A, G, Q = 0.2 * rng.normal(size=(3, 5, 8, 2 * p, 2 * p))
+    A[..., :p, :] = 0
+    A[..., range(p), range(p, 2 * p)] = rng.uniform(0.1, 0.3, p)
+    G[..., :p, :] = G[..., :, :p] = 0
+    G, Q = (each + np.swapaxes(each, 2, 3) for each in (G, Q))
+    weights = Gauss(16).collocation
+    general = maps._ends(A, G, Q, weights.A, weights.b)
+    assert np.abs(maps._mechanical_ends(A, G, Q, weights.A, weights.b) - general).max() < 1e-14
+    assert maps._is_mechanical(A.reshape(-1, 6, 6), G.reshape(-1, 6, 6))
+    assert not maps._is_mechanical(A.reshape(-1, 6, 6), Q.reshape(-1, 6, 6))
