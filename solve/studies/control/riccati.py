@@ -22,8 +22,12 @@ _ADVANCE, _AT = 4.2, 1e-8
 """Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
-_GROWTH = 5, 4
-"""Growth of the number of steps from grid to grid, as a fraction. Errors fall by at least (4/5)^12 = 0.07."""
+_GROWTH, _FAST_GROWTH = 1.25, 2.0
+"""Growth of the number of steps from grid to grid, and where the error exceeds the root of the tolerance.
+Errors of resolved solutions fall by at least 1.25^-12 = 0.07."""
+
+_RESOLVED = 1e-4
+"""Error below which a solution counts as resolved, so that an error that no longer falls is round-off."""
 
 _PHASES = 48
 """Phases at which frozen modes are computed. A choice."""
@@ -142,15 +146,17 @@ class Solved(NamedTuple):
 def solve_riccati(equation: Riccati, rtol: float) -> Solved:
     """Periodic solution on grids refined until two agree to the tolerance, or no longer improve."""
     steps, previous = equation.first_steps(rtol), np.inf
-    curve = equation.curve(steps)
+    curve, growth = equation.curve(steps), _GROWTH
     while True:
-        steps = -(-_GROWTH[0] * steps // _GROWTH[1])
+        steps = int(np.ceil(growth * steps))
         finer = equation.curve(steps)
         error = max(_distance(curve, finer), EPS * roundoff_growth(steps))
-        if error <= rtol or error > previous / 2 or steps >= _MOST:
+        stagnant = previous / 2 < error < _RESOLVED
+        if error <= rtol or stagnant or steps >= _MOST:
             grid = Grid.uniform(steps, equation.period, equation.breaks)
             return Solved(finer, error, _residual(equation, finer), grid)
         curve, previous = finer, error
+        growth = _FAST_GROWTH if error > np.sqrt(rtol) else _GROWTH
 
 
 def _distance(coarse: Curve, fine: Curve) -> float:
