@@ -34,6 +34,11 @@ class _Statement:
 
 def check(mechanism: MechanismStatement) -> None:
     """Raise DeclarationError, UnknownSymbolError, UnitError or UnusedParameterError at the first fault."""
+    if mechanism.declared_inputs and (isinstance(mechanism, StructureStatement) or mechanism.declared_field):
+        raise DeclarationError(
+            f"input {mechanism.declared_inputs[0].name}: mechanisms with a field and structures have no "
+            "inputs; state the deflection by coordinates"
+        )
     if isinstance(mechanism, StructureStatement):
         mechanism.require_complete()
         statements = [_Statement(*statement) for statement in mechanism.numbers()]
@@ -121,6 +126,10 @@ def _statements(mechanism: MechanismStatement) -> Iterator[_Statement]:
         what = f"virtual work of {short(force)} along {short(along)}"
         yield _Statement(what, sympy.Mul(force, along), mechanism.energy, never)
         yield _Statement(f"displacement {short(along)}", along, None, never | rates)
+    for each in mechanism.declared_inputs:
+        force = sympy.Dummy(each.name)
+        what, own = f"virtual work of {each.name} along {short(each.along)}", {force: parse(each.unit)}
+        yield _Statement(what, force * each.along, mechanism.energy, never | rates, own)
     for coordinate in mechanism.declared_coordinates:
         if coordinate.symbol in mechanism.fundamental_motion:
             desired = mechanism.fundamental_motion[coordinate.symbol]

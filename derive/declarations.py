@@ -42,8 +42,8 @@ def require_result(name: str) -> None:
     require_plain(name)
     if name in ARGUMENTS:
         raise DeclarationError(
-            f'"{name}" cannot be the name of an output, an option or a line: generated functions take '
-            "arguments of that name; choose a longer one"
+            f'"{name}" cannot be the name of an input, an output, an option or a line: generated functions '
+            "take arguments of that name; choose a longer one"
         )
 
 
@@ -101,6 +101,16 @@ class Output:
 
     name: str
     expression: Any
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Input:
+    """Declared input: a force, with the displacement along which it acts."""
+
+    name: str
+    along: Any
     unit: str
     meaning: str
 

@@ -10,7 +10,15 @@ import sympy
 
 from derive.declarations import AROUND, RUNNING, Condition, Output
 from derive.discontinuities import ANGLES, PASSES, Passage, passages
-from derive.equations import accelerated, clearances, drive_torque, from_fundamental, linearise, residuals
+from derive.equations import (
+    accelerated,
+    clearances,
+    drive_torque,
+    from_fundamental,
+    input_matrix,
+    linearise,
+    residuals,
+)
 from derive.errors import DeclarationError, ImpulseError
 from derive.field import Field
 from derive.freshness import hashed_module
@@ -80,7 +88,7 @@ class Equations:
     after the other functions. conditions: conditions on the parameters. passages: phases of the
     switches of the matrices. nonlinear, idle: sentences on terms that the linear equations, or all
     equations, ignore. no_drive_torque: reason why there is none. projection: of a deflection on its mode
-    functions.
+    functions. inputs: B, if there are inputs.
     """
 
     linearised: dict[str, Any]
@@ -96,6 +104,7 @@ class Equations:
     idle: list[str] = field(default_factory=list)
     no_drive_torque: str = ""
     projection: Projection | None = None
+    inputs: sympy.Matrix | None = None
 
     @property
     def of_states(self) -> dict[str, dict[str, Any]]:
@@ -122,16 +131,18 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
         outputs.append(_in_its_unit(declared, from_fundamental(mechanism, declared.expression)))
     linearised, expressions = linearise(mechanism, r), [output.expression for output in outputs]
     moving = [s for coordinate in mechanism.declared_coordinates for s in coordinate.symbol.motion]
+    B = input_matrix(mechanism) if mechanism.declared_inputs else None
     return Equations(
         linearised._asdict(),
         varying if mechanism.declared_coordinates else None,
         outputs,
         conditions=[*conditions(mechanism), *clearances(mechanism, r)],
         demands=demands(mechanism),
-        passages=passages(linearised, [*map(steady, expressions)], moving),
+        passages=passages([*linearised, *([] if B is None else [B])], [*map(steady, expressions)], moving),
         nonlinear=losses(mechanism, [*r], linearised),
         idle=idle(mechanism, [*varying, *linearised, *expressions]),
         no_drive_torque=reason,
+        inputs=B,
     )
 
 
@@ -259,6 +270,9 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
     names = equations.definitions
     doc = "M, C, K, d of M q̈ + C q̇ + K q = d."
     functions = [GeneratedFunction("linearised", doc, ("phase", "speed", "p"), equations.linearised, names)]
+    if equations.inputs is not None:
+        doc = "B of M q̈ + C q̇ + K q = d + B u."
+        functions.append(GeneratedFunction("inputs", doc, ("phase", "speed", "p"), {"B": equations.inputs}))
     for name, results in equations.of_states.items():
         constant = {each: steady(part) for each, part in results.items()}
         functions.append(GeneratedFunction(name, DOCS[name], STATE, constant, names))
@@ -347,6 +361,8 @@ def constants(
         "OUTPUTS": [(output.name, output.unit, output.meaning) for output in outputs],
         "LIMITS": mechanism.limits,
     }
+    if mechanism.declared_inputs:
+        rows["INPUTS"] = [(each.name, each.unit, each.meaning) for each in mechanism.declared_inputs]
     if conditions:
         rows["CONDITIONS"] = [
             (condition.text, condition.meaning, tuple(name for name in condition.parameters if name in names))

@@ -178,6 +178,16 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
     return Linearised(*(unshifted(at_desired_motion(part, moving, signs)) for part in parts))
 
 
+def input_matrix(mechanism: MechanismStatement) -> sympy.Matrix:
+    """B (n, r) of the inputs u on the right of the linearised equations: derivatives of the displacements
+    along which they act, at the fundamental motion."""
+    q = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
+    moving = [each for symbol in q for each in symbol.motion]
+    along = [from_fundamental(mechanism, each.along) for each in mechanism.declared_inputs]
+    slopes = sympy.Matrix(len(q), len(along), lambda i, j: slope(along[j], q[i]))
+    return unshifted(at_desired_motion(slopes, moving, signs_of(mechanism.declared_parameters)))
+
+
 def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Condition]:
     """Conditions on the parameters under which the expansion exists."""
     if not mechanism.declared_coordinates:

@@ -115,5 +115,7 @@ def _statement(mechanism: MechanismStatement) -> Iterator[str]:
         yield sympy.srepr(pair)
     for output in mechanism.declared_outputs:
         yield sympy.srepr(output.expression)
+    for each in mechanism.declared_inputs:
+        yield f"{each} {sympy.srepr(each.along)}"
     for sketch in mechanism.declared_sketches:
         yield sympy.srepr(sketch.points)

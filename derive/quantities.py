@@ -9,6 +9,7 @@ import sympy
 from derive.body import ReducedBody, declared_body
 from derive.declarations import (
     Coordinate,
+    Input,
     Option,
     Output,
     Parameter,
@@ -34,6 +35,7 @@ class Quantities:
     declared_parameters: list[Parameter] = field(default_factory=list, init=False)
     declared_options: list[Option] = field(default_factory=list, init=False)
     declared_outputs: list[Output] = field(default_factory=list, init=False)
+    declared_inputs: list[Input] = field(default_factory=list, init=False, repr=False)
     declared_series: list[type[PeriodicFunction]] = field(default_factory=list, init=False)
     declared_field: Field | None = field(default=None, init=False)
     declared_loops: list[Loop] = field(default_factory=list, init=False)
@@ -307,6 +309,31 @@ class Quantities:
         self.declared_bodies.append(body)
         return body
 
+    def input(self, name: str, unit: str, *, along: Any, meaning: str = "input of a controller") -> None:
+        """Declare an input: a force that a controller sets, and that is otherwise zero.
+
+        Parameters
+        ----------
+        name : str
+            Name of the input.
+        unit : str
+            Coherent SI unit of the force, such as "N" or "N m".
+        along : expression
+            Displacement or angle along which the force does work.
+        meaning : str, optional
+            Of the force.
+
+        Raises
+        ------
+        DeclarationError, UnitError
+        """
+        require_result(name)
+        require_coherent(name, unit)
+        self._described(name, (unit, meaning))
+        self._require_unused(name)
+        self.declared_inputs.append(Input(name, sympy.sympify(along), unit, meaning))
+        note(self.lines, self.declared_inputs[-1].along)
+
     def names(self) -> set[str]:
         """Names in use, including derivatives of coordinates and option values."""
         moving = [coordinate.symbol for coordinate in self.declared_coordinates]
@@ -314,7 +341,7 @@ class Quantities:
         taken = {unknown.name for loop in self.declared_loops for unknown in loop.unknowns}
         taken |= {symbol.name for q in moving for symbol in q.motion}
         taken |= {parameter.symbol.name for parameter in self.declared_parameters}
-        taken |= {output.name for output in self.declared_outputs}
+        taken |= {each.name for each in (*self.declared_outputs, *self.declared_inputs)}
         for option in self.declared_options:
             taken |= {option.name, *(indicator.name for indicator in option.indicators)}
         return taken

@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "3586729caa5b3d9f2e2fb5433be3ed0638cd86c4045691e4f4109a7710109203"
-DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
+MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
+DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "fa185769ba861b8e233e17141ce798cd9cd950984b69a35f3db5238eef4a21b2"
+FILE_SHA256 = "7304db8041b2e77bbb5335cac496996a9e55e2fd53c67fabc7ff59709133730b"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "8fe1d3aeed8eb0d2c6bfd5baf798de8e146d8d07a86085262ffe4426ece7a8c7"
-DERIVE_SHA256 = "0374e1f65251e0e4fe801e57849269e4774ccf492f903913923705e74b569b5f"
+MECHANISM_SHA256 = "2bd7eb5d3bfc8714663a363c32519f2ec99d28a6620e97a73cf5859349bb7647"
+DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "4b40fc3b1ed0866d813a178b6198050a35028ab8b8b4a0be8ddd0622b21e4ea9"
+FILE_SHA256 = "1de2e49d0c9f8dc191dd03bbc04ca26be48a80776351790724ab4d157e1dabf4"
 NAME = "cam"
 TITLE = "Cam follower driven through an elastic shaft (chapter 4.1)"
 COORDINATES = (
@@ -87,6 +87,9 @@ OUTPUTS = (
 LIMITS = (
     ("contact_force", ">= 0", "the follower lifts off the cam"),
     ("gap", "<= 0", "the follower lifts off the cam"),
+)
+INPUTS = (
+    ("u", "N m", "torque on the cam in addition to that of the shaft"),
 )
 CONDITIONS = (
     ("P other than 0", "the equations have no linearisation where -q2*k2 - q2d*c2 + P = 0 in the fundamental motion", ("P",)),
@@ -204,6 +207,32 @@ def linearised(*, contact="bilateral"):
         ],
         ["phase", "speed", "p"],
         ["M", "C", "K", "d"],
+    )
+
+
+def inputs(*, contact="bilateral"):
+    """B of M q̈ + C q̇ + K q = d + B u."""
+    contact_bilateral, contact_unilateral = _choice("contact", contact)
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    parameters = casadi.SX.sym("p", 49)
+    (
+        I0, I1, m2, m3, k1, k2, k3, c1, c2, c3, P, R0, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12,
+        b1, b2, b3, b4, b5, b6, b7, b8, b9, b10, b11, b12, F, Fa1, Fa2, Fa3, Fa4, Fa5, Fa6, Fb1, Fb2, Fb3,
+        Fb4, Fb5, Fb6,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "inputs",
+        [phase, speed, parameters],
+        [
+            casadi.vertcat(
+                1,
+                0,
+                0,
+            ),
+        ],
+        ["phase", "speed", "p"],
+        ["B"],
     )
 
 

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "e4acab8ea073812e022a00745c85e8b3f07e70181b1ffbe60d481942406301fb"
-DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
+DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "b1b66ac88a5883c2ed020dbedb1f63453dedfca62ddba9b0a87da91d3ca6fdc2"
+FILE_SHA256 = "cdeef7c73e43acf7d848433aaaad9763fc570ff183245263df23ca2c9af335a1"
 NAME = "coupler"
 TITLE = "Flexible coupler of a four-bar linkage (paper, Section 3)"
 COORDINATES = (

@@ -9,10 +9,10 @@ import math
 
 import casadi
 
-MECHANISM_SHA256 = "0f246e14559f8c97539233e8c3f17b96f7f586a90aa8a1b4e06768b0d93a7088"
-DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
+MECHANISM_SHA256 = "acf82af50cd08780e560fd7f77274d2a619b53cb45e28d8251a0f18a78d92245"
+DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "eb95cf77067a008bce6b2f0477657292ff3e52eb4ae82c9d4fa79c8e1d7e56bd"
+FILE_SHA256 = "25f225dd4a72f97a0e3f6d4827ccdfdb8b4fe4c82aea2677eb9d2fc886c3d0e4"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
@@ -60,6 +60,9 @@ OUTPUTS = (
     ("hammer_displacement", "m", "position of the hammer"),
 )
 LIMITS = ()
+INPUTS = (
+    ("u", "N m", "torque on the cam in addition to that of the shaft"),
+)
 SERIES = (
     ("U", "cosine-sine", True, "", "a", "b", 12),
 )
@@ -144,6 +147,29 @@ def linearised():
         ],
         ["phase", "speed", "p"],
         ["M", "C", "K", "d"],
+    )
+
+
+def inputs():
+    """B of M q̈ + C q̇ + K q = d + B u."""
+    phase = casadi.SX.sym("phase")
+    speed = casadi.SX.sym("speed")
+    parameters = casadi.SX.sym("p", 32)
+    (
+        I0, I1, m2, k1, k2, c1, c2, F, a1, a2, a3, a4, a5, a6, a7, a8, a9, a10, a11, a12, b1, b2, b3, b4,
+        b5, b6, b7, b8, b9, b10, b11, b12,
+    ) = casadi.vertsplit(parameters)
+    return casadi.Function(
+        "inputs",
+        [phase, speed, parameters],
+        [
+            casadi.vertcat(
+                1,
+                0,
+            ),
+        ],
+        ["phase", "speed", "p"],
+        ["B"],
     )
 
 

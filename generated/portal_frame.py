@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "a88f013c15daef57dccb2a8b9c7d9f6a88a6ebe710e8918724672b5eeddba201"
-DERIVE_SHA256 = "cb3f6b4bb417079740f1abd52ebfa45745c54f861efc0116a6c0532805f142ae"
+DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "e0c63024a6371f8141e94dc4e724396a651a256640538937a6c919472dc75433"
+FILE_SHA256 = "10c072404abcfb65f1b76dbb1bcfc7b764f17706841e77c7d289fd81e6fd3b5b"
 NAME = "portal_frame"
 TITLE = "Square portal frame of inextensible bars (thesis 5.4.1)"
 COORDINATES = ()

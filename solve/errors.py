@@ -100,6 +100,10 @@ class NoOrbitError(SolveError):
     """No convergence of Newton's method, continuation or transients to a periodic solution."""
 
 
+class ControlError(SolveError):
+    """Feedback that does not exist: no inputs, or no stabilising solution of the Riccati equation."""
+
+
 class TransientError(SolveError):
     """Failure of the time integration."""
 

@@ -13,7 +13,7 @@ from solve.contracts import Matrices
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.matrices import checked_phases, leading, require_inertia, require_shapes
 from solve.samples import sampled
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, require_own_names
 
 Signals = tuple[Array, Array, Array, Sequence[str], Sequence[str]]
 """Samples B (k, N, r), C (k, y, N) and D (k, y, r) of a first-order system, and the names of its inputs and
@@ -58,13 +58,9 @@ class FirstOrderSystem(PeriodicSystem):
     ):
         super().__init__(matrices, states, period, breaks)
         for kind, names in (("inputs", inputs), ("outputs", outputs)):
-            texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
-            if not texts or len({*states, *names}) != len(states) + len(names):
-                raise ValueOutOfBoundsError(
-                    f"{kind} are {names!r}; give a sequence of names, different from each other "
-                    "and from the states"
-                )
+            require_own_names(kind, names, states)
         self.states, self.inputs, self.outputs = tuple(states), tuple(inputs), tuple(outputs)
+        self._symbols = "AbBCD" if inputs or outputs else "Ab"
 
     @classmethod
     def from_samples(  # type: ignore[override]
@@ -117,10 +113,6 @@ class FirstOrderSystem(PeriodicSystem):
         made = cls(samples.function, states, samples.period, (), inputs, outputs)
         return made.from_interpolant(samples)
 
-    @property
-    def _symbols(self) -> str:
-        return "AbBCD" if self.inputs or self.outputs else "Ab"
-
     def equations_at(self, phase: Array, speed: float) -> list[Array]:
         """A (m, N, N) and b (m, N) at phases (m,); if inputs or outputs are named, B (m, N, r), C (m, y, N)
         and D (m, y, r) too.
@@ -132,6 +124,9 @@ class FirstOrderSystem(PeriodicSystem):
     def at(self, phase: Array, speed: float) -> Matrices:
         A, b, *_ = self.equations_at(phase, speed)
         return np.zeros_like(A), np.broadcast_to(np.eye(self.n), A.shape), -A, b
+
+    def input_matrix(self, phase: Array, speed: float) -> Array:
+        return self._checked_inputs(self.equations_at(phase, speed)[2:3], phase)
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
         A, b, *_ = self.equations_at(phase, speed)
@@ -176,7 +171,7 @@ class MixedSystem(PeriodicSystem):
         Names of the coordinates with second derivatives, the first ones.
     states : sequence of str
         Names of the states, the last ones. Results list them behind the coordinates.
-    period, breaks : optional
+    period, breaks, inputs : optional
         As for `PeriodicSystem`.
 
     Raises
@@ -205,11 +200,12 @@ class MixedSystem(PeriodicSystem):
         states: Sequence[str],
         period: float = 2 * math.pi,
         breaks: Sequence[float] = (),
+        inputs: Sequence[str] = (),
     ):
         for kind, names in (("coordinates", coordinates), ("states", states)):
             if isinstance(names, str):
                 raise ValueOutOfBoundsError(f"{kind} are {names!r}; give a sequence of names")
-        super().__init__(matrices, [*coordinates, *states], period, breaks)
+        super().__init__(matrices, [*coordinates, *states], period, breaks, inputs)
         self.states = tuple(states)
 
     @classmethod

@@ -47,6 +47,8 @@ class Labels:
     coordinates: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
     """Coordinates without second derivatives, which are the last ones."""
+    inputs: tuple[str, ...] = ()
+    """Names of the inputs u, such as forces of drives, which are zero unless a controller sets them."""
     outputs: tuple[str, ...] = ()
     """Names of the quantities computed from the state; `units` and `meanings` contain theirs too."""
     outputs_apart: bool = False

@@ -29,6 +29,7 @@ from solve.readers.openfast import read_openfast
 from solve.results.bands import Band
 from solve.results.branch import Branch
 from solve.results.chart import Chart
+from solve.results.controller import Controller
 from solve.results.critical_speeds import CriticalSpeeds
 from solve.results.fit import Fitted
 from solve.results.followed_modes import FollowedModes
@@ -49,6 +50,7 @@ from solve.single import floquet, periodic
 from solve.studies.bands import bands
 from solve.studies.chart import chart
 from solve.studies.compare import compare
+from solve.studies.control.design import control, kalman, lqg, lqr
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
@@ -70,6 +72,7 @@ __all__ = [
     "Branch",
     "Case",
     "Chart",
+    "Controller",
     "CriticalSpeeds",
     "FirstOrderSystem",
     "Fitted",
@@ -110,6 +113,7 @@ __all__ = [
     "case_numbers",
     "chart",
     "compare",
+    "control",
     "critical_speeds",
     "explore",
     "export",
@@ -119,7 +123,10 @@ __all__ = [
     "frequencies",
     "frequencies_over",
     "harmonic_transfer",
+    "kalman",
     "load",
+    "lqg",
+    "lqr",
     "nonlinear",
     "open",
     "optimise",

@@ -61,6 +61,9 @@ class PeriodicSystem(Labels):
         Period of the matrices in phase.
     breaks : sequence of float
         Phases at which the matrices jump. They are always ends of steps; matrices are sampled on either side.
+    inputs : sequence of str
+        Names of the r inputs u of M q̈ + C q̇ + K q = d + B u. If there are any, `matrices` returns M, C, K, d
+        and B of shape (m, n, r). Results are for u = 0; `solve.lqr` computes feedback.
 
     Raises
     ------
@@ -101,6 +104,7 @@ class PeriodicSystem(Labels):
         coordinates: Sequence[str],
         period: float = 2 * math.pi,
         breaks: Sequence[float] = (),
+        inputs: Sequence[str] = (),
     ):
         self.period = checked_period(period)
         texts = all(isinstance(name, str) for name in coordinates)
@@ -113,6 +117,8 @@ class PeriodicSystem(Labels):
         self._matrices = matrices
         self.coordinates = tuple(coordinates)
         self.breaks = tuple(float(b) for b in breaks)
+        require_own_names("inputs", inputs, coordinates)
+        self.inputs, self._symbols = tuple(inputs), "MCKdB" if inputs else "MCKd"
 
     @classmethod
     def from_samples(
@@ -170,8 +176,24 @@ class PeriodicSystem(Labels):
 
         Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
         """
-        M, C, K, d = self._called(phase, speed, "MCKd", "M, C, K", "d")
+        M, C, K, d, *_ = self._called(phase, speed, self._symbols, "M, C, K", "d")
         return M, C, K, d
+
+    def input_matrix(self, phase: Array, speed: float) -> Array:
+        """B (m, n, r) of the inputs on the right of the equations, at phases (m,). Raises MatricesError."""
+        return self._checked_inputs(self._called(phase, speed, self._symbols, "M, C, K", "d")[4:], phase)
+
+    def _checked_inputs(self, arrays: Sequence[Array], phase: Array) -> Array:
+        """B (m, n, r), the only array, or no columns without inputs. Raises MatricesError for another
+        shape."""
+        shape = len(phase), self.n, len(self.inputs)
+        B = arrays[0] if arrays else np.zeros(shape)
+        if B.shape != shape:
+            raise MatricesError(
+                f"B at {len(phase)} phases has shape {B.shape}; for {self.n} coordinates and the inputs "
+                f"{', '.join(self.inputs)} it must be {shape}"
+            )
+        return B
 
     def _called(self, phase: Array, speed: float, symbols: str, square: str, vector: str) -> list[Array]:
         """Finite real arrays of the function `matrices` at phases (m,), one per symbol. square, vector:
@@ -373,6 +395,13 @@ class PeriodicSystem(Labels):
                 f"{symbols['MCKd'.index(symbol)]} is not periodic: between phase 0 and {self.period:.6g} it "
                 f"changes by {change:.3g}; give the right period, or the jump at 0 as a break"
             )
+
+
+def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) -> None:
+    """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from others."""
+    texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
+    if not texts or len({*others, *names}) != len(others) + len(names):
+        raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:

@@ -51,6 +51,7 @@ def mechanism() -> Mechanism:
     # that its change is at most P.
     extension = k2 * q2 + c2 * rate(q2)
     cam.force(-contact.choose(bilateral=0, unilateral=Min(P, extension)), along=q2)
+    cam.input("u", "N m", along=phi1, meaning="torque on the cam in addition to that of the shaft")
 
     shaft_torque = k1 * q1 + c1 * rate(q1)
     contact_force = contact.choose(bilateral=-extension, unilateral=Max(0, P - extension))

@@ -33,6 +33,7 @@ def mechanism() -> Mechanism:
     press.potential = (k1 * q1**2 + k2 * q2**2) / 2
     press.dissipation = (c1 * rate(q1) ** 2 + c2 * rate(q2) ** 2) / 2
     press.force(-F, along=y)
+    press.input("u", "N m", along=phi1, meaning="torque on the cam in addition to that of the shaft")
 
     load_torque = -(k1 * q1 + c1 * rate(q1))
     press.output("load_torque", load_torque, "N m", "load on the driving shaft, positive where the cam lags")

@@ -78,6 +78,7 @@ COMMANDS = {
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
     "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",
     "tolerances": "Tolerances of parameters: probability of instability, Sobol indices, worst points.",
+    "control": "Periodic feedback: optimal regulator and Kalman filter, and the closed loop.",
     "branch": "Branch of nonlinear orbits over the speed or a parameter, through its turning points.",
     "validity": "Linearisation error over speed, and the speed up to which the linear model is valid.",
     "report": "Everything about a model on one page of HTML.",

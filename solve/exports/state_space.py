@@ -3,7 +3,7 @@ with derivatives with respect to time, x = (q, q̇), and forces u along the coor
 d. The load b is zero except for a first-order system with its own inputs u."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,9 +14,9 @@ from solve.arrays import Array
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.first_order import FirstOrderSystem
 from solve.matrices import SAME_PHASE, leading
-from solve.model.model import LinearisedModel, Model
 from solve.period.points import rate_of
-from solve.system import PeriodicSystem, derivatives_of, of_system
+from solve.studies.control.plant import linear_outputs, output_slopes, reference_state, state_names
+from solve.system import PeriodicSystem, of_system
 from solve.units import speed_in_si
 
 if TYPE_CHECKING:
@@ -63,10 +63,10 @@ def signals(system: PeriodicSystem) -> Signals:
     names = system.coordinates
     units = [system.units.get(name, "") for name in names]
     inertial = len(names) - system.first_order
-    outputs = _linear_outputs(system)
+    outputs = linear_outputs(system)
     loads = [f"{'force' if at < inertial else 'load'}_{name}" for at, name in enumerate(names)]
     result = Signals(
-        (*names, *(f"{name}_dot" for name in names[:inertial])),
+        state_names(system),
         tuple(loads),
         (*names, *outputs),
         (*units, *(f"{unit}/s" if unit not in ("", "1") else "1/s" for unit in units[:inertial])),
@@ -95,10 +95,10 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
     C, D = np.zeros((k, n, n + inertial)), np.zeros((k, n, n))
     C[:, :, :n] = np.eye(n)
     y0 = np.zeros((k, n))
-    names = _linear_outputs(system)
+    names = linear_outputs(system)
     if names:
-        state = _reference_state(system, phase, speed)
-        slopes = _output_slopes(system, names, phase, speed, state)
+        state = reference_state(system, phase, speed)
+        slopes = output_slopes(system, names, phase, speed, state)
         by_a, by_v, by_q = slopes[..., 0, :], slopes[..., 1, :], slopes[..., 2, :]
         by_state = np.concatenate((by_q, by_v), axis=-1) + by_a @ rate[:, n:]
         C, D = np.concatenate((C, by_state), axis=1), np.concatenate((D, by_a @ inverse), axis=1)
@@ -122,29 +122,6 @@ def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, sp
         D = D if system.inputs else np.zeros((*C.shape[:2], made.B.shape[2]))
         made = made._replace(C=C, D=D, y0=np.zeros(C.shape[:2]))
     return made
-
-
-def _linear_outputs(system: PeriodicSystem) -> Sequence[str]:
-    """Outputs with derivatives with respect to the states."""
-    return system.outputs if isinstance(system, Model) and not system.assembled else ()
-
-
-def _reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """State q̈, q̇, q (3, n, k) about which outputs are linearised: the state of the motion about which the
-    equations are linearised, otherwise 0."""
-    if not isinstance(system, LinearisedModel):
-        return np.zeros((3, system.n, len(phase)))
-    return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
-
-
-def _output_slopes(
-    system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
-) -> Array:
-    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at states (3, n, k)."""
-    rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
-    # A dependence uses derivatives by the phase.
-    dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates
-    return np.stack([dependence.output(name, phase, speed, states)[1] for name in names], axis=1) / rates
 
 
 def _coefficient(name: str, description: str) -> Any:

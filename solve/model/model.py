@@ -21,7 +21,7 @@ from solve.model.derivatives import ModelDerivatives, SlopesCache
 from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
-from solve.model.sampling import MatrixSampler, Sampler, tangent
+from solve.model.sampling import MatrixSampler, Sampler, folded, tangent
 from solve.model.setup import Setup, stated_lines
 from solve.system import PeriodicSystem
 
@@ -71,10 +71,14 @@ class Model(PeriodicSystem):
         self.sketch_unit = next((unit for _, unit, _ in getattr(module, "SKETCH", ())), self.sketch_unit)
         self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
+        inputs = getattr(module, "INPUTS", ())
+        self.inputs = tuple(name for name, *_ in inputs)
         self.fits = setup.case.fits
-        self.equation_warnings = (*self.left_out, *(fit.sentence for fit in self.fits.values()))
-        self.units = {name: unit for name, unit, _ in (*coordinates, *module.OUTPUTS)}
-        self.meanings = {name: meaning for name, _, meaning in (*coordinates, *module.OUTPUTS)}
+        fitted = (fit.sentence for fit in self.fits.values())
+        self.equation_warnings = (*self.left_out, *fitted)
+        described = (*coordinates, *module.OUTPUTS, *inputs)
+        self.units = {name: unit for name, unit, _ in described}
+        self.meanings = {name: meaning for name, _, meaning in described}
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
 
     @classmethod
@@ -315,6 +319,17 @@ class Model(PeriodicSystem):
             generated = self.outputs and hasattr(self.module, "outputs")
             self._formulas[names] = self.setup.formulas("outputs", names) if generated else None
         return self._formulas[names]
+
+    def input_matrix(self, phase: Array, speed: float) -> Array:
+        if not self.inputs:
+            return self._checked_inputs([], phase)
+        entries = self._input_entries(phase, np.full(len(phase), speed), np.zeros(0))
+        return self._checked_inputs([entries.reshape(len(phase), self.n, -1)], phase)
+
+    @cached_property
+    def _input_entries(self) -> Sampler:
+        """B by rows at phases and speeds (k,), with no free parameters."""
+        return Sampler(folded(self.setup.function("inputs"), self.setup.p), shared=1)
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:

@@ -273,6 +273,8 @@ class Newton(Method):
     starts from the last curve of the finest grid. found: converged iteration by the task's method on the
     first grid, if known."""
 
+    first_order = True
+
     def __init__(self, task: Task, start: Motion, steps: int = 0, found: Converged | None = None):
         method = task.method
         self.task, self.start, self.first, self.finest, self.found = task, start, steps, steps, found

@@ -34,7 +34,7 @@ CLASSES: dict[str, type] = {}
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
     *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings"),
-    *("period", "coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit", "states"),
+    *("period", "coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit", "states", "inputs"),
 )
 """Attributes of a system that files hold; those of earlier versions have no states."""
 

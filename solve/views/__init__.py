@@ -4,6 +4,7 @@ only."""
 from solve.views import branches as branches
 from solve.views import chart as chart
 from solve.views import comparison as comparison
+from solve.views import controller as controller
 from solve.views import critical_speeds as critical_speeds
 from solve.views import fit as fit
 from solve.views import followed_modes as followed_modes

@@ -105,10 +105,10 @@ def test_outputs_share_the_names():
     with pytest.raises(DeclarationError, match='"k" is declared twice'):
         one.output("k", q, "m", "displacement")
     for argument in ("p", "qd"):
-        with pytest.raises(DeclarationError, match=f'"{argument}" cannot be the name of an output'):
+        with pytest.raises(DeclarationError, match=f'"{argument}" cannot be the name of an input, an output'):
             one.output(argument, q, "m", "displacement")
         with pytest.raises(
-            DeclarationError, match=f'"{argument}" cannot be the name of an output, an option'
+            DeclarationError, match=f'"{argument}" cannot be the name of an input, an output, an option'
         ):
             one.option(argument, ("soft", "hard"))
     one.output("drive_torque", q, "m", "displacement")

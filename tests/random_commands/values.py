@@ -277,6 +277,8 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--plot": PICTURE,
     "--points": _COUNT,
     "--position": ("70 deg", "1e300 rad", "1 m"),
+    "--lqr": ("q1=1, u=1", "q1=1e6, q2=2, u=1e-2", "q1=-1, u=1", "u=1", "q9=1, u=1", "q1=1 u=1"),
+    "--kalman": ("u=1, q1=1e-9", "u=1", "q1=1", "u=0, q1=0", "u=1, q9=1"),
     "--minimise": ("spectral_radius", "q1.max_abs", "q9.max", "rho1", ""),
     "--positions": _COUNT,
     "--reduce": ("2", "0", "1.5", "-1"),

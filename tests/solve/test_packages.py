@@ -27,6 +27,7 @@ import numpy as np
 import solve
 
 mathieu, cam = solve.load("mathieu", delta=1.3, epsilon=0.2, zeta=0.05), solve.load("cam")
+manipulator = solve.load("manipulator")
 rough = {"rtol": 1e-2, "engine": "numpy"}
 
 
@@ -86,6 +87,10 @@ called = {
     "fit": solve.fit(cam, orbit_file, "k1", speed="300 rpm", rtol=1e-3),
     "optimise": solve.optimise(mathieu, "spectral_radius", {"zeta": (0.0, 0.1)}, 1.0, rtol=1e-4),
     "tolerances": solve.tolerances(mathieu, 1.0, {"delta": "±1 %"}, samples=64, index_samples=2, rtol=1e-4),
+    "control": solve.control(manipulator, "50 rpm", {"q2": 1e8, "u": 1e-2}, rtol=1e-4),
+    "lqr": solve.lqr(manipulator, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, rtol=1e-4),
+    "kalman": solve.kalman(manipulator, "50 rpm", {"u": 1.0}, {"q1": 1e-9}, rtol=1e-4),
+    "lqg": solve.lqg(manipulator, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, {"u": 1.0}, {"q1": 1e-9}, rtol=1e-4),
     "sensitivities": solve.sensitivities(cam, "600 rpm", "q1.max_abs", "k1", **rough),
     "validity": solve.validity(cam, "100 rpm", rtol=1e-2),
     "follow_modes": solve.follow_modes(mathieu, [1.0, 1.1], rtol=1e-4),

@@ -1,0 +1,48 @@
+"""The command `control`: regulators and filters from weights by name."""
+
+from typing import Annotated
+
+import solve
+from solve.commands.deliver import deliver_result
+from solve.commands.groups import Flag, Problem, Results, Speed
+from solve.errors import ValueOutOfBoundsError
+
+
+def control(
+    problem: Problem,
+    speed: Speed,
+    results: Results,
+    lqr: Annotated[
+        str | None, Flag("Weights of states, outputs and inputs of a regulator.", '"q3=1e6, u=1"')
+    ] = None,
+    kalman: Annotated[
+        str | None, Flag("Noise along inputs, and of measured states and outputs.", '"u=1, q1=1e-9"')
+    ] = None,
+    feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
+    vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,
+    rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
+) -> None:
+    """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
+    weights = None if lqr is None else _numbers("--lqr", lqr)
+    noise = None if kalman is None else _numbers("--kalman", kalman)
+    model = problem.loaded()
+    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration)
+    deliver_result(results, result, problem.choices)
+
+
+def _numbers(flag: str, text: str) -> dict[str, float]:
+    """Numbers by name from a text "NAME=NUMBER, NAME=NUMBER". Raises ValueOutOfBoundsError."""
+    numbers = {}
+    for piece in filter(None, (piece.strip() for piece in text.split(","))):
+        name, equals, value = (part.strip() for part in piece.partition("="))
+        try:
+            number = float(value)
+        except ValueError:
+            number = None
+        if not (name and equals) or number is None or name in numbers:
+            raise ValueOutOfBoundsError(
+                f"{flag} is '{text}'; write each name once with a number, in SI units, such as "
+                f'{flag} "q3=1e6, u=1"'
+            )
+        numbers[name] = number
+    return numbers

@@ -1,0 +1,266 @@
+"""Feedback gain over the period, solution of its Riccati equation, and stability of the closed loop."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.period.curve import Curve
+from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
+from solve.results.periodic_motion import require_finite
+from solve.results.result import Result
+from solve.results.serialization import serializable, stored_property
+from solve.results.stability import Stability
+from solve.system import PeriodicSystem
+
+_PHASES = 361
+"""Phases of columns and figures: one per degree of a revolution."""
+
+_HARMONICS = 12
+"""Harmonics of the gain in the record. A choice."""
+
+_TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with a Kalman filter"}
+
+
+@serializable
+class Vibration(NamedTuple):
+    """Largest moduli of a quantity over a period without and with feedback, and its root mean square with
+    feedback, in SI units."""
+
+    without: float
+    controlled: float
+    rms: float
+
+
+@dataclass(frozen=True)
+class Controller(Result):
+    """Periodic feedback, from `solve.lqr`, `solve.kalman`, `solve.lqg` or `solve.control`.
+
+    Attributes
+    ----------
+    system : PeriodicSystem
+        System without feedback.
+    speed : float
+        Ω in rad/s.
+    kind : str
+        "lqr", "kalman" or "lqg".
+    states : tuple of str
+        Names of the N states.
+    signals : tuple of str
+        Names of the r inputs; of the measured quantities for a filter alone.
+    solution, gains : Curve
+        Curves of the upper triangle of the solution, and of the gain by rows.
+    closed : PeriodicSystem
+        Closed loop; the equations of the error for a filter alone.
+    stability : Stability
+        Certified multipliers of the closed loop at the speed.
+    error_estimate : float
+        Largest error of the solution X over the period, relative to √(max X_ii max X_jj).
+    residual : float
+        Largest residual of the Riccati equation, relative to its largest term, in the same units.
+    rtol : float
+        Requested tolerance.
+    observer : Controller or None
+        Filter of `solve.lqg`.
+    vibration : mapping of str to Vibration
+        Periodic vibration of coordinates and inputs without and with feedback, if it was requested.
+    ahead : Curve or None
+        Curve of the feedforward.
+    """
+
+    system: PeriodicSystem
+    speed: float
+    kind: str
+    states: tuple[str, ...]
+    signals: tuple[str, ...]
+    solution: Curve
+    gains: Curve
+    closed: PeriodicSystem
+    stability: Stability
+    error_estimate: float
+    residual: float
+    rtol: float
+    observer: "Controller | None" = None
+    vibration: Mapping[str, Vibration] = field(default_factory=dict)
+    ahead: Curve | None = None
+
+    def riccati(self, phase: Array | float) -> Array:
+        """Solution of the Riccati equation.
+
+        Parameters
+        ----------
+        phase : float or (k,) array
+            Phases in rad, in any period.
+
+        Returns
+        -------
+        (k, N, N) array
+            X of a regulator, or the covariance P of a filter, in SI units of the states.
+        """
+        triangle, N = self.solution(_phases(phase)), len(self.states)
+        rows, columns = np.triu_indices(N)
+        X = np.empty((triangle.shape[1], N, N))
+        X[:, rows, columns] = X[:, columns, rows] = triangle.T
+        return X
+
+    def gain(self, phase: Array | float) -> Array:
+        """Feedback gain.
+
+        Parameters
+        ----------
+        phase : float or (k,) array
+            Phases in rad, in any period.
+
+        Returns
+        -------
+        (k, r, N) array
+            K of u = −K x for a regulator; for a filter alone L (k, N, y).
+        """
+        values = self.gains(_phases(phase)).T
+        N, r = len(self.states), len(self.signals)
+        return values.reshape(len(values), *((N, r) if self.kind == "kalman" else (r, N)))
+
+    def feedforward(self, phase: Array | float) -> Array:
+        """Feedforward of the inputs, u = −K x + f.
+
+        Parameters
+        ----------
+        phase : float or (k,) array
+            Phases in rad, in any period.
+
+        Returns
+        -------
+        (k, r) array
+            f; zero without feedforward.
+        """
+        phases = _phases(phase)
+        return np.zeros((len(phases), len(self.signals))) if self.ahead is None else self.ahead(phases).T
+
+    @cached_property
+    def harmonics(self) -> Array:
+        """Complex harmonics (13, r, N) of the gain, or (13, N, y) of a filter: K = Re Σ_k K_k e^{ikφ} for a
+        period of 2π."""
+        return self._harmonics_of(self.gain)
+
+    def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:
+        """Complex harmonics (13, …) of a function of phases."""
+        count = 16 * _PHASES
+        values = function(np.arange(count) * (self.system.period / count))
+        transform = np.fft.rfft(values, axis=0)[: _HARMONICS + 1] * (2 / count)
+        transform[0] /= 2
+        return transform
+
+    @property
+    def multipliers(self) -> Array:
+        """Multipliers of the closed loop, by falling modulus."""
+        return self.stability.multipliers
+
+    @property
+    def verdict(self) -> str:
+        """Verdict on the closed loop."""
+        return self.stability.verdict
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether the closed loop is stable; None if undetermined."""
+        return self.stability.stable
+
+    @stored_property
+    def warnings(self) -> list[str]:
+        """Sentences on what is doubtful."""
+        observer = [] if self.observer is None else self.observer.warnings
+        missed = []
+        if not self.error_estimate <= self.rtol:
+            missed.append(
+                f"the solution of the Riccati equation of the {_TITLES[self.kind]} is accurate to "
+                f"{self.error_estimate:.1e} only, not to rtol {self.rtol:g}"
+            )
+        if self.stable is not True:
+            missed.append(f"the closed loop is {self.verdict}")
+        return list(dict.fromkeys([*missed, *observer, *self.stability.warnings]))
+
+    @property
+    def summary(self) -> str:
+        """Sentence on the stability of the closed loop."""
+        what = "error of the estimates" if self.kind == "kalman" else "closed loop"
+        return (
+            f"At {self.system.speed_unit.text(self.speed)} the {what} is {self.verdict}: "
+            f"spectral radius {self.stability.spectral_radius:.6g}."
+        )
+
+    @property
+    def summary_values(self) -> dict[str, Any]:
+        stability, gains = self.stability, np.moveaxis(self.harmonics, 0, -1)
+        ahead = (
+            {}
+            if self.ahead is None
+            else dict(zip(self.signals, self._harmonics_of(self.feedforward).T, strict=True))
+        )
+        observer = None if self.observer is None else self.observer.record()
+        rows = map(_amplitudes, gains.reshape(-1, gains.shape[-1]))
+        return {
+            "speed": self.speed,
+            "period": self.system.period / self.speed,
+            "kind": self.kind,
+            "states": self.states,
+            "signals": self.signals,
+            "gain": dict(zip(self.gain_names, rows, strict=True)),
+            "feedforward": {name: _amplitudes(row) for name, row in ahead.items()},
+            "multipliers": self.multipliers,
+            "exponents": stability.exponents,
+            "spectral_radius": stability.spectral_radius,
+            "verdict": self.verdict,
+            "stable": self.stable,
+            "error_estimate": {"riccati": self.error_estimate, "multipliers": stability.error_estimate[1]},
+            "residual": self.residual,
+            "observer": observer,
+            "vibration": self.vibration,
+        }
+
+    @property
+    def gain_names(self) -> list[str]:
+        """Names of the entries of the gain by rows."""
+        if self.kind == "kalman":
+            return [f"{state}_by_{signal}" for state in self.states for signal in self.signals]
+        return [f"{signal}_by_{state}" for signal in self.signals for state in self.states]
+
+    def header_rows(self) -> HeaderRows:
+        errors = f"Riccati equation {self.error_estimate:.1e}"
+        return [
+            ("controller", _TITLES[self.kind]),
+            ("errors", f"{errors}, multipliers {self.stability.error_estimate[1]:.1e} (relative)"),
+            ("checks", f"residual {self.residual:.1e}"),
+        ]
+
+    @property
+    def columns(self) -> Columns:
+        """Row per phase: entries of the gain."""
+        phase = np.linspace(0.0, self.system.period, _PHASES)
+        gains = self.gain(phase).reshape(_PHASES, -1).T
+        columns = {"phase": Column(phase, "rad", "phase of the drive", axes=("phase",))}
+        for name, values in zip(self.gain_names, gains, strict=True):
+            first, _, second = name.partition("_by_")
+            columns[name] = Column(values, "", f"gain of {first} by {second}", axes=("phase",))
+        return columns
+
+    def file_contents(self) -> FileContents:
+        """Columns; in .npz and .mat also gain and solution as matrices."""
+        phase = np.linspace(0.0, self.system.period, _PHASES)
+        arrays = {"phase": phase, "gain": self.gain(phase), "riccati": self.riccati(phase)}
+        return FileContents(self.columns, {}, self.metadata, {**arrays, "multipliers": self.multipliers})
+
+    def record(self) -> dict[str, Any]:
+        """JSON object of `solve control --json`."""
+        return to_json({**self.model_info, **self.summary_values, "warnings": self.warnings})
+
+
+def _amplitudes(harmonics: Array) -> dict[str, Array]:
+    """Moduli and phase angles of complex harmonics."""
+    return {"harmonics": np.abs(harmonics), "phases": np.angle(harmonics)}
+
+
+def _phases(phase: Array | float) -> Array:
+    return require_finite(np.atleast_1d(np.asarray(phase, dtype=float)))

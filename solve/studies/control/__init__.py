@@ -1,0 +1,1 @@
+"""Feedback control of periodic systems: Riccati equations, gains and closed loops."""

@@ -1,0 +1,328 @@
+"""Linear-quadratic regulator, Kalman filter and their combination for systems with periodic coefficients."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
+from solve.period.curve import Curve
+from solve.results.controller import Controller, Vibration
+from solve.single import floquet, periodic
+from solve.studies.control.closed_loop import ClosedLoop, Observer
+from solve.studies.control.equations import error_equations, filter_of, regulator
+from solve.studies.control.plant import Plant
+from solve.studies.control.riccati import Solved
+from solve.studies.control.weights import Weight
+from solve.system import PeriodicSystem, of_system, require_load
+from solve.units import checked_rtol, speed_in_si
+
+
+@of_system
+def lqr(
+    system: PeriodicSystem,
+    speed: float | str,
+    Q: Weight,
+    R: Weight,
+    rtol: float = 1e-8,
+    feedforward: bool = False,
+) -> Controller:
+    """Compute the state feedback u = −K(φ)x that minimises the mean of xᵀQx + uᵀRu.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System with r inputs, of first or second order. Its states x are (q, q̇), or those of a first-order
+        system.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    Q : (N, N) array, mapping or callable
+        Weights of the states: a positive semidefinite matrix; numbers by name of states and outputs, such as
+        {"q1": 1e6, "q1_dot": 10}; or a function of phases (k,) that returns (k, N, N).
+    R : (r, r) array, mapping or callable
+        Weights of the inputs: a positive definite matrix, numbers by name of the inputs, or a function.
+    rtol : float
+        Relative tolerance of the solution of the Riccati equation and of the multipliers.
+    feedforward : bool
+        Whether to add the periodic f(φ) that minimises the mean under the load, u = −K x + f. Without it,
+        feedback opposes every motion, the one that the load forces included.
+
+    Returns
+    -------
+    Controller
+        Solution X(φ), gain K(φ) = R⁻¹BᵀX and the closed loop.
+
+    Raises
+    ------
+    ControlError
+        Without inputs, or without a stabilising solution.
+    SolveError
+        Other subclasses for bad input.
+
+    Notes
+    -----
+    X is the stabilising periodic solution of −Ẋ = AᵀX + XA − XBR⁻¹BᵀX + Q (S. Bittanti, P. Colaneri, Periodic
+    Systems, 2009). It is computed by doubling on the symplectic maps of Gauss collocation and corrected by
+    Newton's method. Multipliers of the closed loop are those of `solve.floquet`. f = −R⁻¹Bᵀg with the
+    periodic solution of −ġ = (A − BK)ᵀg + Xb for the load b of the states.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def unstable(phase, speed):
+    ...     one = np.ones((len(phase), 1, 1))
+    ...     return one, 0 * one, -(2 + np.cos(phase)[:, None, None]), 0 * phase[:, None], one
+    >>> found = lqr(PeriodicSystem(unstable, ["q"], inputs=["u"]), 1.0, {"q": 1.0}, {"u": 1.0})
+    >>> found.stable
+    True
+    """
+    plant, rtol = _plant(system, speed), checked_rtol(rtol)
+    plant.require_inputs()
+    solved, gain, ahead = regulator(plant, Q, R, rtol, feedforward)
+    closed = ClosedLoop(plant.system, gain, None, ahead)
+    made = _controller("lqr", plant, solved, gain, plant.system.inputs, closed, rtol)
+    return replace(made, ahead=ahead)
+
+
+@of_system
+def kalman(
+    system: PeriodicSystem, speed: float | str, W: Weight, V: Weight, rtol: float = 1e-8
+) -> Controller:
+    """Compute the gain L(φ) of the observer x̂′ = A x̂ + b + B u + L (y − C x̂) with least mean square error.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System of first or second order.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    W : (N, N) array, mapping or callable
+        Spectral density of the noise of the states: a positive semidefinite matrix; numbers by name of inputs
+        along which noise acts, or of states to whose rates it is added; or a function of phases (k,).
+    V : (y, y) array, mapping or callable
+        Spectral density of the noise of the measured quantities: numbers by name of states and outputs, which
+        are then measured. A positive definite matrix, or a function of phases, is of the outputs of a
+        `FirstOrderSystem` that names some, otherwise of all coordinates.
+    rtol : float
+        Relative tolerance of the solution of the Riccati equation and of the multipliers.
+
+    Returns
+    -------
+    Controller
+        Covariance P(φ) of the error of the estimates, gain L(φ) = P Cᵀ V⁻¹ (N, y), and as closed loop the
+        equations of the error.
+
+    Raises
+    ------
+    ControlError
+        Without a stabilising solution.
+    SolveError
+        Other subclasses for bad input.
+
+    Notes
+    -----
+    P is the stabilising periodic solution of Ṗ = AP + PAᵀ − PCᵀV⁻¹CP + W (R. E. Kalman, R. S. Bucy, J. Basic
+    Eng. 83 (1961) 95-108).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> def integrator(phase, speed):
+    ...     zero = np.zeros((len(phase), 1, 1))
+    ...     return zero, zero[:, 0]
+    >>> found = kalman(solve.FirstOrderSystem(integrator, ["x"]), 1.0, [[4.0]], {"x": 1.0})
+    >>> round(float(found.gain(0.0)[0, 0, 0]), 9)
+    2.0
+    """
+    plant, rtol = _plant(system, speed), checked_rtol(rtol)
+    solved, gain, measured = filter_of(plant, W, V, rtol)
+    return _controller("kalman", plant, solved, gain, measured, error_equations(plant, gain, measured), rtol)
+
+
+@of_system
+def lqg(
+    system: PeriodicSystem,
+    speed: float | str,
+    Q: Weight,
+    R: Weight,
+    W: Weight,
+    V: Weight,
+    rtol: float = 1e-8,
+    feedforward: bool = False,
+) -> Controller:
+    """Compute the output feedback of `lqr` with the estimates of `kalman`.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System with inputs.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    Q, R : array, mapping or callable
+        Weights of the regulator, as in `lqr`.
+    W, V : array, mapping or callable
+        Noise of the filter, as in `kalman`.
+    rtol : float
+        As in `lqr`.
+    feedforward : bool
+        As in `lqr`.
+
+    Returns
+    -------
+    Controller
+        As of `lqr`, with the filter as `observer`; the closed loop has the estimates NAME_hat as states.
+
+    Raises
+    ------
+    ControlError
+        Without inputs, or without a stabilising solution.
+    SolveError
+        Other subclasses for bad input.
+
+    Examples
+    --------
+    >>> import solve
+    >>> press = solve.load("manipulator")
+    >>> found = lqg(press, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, {"u": 1.0}, {"q1": 1e-9})
+    >>> found.closed.n
+    6
+    """
+    plant, rtol = _plant(system, speed), checked_rtol(rtol)
+    plant.require_inputs()
+    solved, gain, ahead = regulator(plant, Q, R, rtol, feedforward)
+    filtered, observer_gain, measured = filter_of(plant, W, V, rtol)
+    errors = error_equations(plant, observer_gain, measured)
+    observer = _controller("kalman", plant, filtered, observer_gain, measured, errors, rtol)
+    closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured), ahead)
+    made = _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol)
+    return replace(made, ahead=ahead, observer=observer)
+
+
+@of_system
+def control(
+    system: PeriodicSystem,
+    speed: float | str,
+    lqr: Mapping[str, float] | tuple[Weight, Weight] | None = None,
+    kalman: Mapping[str, float] | tuple[Weight, Weight] | None = None,
+    rtol: float = 1e-8,
+    feedforward: bool = False,
+    vibration: bool = False,
+) -> Controller:
+    """Compute a regulator, a filter, or both, from weights by name.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System with inputs.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    lqr : mapping or pair, optional
+        Weights by name, of inputs and of states and outputs, such as {"q3": 1e6, "u": 1}; or Q and R.
+    kalman : mapping or pair, optional
+        Noise by name, along inputs and of measured states and outputs, such as {"u": 1, "q1": 1e-9}; or W and
+        V.
+    rtol : float
+        As in `lqr`.
+    feedforward : bool
+        As in `lqr`.
+    vibration : bool
+        Whether to compute the periodic vibration without and with feedback.
+
+    Returns
+    -------
+    Controller
+        Of `lqr`, `kalman`, or, if both are given, of `lqg`.
+
+    Raises
+    ------
+    SolveError
+        As of `lqr` and `kalman`.
+
+    Examples
+    --------
+    >>> import solve
+    >>> control(solve.load("manipulator"), "50 rpm", lqr={"q2": 1e8, "u": 1e-2}).verdict
+    'asymptotically stable'
+    """
+    weights = None if lqr is None else _pair(system, lqr, "lqr", inputs_first=False)
+    noise = None if kalman is None else _pair(system, kalman, "kalman", inputs_first=True)
+    if weights is None:
+        if noise is None:
+            raise MissingValueError(
+                'a controller requires weights; give lqr, such as {"q3": 1e6, "u": 1}, or kalman'
+            )
+        return _OF["kalman"](system, speed, *noise, rtol)
+    if noise is None:
+        made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
+    else:
+        made = _OF["lqg"](system, speed, *weights, *noise, rtol, feedforward)
+    return replace(made, vibration=_vibration(made)) if vibration else made
+
+
+_OF = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
+"""The functions under names that arguments of `control` do not hide."""
+
+
+def _vibration(made: Controller) -> dict[str, Vibration]:
+    """Periodic vibration of coordinates and inputs without and with feedback; none without a load.
+
+    Raises SolveError if an orbit does not exist."""
+    system = made.system
+    try:
+        require_load(system, made.speed)
+    except NoLoadError:
+        return {}
+    before, after = (periodic(each, made.speed, rtol=made.rtol) for each in (system, made.closed))
+    found = {}
+    for name in (*system.coordinates, *system.inputs):
+        without = before.statistics(name).max_abs if name in system.coordinates else 0.0
+        figures = after.statistics(name)
+        found[name] = Vibration(without, figures.max_abs, figures.rms)
+    return found
+
+
+def _pair(
+    system: PeriodicSystem, given: Mapping[str, float] | tuple[Weight, Weight], name: str, inputs_first: bool
+) -> tuple[Weight, Weight]:
+    """Weights (Q, R), or noise (W, V), from numbers by name. Raises MissingValueError."""
+    if not isinstance(given, Mapping):
+        if not isinstance(given, tuple) or len(given) != 2:
+            raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: numbers by name, or two weights")
+        return given
+    inputs = {key: value for key, value in given.items() if key in system.inputs}
+    others = {key: value for key, value in given.items() if key not in system.inputs}
+    if not inputs or not others:
+        missing = f"no input ({', '.join(system.inputs) or 'there is none'})" if not inputs else "no state"
+        raise MissingValueError(f"{name} names {missing}; give numbers for inputs and for states or outputs")
+    return (inputs, others) if inputs_first else (others, inputs)
+
+
+def _plant(system: PeriodicSystem, speed: float | str) -> Plant:
+    omega = speed_in_si(speed)
+    system.require_motion()
+    system.checked(omega)
+    return Plant(system.shown_in(omega), omega)
+
+
+def _controller(
+    kind: str,
+    plant: Plant,
+    solved: Solved,
+    gain: Curve,
+    signals: tuple[str, ...],
+    closed: PeriodicSystem,
+    rtol: float,
+) -> Controller:
+    """Result, with the certified multipliers of the closed loop."""
+    return Controller(
+        system=plant.system,
+        speed=plant.speed,
+        kind=kind,
+        states=plant.states,
+        signals=signals,
+        solution=solved.curve,
+        gains=gain,
+        closed=closed,
+        stability=floquet(closed, plant.speed, rtol=rtol),
+        error_estimate=solved.error,
+        residual=solved.residual,
+        rtol=rtol,
+    )

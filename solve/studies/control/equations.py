@@ -1,0 +1,149 @@
+"""Riccati equations of regulators and filters from weights and noise, and their gains as curves."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import MissingValueError
+from solve.first_order import FirstOrderSystem
+from solve.period.curve import Curve
+from solve.single import periodic
+from solve.studies.control.plant import Plant
+from solve.studies.control.riccati import Riccati, Solved, solve_riccati, symmetric_of, through_points
+from solve.studies.control.weights import Weight, matrix_function, named_numbers
+from solve.system import PeriodicSystem
+from solve.threads import one_thread
+
+Function = Callable[[Array], Array]
+
+
+def regulator(
+    plant: Plant, Q: Weight, R: Weight, rtol: float, feedforward: bool
+) -> tuple[Solved, Curve, Curve | None]:
+    """Solution X of the regulator's Riccati equation, curve of K, and curve of the feedforward."""
+    weight, inputs = _state_weight(plant, Q), plant.system.inputs
+    if isinstance(R, Mapping):
+        numbers = named_numbers("R", R, inputs, positive=True)
+        if missing := [name for name in inputs if name not in numbers]:
+            raise MissingValueError(f"R has no number for the input {missing[0]}; give one for every input")
+        R = np.diag([numbers[name] for name in inputs])
+    cost = matrix_function("R", R, len(inputs), plant.system.period, definite=True)
+
+    def coefficients(phase: Array) -> tuple[Array, Array, Array]:
+        A, B, _ = plant.dynamics(phase)
+        return A, B @ np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2)), weight(phase)
+
+    solved = _solved(plant, coefficients, rtol)
+
+    def gain(phase: Array) -> Array:
+        _, B, _ = plant.dynamics(phase)
+        return np.linalg.solve(cost(phase), np.swapaxes(B, 1, 2) @ symmetric_of(solved.curve(phase)))
+
+    gains = through_points(gain, solved.grid)
+    if not feedforward:
+        return solved, gains, None
+
+    system = plant.system
+
+    def adjoint(mirrored: Array, speed: float) -> tuple[Array, Array]:
+        phase = system.period - mirrored
+        A, B, b = plant.dynamics(phase)
+        closed = A - B @ gains(phase).T.reshape(len(phase), len(inputs), plant.N)
+        load = np.einsum("kij,kj->ki", symmetric_of(solved.curve(phase)), b)
+        return np.swapaxes(closed, 1, 2), load
+
+    # The adjoint decays backwards in time.
+    breaks = [(system.period - each) % system.period for each in system.breaks]
+    adjoints = FirstOrderSystem(adjoint, plant.states, system.period, breaks)
+    orbit = periodic(adjoints, plant.speed, rtol=rtol)
+
+    def ahead(phase: Array) -> Array:
+        _, B, _ = plant.dynamics(phase)
+        along = np.einsum("kir,ik->kr", B, orbit.at(system.period - phase))
+        return -np.linalg.solve(cost(phase), along[..., None])[..., 0]
+
+    return solved, gains, through_points(ahead, solved.grid)
+
+
+def _state_weight(plant: Plant, Q: Weight) -> Function:
+    """Q (k, N, N), from numbers by name as the sum of squares of rows."""
+    if not isinstance(Q, Mapping):
+        return matrix_function("Q", Q, plant.N, plant.system.period)
+    plant.rows(list(Q), np.zeros(1))
+    numbers = named_numbers("Q", Q, list(Q), positive=False)
+    names, weights = list(numbers), np.array(list(numbers.values()))
+
+    def weight(phase: Array) -> Array:
+        rows = plant.rows(names, phase)
+        return np.swapaxes(rows, 1, 2) @ (weights[:, None] * rows)
+
+    return weight
+
+
+def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, Curve, tuple[str, ...]]:
+    """Solution P of the filter's Riccati equation, curve of L, and the names of the measured quantities."""
+    system = plant.system
+    noise = _state_noise(plant, W)
+    if isinstance(V, Mapping):
+        measured = tuple(V)
+        plant.rows(measured, np.zeros(1))
+        V = np.diag(list(named_numbers("V", V, measured, positive=True).values()))
+    else:
+        of_states = len(system.states) == system.n and system.outputs
+        measured = tuple(system.outputs if of_states else system.coordinates)
+    cost = matrix_function("V", V, len(measured), system.period, definite=True)
+
+    def coefficients(phase: Array) -> tuple[Array, Array, Array]:
+        C, A = plant.rows(measured, phase), plant.dynamics(phase)[0]
+        return A, noise(phase), np.swapaxes(C, 1, 2) @ np.linalg.solve(cost(phase), C)
+
+    solved = _solved(plant, coefficients, rtol, filters=True)
+
+    def gain(phase: Array) -> Array:
+        shown = plant.rows(measured, phase) @ symmetric_of(solved.curve(phase))
+        return np.swapaxes(np.linalg.solve(cost(phase), shown), 1, 2)
+
+    return solved, through_points(gain, solved.grid), measured
+
+
+def _state_noise(plant: Plant, W: Weight) -> Function:
+    """W (k, N, N), from numbers by name of inputs and states."""
+    if not isinstance(W, Mapping):
+        return matrix_function("W", W, plant.N, plant.system.period)
+    inputs, states = plant.system.inputs, plant.states
+    numbers = named_numbers("W", W, [*inputs, *states], positive=False)
+    along = np.array([numbers.get(name, 0.0) for name in inputs])
+    direct = np.diag([numbers.get(name, 0.0) for name in states])
+
+    def noise(phase: Array) -> Array:
+        B = plant.dynamics(phase)[1]
+        return (B * along) @ np.swapaxes(B, 1, 2) + direct
+
+    return noise
+
+
+def _solved(
+    plant: Plant,
+    coefficients: Callable[[Array], tuple[Array, Array, Array]],
+    rtol: float,
+    filters: bool = False,
+) -> Solved:
+    system = plant.system
+    with one_thread(system.n):
+        equation = Riccati(coefficients, plant.speed, system.period, system.breaks, filters)
+        return solve_riccati(equation, rtol)
+
+
+def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:
+    """Equations e′ = (A − LC) e of the error of the estimates."""
+
+    def matrices(phase: Array, speed: float) -> tuple[Array, Array]:
+        here = Plant(plant.system, speed)
+        L = gain(phase).T.reshape(len(phase), plant.N, -1)
+        A = here.dynamics(phase)[0] - L @ here.rows(measured, phase)
+        return A, np.zeros((len(phase), plant.N))
+
+    made = FirstOrderSystem(matrices, plant.states, plant.system.period, plant.system.breaks)
+    made.name, made.speed_unit = f"error of the estimates of {plant.system.name}", plant.system.speed_unit
+    return made

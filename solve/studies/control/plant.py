@@ -1,0 +1,110 @@
+"""State space x′ = A x + B u + b of a system with inputs at a speed, and rows of its outputs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from solve.arrays import Array, solved
+from solve.errors import ControlError, ValueOutOfBoundsError, require_name
+from solve.first_order import FirstOrderSystem
+from solve.matrices import leading
+from solve.model.model import LinearisedModel, Model
+from solve.period.points import rate_of
+from solve.system import PeriodicSystem, derivatives_of
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A system at a speed in rad/s, with states x = (q, q̇) and derivatives by time."""
+
+    system: PeriodicSystem
+    speed: float
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of the N states: coordinates, and NAME_dot for those with second derivatives."""
+        return state_names(self.system)
+
+    @property
+    def N(self) -> int:
+        return len(self.states)
+
+    def dynamics(self, phase: Array) -> tuple[Array, Array, Array]:
+        """A (k, N, N), B (k, N, r) and b (k, N) at phases (k,)."""
+        system = self.system
+        n, p = system.n, system.n - system.first_order
+        M, C, K, d = system.at(phase, self.speed)
+        rate = rate_of(M, C, K, d, system.first_order)
+        highest = solved(leading(M, C, system.first_order), system.input_matrix(phase, self.speed))
+        B = np.zeros((len(phase), self.N, highest.shape[-1]))
+        B[:, n:], B[:, p:n] = highest[:, :p], highest[:, p:]
+        return rate[..., :-1], B, rate[..., -1]
+
+    def require_inputs(self) -> None:
+        """Raise ControlError for a system without inputs."""
+        if not self.system.inputs:
+            raise ControlError(
+                f"{self.system.name} has no inputs; declare them, such as "
+                'mechanism.input("u", "N", along=q1), or name them in the system, see docs/control.md'
+            )
+
+    def rows(self, names: Sequence[str], phase: Array) -> Array:
+        """Rows C (k, y, N) of states and outputs by name at phases (k,), y = C x without constant terms.
+
+        Raises UnknownNameError, and ValueOutOfBoundsError for an output that depends on accelerations."""
+        system = self.system
+        outputs = system.outputs if isinstance(system, FirstOrderSystem) else linear_outputs(system)
+        for name in names:
+            require_name("state or output", name, [*self.states, *outputs])
+        rows = np.zeros((len(phase), len(names), self.N))
+        for at, name in enumerate(names):
+            if name in self.states:
+                rows[:, at, self.states.index(name)] = 1.0
+            elif isinstance(system, FirstOrderSystem):
+                C = system.equations_at(phase, self.speed)[3]
+                rows[:, at] = C[:, outputs.index(name)]
+            else:
+                rows[:, at] = self._output_row(name, phase)
+        return rows
+
+    def _output_row(self, name: str, phase: Array) -> Array:
+        """Derivatives (k, N) of an output of a model by the states."""
+        state = reference_state(self.system, phase, self.speed)
+        slopes = output_slopes(self.system, [name], phase, self.speed, state)[:, 0]
+        if slopes[:, 0].any():
+            raise ValueOutOfBoundsError(
+                f"{name} depends on accelerations, which inputs change at once; allowed: states and other "
+                f"outputs, such as {self.states[0]}"
+            )
+        return np.concatenate((slopes[:, 2], slopes[:, 1]), axis=-1)
+
+
+def state_names(system: PeriodicSystem) -> tuple[str, ...]:
+    """Names of the states x = (q, q̇) of a system."""
+    inertial = system.coordinates[: system.n - system.first_order]
+    return *system.coordinates, *(f"{name}_dot" for name in inertial)
+
+
+def linear_outputs(system: PeriodicSystem) -> Sequence[str]:
+    """Outputs with derivatives by the states."""
+    return system.outputs if isinstance(system, Model) and not system.assembled else ()
+
+
+def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
+    """State q̈, q̇, q (3, n, k) about which outputs are linearised: that of the motion about which the
+    equations are linearised, otherwise 0."""
+    if not isinstance(system, LinearisedModel):
+        return np.zeros((3, system.n, len(phase)))
+    return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
+
+
+def output_slopes(
+    system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
+) -> Array:
+    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
+    rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
+    # A dependence uses derivatives by the phase.
+    dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates
+    return np.stack([dependence.output(name, phase, speed, states)[1] for name in names], axis=1) / rates

@@ -1,0 +1,260 @@
+"""Periodic solution of a Riccati equation to a tolerance, as a continuous curve with its error."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from solve.arrays import EPS, Array
+from solve.errors import ControlError
+from solve.period.curve import Curve
+from solve.period.eigenvalues import balance_matrices, roundoff_growth
+from solve.period.grid import Grid
+from solve.studies.control.maps import periodic_solution, step_maps, symmetric, transposed
+
+_ORDER = 16
+"""Order of the Gauss method, the highest available: solutions are as smooth as the coefficients."""
+
+_ADVANCE, _AT = 4.2, 1e-8
+"""Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
+constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
+
+_GROWTH, _FAST_GROWTH = 1.25, 2.0
+"""Growth of the number of steps from grid to grid, and where the error exceeds the root of the tolerance.
+Errors of resolved solutions fall by at least 1.25^-12 = 0.07."""
+
+_RESOLVED = 1e-4
+"""Error below which a solution counts as resolved, so that an error that no longer falls is round-off."""
+
+_PHASES = 48
+"""Phases at which frozen modes are computed. A choice."""
+
+_LEAST, _MOST = 24, 6000
+"""Smallest and largest number of steps: choices. With 12 states, 6000 steps take several seconds."""
+
+_STENCIL = 6
+"""Nodes through which the curve of a step goes, with their slopes: its degree is 11."""
+
+_POINTS = 9
+"""Points per step of curves of the gain, whose error is the ninth power of the step. A choice."""
+
+
+@dataclass(frozen=True)
+class Riccati:
+    """Riccati equation −dX/dt = AᵀX + XA − XGX + Q of a regulator, or dX/dt = AX + XAᵀ − XQX + G of a filter.
+
+    coefficients: function of phases (k,) that returns A, G and Q (k, N, N) for derivatives by time."""
+
+    coefficients: Callable[[Array], tuple[Array, Array, Array]]
+    speed: float
+    period: float
+    breaks: tuple[float, ...]
+    filters: bool = False
+
+    def terms(self, phase: Array, X: Array) -> tuple[Array, Array, Array]:
+        """Linear, quadratic and constant term (k, N, N), whose sum is −dX/dt, or dX/dt of a filter."""
+        A, G, Q = self.coefficients(phase)
+        if self.filters:
+            return 2 * symmetric(A @ X), -X @ Q @ X, G
+        return 2 * symmetric(X @ A), -X @ G @ X, Q
+
+    def slope(self, phase: Array, X: Array) -> Array:
+        """dX/dφ (k, N, N)."""
+        linear, quadratic, constant = self.terms(phase, X)
+        return (linear + quadratic + constant) * ((1.0 if self.filters else -1.0) / self.speed)
+
+    def first_steps(self, rtol: float) -> int:
+        """Number of steps of the first grid, from the frozen modes of the Hamiltonian matrix."""
+        A, G, Q = self._sampled
+        hamiltonian = np.concatenate(
+            (np.concatenate((A, -G), axis=-1), np.concatenate((-Q, -transposed(A)), axis=-1)), axis=-2
+        )
+        fastest = np.abs(np.linalg.eigvals(hamiltonian)).max()
+        advance = _ADVANCE * (rtol / _AT) ** (1 / _ORDER)
+        return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
+
+    def at_nodes(self, grid: Grid) -> Array:
+        """X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
+        unit, size = self._scales
+
+        def by_phase(phase: Array) -> tuple[Array, Array, Array]:
+            A, G, Q = self.coefficients(phase)
+            return (
+                A * (unit / unit[:, None] / self.speed),
+                G * (size / unit / unit[:, None] / self.speed),
+                Q * (unit * unit[:, None] / size / self.speed),
+            )
+
+        maps = step_maps(by_phase, grid, _ORDER)
+        X = periodic_solution(maps.dual if self.filters else maps)
+        if X is None or not np.isfinite(X).all():
+            raise ControlError(self._reason)
+        if self.filters:
+            return X[::-1] * (unit * unit[:, None] / size)
+        return X * (size / unit / unit[:, None])
+
+    @cached_property
+    def _scales(self) -> tuple[Array, float]:
+        """Powers of 2 as units (N,) of the states, which balance A, and a size of X that balances G and Q.
+
+        Elimination would lose digits of states whose units differ by many powers of ten."""
+        A, G, Q = self._sampled
+        unit = balance_matrices(np.abs(A).mean(axis=0))[1]
+        quotient = np.abs(Q * unit * unit[:, None]).max() / np.abs(G / unit / unit[:, None]).max()
+        return unit, float(2.0 ** np.round(np.log2(quotient) / 2)) if 0 < quotient < np.inf else 1.0
+
+    @cached_property
+    def _sampled(self) -> tuple[Array, Array, Array]:
+        """A, G and Q at phases over the period."""
+        return self.coefficients((np.arange(_PHASES) + 0.5) * (self.period / _PHASES))
+
+    @property
+    def _reason(self) -> str:
+        if self.filters:
+            return (
+                "the filter's Riccati equation has no stabilising solution: the measured outputs do not show "
+                "a mode that does not decay, or no noise excites one; measure more, or add noise in W"
+            )
+        return (
+            "the Riccati equation has no stabilising solution: the inputs do not reach a mode that does not "
+            "decay, or Q does not weight one; add inputs, or weight more states"
+        )
+
+    def curve(self, steps: int) -> Curve:
+        """Upper triangle of X over the period, on a grid of about this number of steps."""
+        grid = Grid.uniform(steps, self.period, self.breaks)
+        X = self.at_nodes(grid)
+        ends = grid.stages(np.array([0.0, 1.0])).T
+        rows = upper(X.shape[-1])
+        starts, stops = (self.slope(at, values) for at, values in ((ends[0], X[:-1]), (ends[1], X[1:])))
+        return interpolated(grid, X[:, *rows], starts[:, *rows], stops[:, *rows])
+
+
+class Solved(NamedTuple):
+    """Curve of the upper triangle of X, its error relative to √(X_ii X_jj), and the residual of the equation
+    relative to its largest term in the same units; grid of the curve."""
+
+    curve: Curve
+    error: float
+    residual: float
+    grid: Grid
+
+
+def solve_riccati(equation: Riccati, rtol: float) -> Solved:
+    """Periodic solution on grids refined until two agree to the tolerance, or no longer improve."""
+    steps, previous = equation.first_steps(rtol), np.inf
+    curve, growth = equation.curve(steps), _GROWTH
+    while True:
+        steps = int(np.ceil(growth * steps))
+        finer = equation.curve(steps)
+        error = max(_distance(curve, finer), EPS * roundoff_growth(steps))
+        stagnant = previous / 2 < error < _RESOLVED
+        if error <= rtol or stagnant or steps >= _MOST:
+            grid = Grid.uniform(steps, equation.period, equation.breaks)
+            return Solved(finer, error, _residual(equation, finer), grid)
+        curve, previous = finer, error
+        growth = _FAST_GROWTH if error > np.sqrt(rtol) else _GROWTH
+
+
+def _distance(coarse: Curve, fine: Curve) -> float:
+    """Largest difference of two solutions at and between the nodes of the coarse one, relative to √(X_ii
+    X_jj)."""
+    phase = (coarse.nodes[:-1, None] + coarse.h[:, None] * np.array([0.0, 0.5])).ravel()
+    X = symmetric_of(fine(phase))
+    unit = _units(X)
+    return float(np.abs(unit[:, None] * (symmetric_of(coarse(phase)) - X) * unit).max())
+
+
+def _units(X: Array) -> Array:
+    """1/√X_ii (N,) for the largest diagonal entries over the period; 0 for entries that vanish."""
+    largest = np.einsum("kii->ki", X).max(axis=0)
+    return np.divide(1.0, np.sqrt(np.abs(largest)), out=np.zeros_like(largest), where=largest > 0)
+
+
+def _residual(equation: Riccati, curve: Curve) -> float:
+    phase = (curve.nodes[:-1, None] + curve.h[:, None] * np.array([0.3, 0.6])).ravel()
+    X = symmetric_of(curve(phase))
+    unit, terms = _units(X), equation.terms(phase, X)
+    sign = -1.0 if equation.filters else 1.0
+    left = sum(terms) + sign * equation.speed * symmetric_of(curve(phase, 1))
+    largest = max(np.abs(unit[:, None] * term * unit).max() for term in terms)
+    return float(np.abs(unit[:, None] * left * unit).max() / largest) if largest else 0.0
+
+
+def upper(N: int) -> tuple[Array, Array]:
+    """Rows and columns of the upper triangle."""
+    return np.triu_indices(N)
+
+
+def symmetric_of(triangle: Array) -> Array:
+    """Symmetric matrices (k, N, N) from upper triangles (T, k)."""
+    N = int(np.sqrt(2 * len(triangle)))
+    X = np.empty((triangle.shape[1], N, N))
+    rows, columns = upper(N)
+    X[:, rows, columns] = X[:, columns, rows] = triangle.T
+    return X
+
+
+def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
+    """Hermite interpolant of values (m+1, T) and of slopes (m, T) at both ends of the steps, through the
+    nearest nodes between two jumps."""
+    m, D = grid.steps, 2 * _STENCIL
+    coefficients = np.zeros((values.shape[1], m, D))
+    bounds = [*np.flatnonzero(grid.at_break).tolist(), m]
+    bounds = bounds if grid.smooth or grid.at_break[0] else [0, *bounds]
+    beside = _STENCIL // 2 - 1
+    for first, last in [(0, m)] if grid.smooth else pairwise(bounds):
+        nodes = np.arange(first, last + 1)
+        q, v = values[nodes], np.concatenate((starts[first:last], ends[last - 1 : last]))
+        if grid.smooth:
+            around = np.arange(-beside, m + 1 + beside) % m
+            q, v = values[around], starts[around]
+        width, h = min(_STENCIL, len(q)), grid.h[first:last]
+        places = np.arange(last - first) + (beside if grid.smooth else 0)
+        from_ = np.clip(places - beside, 0, len(q) - width)
+        stencil = from_[:, None] + np.arange(width)
+        data = np.concatenate((q[stencil], h[:, None, None] * v[stencil]), axis=1)
+        for offset in np.unique(from_ - places):
+            some = np.flatnonzero(from_ - places == offset)
+            made = np.einsum("df,sft->tsd", _hermite(int(offset), width), data[some])
+            coefficients[:, first + some, : 2 * width] = made
+    return Curve(grid.nodes, coefficients)
+
+
+@cache
+def _hermite(first: int, count: int) -> Array:
+    """Matrix (2 count, 2 count) from values and slopes at the integers from `first` on to powers of θ.
+
+    Products of integers are exact; the inverse of a Vandermonde matrix would lose digits."""
+    nodes = np.arange(first, first + count, dtype=float)
+    columns = np.zeros((2 * count, 2 * count))
+    for at, node in enumerate(nodes):
+        others = np.delete(nodes, at)
+        basis = np.poly(others) / np.prod(node - others)
+        squared, slope = np.polymul(basis, basis), np.sum(1 / (node - others))
+        shifted = np.array([1.0, -node])
+        value = np.polymul(squared, np.polyadd([1.0], -2 * slope * shifted))
+        columns[:, at] = np.pad(value[::-1], (0, 2 * count - len(value)))
+        columns[:, count + at] = np.polymul(squared, shifted)[::-1]
+    return columns
+
+
+def through_points(function: Callable[[Array], Array], grid: Grid) -> Curve:
+    """Curve of a function of phases (k,) with values (k, r), through Chebyshev's points of every step."""
+    theta = (1 - np.cos((np.arange(_POINTS) + 0.5) * np.pi / _POINTS)) / 2
+    values = function(grid.stages(theta).ravel()).reshape(grid.steps, _POINTS, -1)
+    return Curve.of(grid.nodes, np.swapaxes(values, 1, 2), _lagrange_powers(tuple(theta)))
+
+
+@cache
+def _lagrange_powers(theta: tuple[float, ...]) -> Array:
+    """Matrix from values at fractions of a step to powers of θ."""
+    nodes = np.array(theta)
+    columns = []
+    for at, node in enumerate(nodes):
+        others = np.delete(nodes, at)
+        columns.append(np.poly(others)[::-1] / np.prod(node - others))
+    return np.stack(columns, axis=1)

@@ -1,0 +1,73 @@
+"""Weights and covariances as functions of the phase: arrays, diagonals by name, or functions."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError, require_name
+
+Weight = Array | Sequence[Sequence[float]] | Mapping[str, float] | Callable[[Array], Array]
+"""Matrix (N, N); numbers by name; or a function of phases (k,) that returns (k, N, N)."""
+
+_PHASES = 37
+"""Number of phases per period at which definiteness is checked: a choice, odd to miss symmetries."""
+
+_NEGATIVE = 1e-10
+"""Negative eigenvalue, relative to the largest, that counts as round-off. A choice."""
+
+
+def matrix_function(
+    name: str, given: Weight, size: int, period: float, definite: bool = False
+) -> Callable[[Array], Array]:
+    """Symmetric matrices (k, size, size) as a function of phases (k,), from an array or a function.
+
+    Raises ValueOutOfBoundsError unless they are symmetric and positive semidefinite, or definite."""
+    if callable(given):
+
+        def function(phase: Array) -> Array:
+            return np.asarray(given(phase), dtype=float)
+
+    else:
+        try:
+            matrix = np.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            matrix = np.full((0,), np.nan)
+
+        def function(phase: Array) -> Array:
+            return np.broadcast_to(matrix, (len(phase), *matrix.shape))
+
+    phase = np.arange(_PHASES) * (period / _PHASES)
+    _require(name, function(phase), (_PHASES, size, size), definite)
+    return function
+
+
+def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:
+    """Raise ValueOutOfBoundsError unless matrices at some phases are suitable."""
+    kind = "positive definite" if definite else "positive semidefinite"
+    allowed = f"allowed: symmetric {kind} matrices {shape[1:]}, a function of phases, or numbers by name"
+    if values.shape != shape:
+        raise ValueOutOfBoundsError(f"{name} has shape {values.shape[-2:]}; {allowed}")
+    if not np.isfinite(values).all() or not np.allclose(values, np.swapaxes(values, 1, 2), rtol=1e-9):
+        raise ValueOutOfBoundsError(f"{name} is not finite and symmetric; {allowed}")
+    lowest, largest = np.linalg.eigvalsh(values).min(), np.abs(values).max()
+    if lowest < -_NEGATIVE * largest or (definite and lowest <= 0):
+        raise ValueOutOfBoundsError(f"{name} has the eigenvalue {lowest:.3g}; {allowed}")
+
+
+def named_numbers(
+    name: str, given: Mapping[str, float], allowed: Sequence[str], positive: bool
+) -> dict[str, float]:
+    """Numbers by name. Raises UnknownNameError, and ValueOutOfBoundsError for negative numbers, and for zeros
+    where they must be positive."""
+    numbers = {}
+    for key, value in given.items():
+        require_name(f"{name}: name", key, allowed)
+        try:
+            numbers[key] = float(value)
+        except (TypeError, ValueError):
+            numbers[key] = np.nan
+        least = "positive numbers" if positive else "numbers of at least 0"
+        if not (0 <= numbers[key] < np.inf) or (positive and numbers[key] == 0):
+            raise ValueOutOfBoundsError(f"{name}: {key} is {value!r}; allowed: {least}")
+    return numbers

@@ -1,0 +1,93 @@
+"""Periodic feedback: gains over the period, vibration without and with it, and the closed loop."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from solve.results.controller import Controller
+from solve.results.formatting import prefixed
+from solve.views.panels import SAMPLES, label_phases, titled
+from solve.views.show import brief, figure, heading_of, tables
+from solve.views.stability import CIRCLE_ROW, draw_stability, stability_tables
+from solve.views.style import GREY, Axes, Figure, page
+from solve.views.tables import RenderableType, stacked, table, text
+
+_ROW = 1.6
+"""Height of the panel of a signal in inches."""
+
+_MOST_ROWS, _MOST_CURVES = 3, 8
+"""Largest number of panels, and of curves in a panel: as many as can be read."""
+
+_MOST_GAINS, _SHOWN = 16, 4
+"""Largest number of rows of the table of gains, and harmonics shown in it."""
+
+
+@figure.register(Controller)
+def controller_figure(result: Controller) -> Figure:
+    """Gains over the phase, one panel per signal, each relative to its largest modulus, and multipliers."""
+    phase = np.linspace(0.0, result.system.period, SAMPLES)
+    gains = np.moveaxis(result.gain(phase), 0, -1)
+    gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
+    rows = min(len(gains), _MOST_ROWS)
+    heights = [0.7 + _ROW * rows, CIRCLE_ROW]
+    with page(sum(heights), titled(result.system, result.speed)) as made:
+        grid = made.add_gridspec(2, 1, height_ratios=heights)
+        upper, lower = (made.add_subfigure(grid[row]) for row in range(2))
+        panels = upper.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
+        for axes, name, curves in zip(panels, result.signals, gains, strict=False):
+            _draw_gains(axes, result, name, np.degrees(phase), curves)
+        label_phases(panels[-1], result.system.period)
+        draw_stability(lower, result.stability)
+    return made
+
+
+def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, curves: np.ndarray) -> None:
+    """Gains of one signal by all states; the largest modulus of each is 1."""
+    sizes = np.abs(curves).max(axis=1)
+    for state, curve, size in list(zip(result.states, curves, sizes, strict=True))[:_MOST_CURVES]:
+        axes.plot(degrees, curve / (size or 1.0), label=f"{state} ({size:.3g})")
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    axes.set_ylim(-1.1, 1.1)
+    axes.set_ylabel("gain / largest")
+    axes.set_title(f"gain of {name} by state (its largest modulus, SI)", loc="left", color=GREY)
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+@tables.register(Controller)
+def controller_tables(result: Controller) -> Sequence[RenderableType]:
+    """Verdict, vibration, gains and multipliers."""
+    shown = [text(f"\n{result.summary}", "bold")]
+    if result.vibration:
+        shown.append(_vibration_table(result))
+    return [*shown, _gain_table(result), *stability_tables(result.stability)]
+
+
+@brief.register(Controller)
+def controller_in_brief(result: Controller) -> RenderableType:
+    """Heading and verdict."""
+    return stacked(heading_of(result), text(f"\n{result.summary}", "bold"))
+
+
+def _vibration_table(result: Controller) -> RenderableType:
+    rows = []
+    for name, each in result.vibration.items():
+        factor, unit = prefixed(result.system.units.get(name, ""), max(each.without, each.controlled))
+        values = (f"{factor * value:.5g}" for value in each)
+        rows.append((name, unit, *values))
+    title = "Periodic vibration: largest moduli, and root mean square with feedback"
+    return table(title, "", "unit", "without", "with", "rms with", left=2, rows=rows)
+
+
+def _gain_table(result: Controller) -> RenderableType:
+    """Mean and amplitudes of the harmonics of the gains, SI units."""
+    harmonics = np.moveaxis(result.harmonics, 0, -1)
+    entries = list(zip(result.gain_names, harmonics.reshape(-1, harmonics.shape[-1]), strict=True))
+    rows = [
+        (name.replace("_by_", " by "), f"{row[0].real:.5g}", *(f"{abs(a):.4g}" for a in row[1 : _SHOWN + 1]))
+        for name, row in entries[:_MOST_GAINS]
+    ]
+    more = len(entries) - _MOST_GAINS
+    headings = ("gain", "mean", *(f"harmonic {k}" for k in range(1, _SHOWN + 1)))
+    return table(
+        "Gains, SI units", *headings, left=1, rows=rows, caption=f"and {more} more" if more > 0 else None
+    )
