@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
-DERIVE_SHA256 = "7f6d78833698cb40639458c1cbf0dc19cc20b2c77179cc3f23d076d73392c19e"
+DERIVE_SHA256 = "91b77b0d1c50e5ab99ec29d7da50ee4ac516ce019a1f103e56e50e4cf4e61223"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "38391a489dcb1478d2353a7bf9e1e81ad6bcb3d1568a5b87252b49bc34180ad8"
+FILE_SHA256 = "ba52f7f43369ed587b6501038ad6c54eb864c79c7a444e43f8e62f25aadf3d4e"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

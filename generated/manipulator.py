@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "9efd359e2d604e46d019fd9ece3b3243fffb52d43073bab5ee7edcc21e61b60e"
-DERIVE_SHA256 = "7f6d78833698cb40639458c1cbf0dc19cc20b2c77179cc3f23d076d73392c19e"
+DERIVE_SHA256 = "91b77b0d1c50e5ab99ec29d7da50ee4ac516ce019a1f103e56e50e4cf4e61223"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "ead9324e77d4b7aea89f9f9a0f43cf73224f454b10451a5d5b11f843cb539ca8"
+FILE_SHA256 = "714df12a5c64db62466fde6af5efe70778e2a59d9e3f3b039c8b1e3c47028cd1"
 NAME = "manipulator"
 TITLE = "Transport manipulator of a forging press (chapter 4.3)"
 COORDINATES = (
