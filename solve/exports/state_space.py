@@ -156,7 +156,9 @@ class StateSpace:
     """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period, derivatives with
     respect to time.
 
-    Parameters ---------- system : PeriodicSystem
+    Parameters
+    ----------
+    system : PeriodicSystem
         System.
     speed : float
         Ω in rad/s.

@@ -32,11 +32,12 @@ tolerance of orbits and multipliers."""
 class Sensitivity:
     """Sensitivity of one quantity.
 
-    Attributes ---------- value, unit : float or complex, str
+    Attributes
+    ----------
+    value, unit : float or complex, str
         Value of the quantity.
     derivatives, errors : (r,) array
-        Derivatives with respect to the parameters and their estimated absolute errors, in SI units; NaN with
-        a reason.
+        Derivatives by the parameters and their estimated absolute errors, in SI units; NaN with a reason.
     reason : str
         Reason why there are no derivatives.
     """
