@@ -27,8 +27,8 @@ class FirstOrderSystem(PeriodicSystem):
     ----------
     matrices : callable
         matrices(phase, speed) returns A of shape (m, N, N) and b of shape (m, N) at phases φ = Ωt of shape
-        (m,) and a speed Ω in rad/s, in SI units, for derivatives with respect to time. If inputs or outputs
-        are named, it returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
+        (m,) and a speed Ω in rad/s, in SI units, for derivatives by time. If inputs or outputs are named, it
+        returns A, b, B (m, N, r), C (m, y, N) and D (m, y, r).
     states : sequence of str
         Names of the N states.
     period : float
@@ -38,13 +38,22 @@ class FirstOrderSystem(PeriodicSystem):
     inputs, outputs : sequence of str
         Names of the r inputs u and the y outputs. Results are for u = 0; exports state B, C and D.
 
-    Raises ------ ValueOutOfBoundsError
+    Raises
+    ------
+    ValueOutOfBoundsError
         For invalid names, period or breaks.
 
-    Notes ----- Orbits have the states as their coordinates: `x` is `q`, and `xd` is `qd`.
+    Notes
+    -----
+    Orbits have the states as their coordinates: `x` is `q`, and `xd` is `qd`.
 
-    Examples -------- >>> def filtered(phase, speed): ...     A = np.full((len(phase), 1, 1), -2.0) ...
-    return A, np.cos(phase)[:, None] >>> FirstOrderSystem(filtered, ["x"]).multiplier_count 1
+    Examples
+    --------
+    >>> def filtered(phase, speed):
+    ...     A = np.full((len(phase), 1, 1), -2.0)
+    ...     return A, np.cos(phase)[:, None]
+    >>> FirstOrderSystem(filtered, ["x"]).multiplier_count
+    1
     """
 
     def __init__(

@@ -39,8 +39,7 @@ class Sensitivity:
     value, unit : float or complex, str
         Value of the quantity.
     derivatives, errors : (r,) array
-        Derivatives with respect to the parameters and their estimated absolute errors, in SI units; NaN with
-        a reason.
+        Derivatives by the parameters and their estimated absolute errors, in SI units; NaN with a reason.
     reason : str
         Reason why there are no derivatives.
     """

@@ -149,19 +149,24 @@ def speed_sensitivities(
     rtol : float
         Relative tolerance, as in `sensitivities`.
 
-    Returns ------- Sensitivities
+    Returns
+    -------
+    Sensitivities
         Quantities are "band1.from", "band1.to", …, with the bands in ascending order, and "response1",
         "multiplier1", "radius1", …, with the critical speeds in descending order. Edges at the ends of the
         range and integer divisions are left out. Speeds without derivatives have NaN and the reason.
 
-    Raises ------ NoResultError
+    Raises
+    ------
+    NoResultError
         If there is no such speed.
     SolveError
         Other subclasses, as in `sensitivities`.
 
-    Notes ----- At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the
-    derivative g with respect to the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over
-    speed of exact derivatives.
+    Notes
+    -----
+    At an edge the spectral radius is 1, so that dΩ/dθ = -(∂|ρ|/∂θ) / (∂|ρ|/∂Ω). At a maximum the derivative
+    g by the speed is 0, so that dΩ/dθ = -(∂g/∂θ) / (∂g/∂Ω), with differences over speed of exact derivatives.
     """
     system = found.system
     names = moving_parameters(system, by)

@@ -47,7 +47,7 @@ def test_model_without_lines_is_refused_with_advice(command, tmp_path, monkeypat
     monkeypatch.setattr("solve.model.model.stated_lines", lambda *_: {})
     ran = command(*CAM, "--out", "mine.gif")
     assert (ran.status, ran.out) == (2, "")
-    assert "cam states no lines to draw; add mechanism.sketch(name, points)" in ran.err
+    assert "cam declares no lines to draw; add mechanism.sketch(name, points)" in ran.err
     assert "docs/motion.md" in ran.err
     assert ran.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

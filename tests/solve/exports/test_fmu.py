@@ -188,7 +188,7 @@ def named_speed():
 
 def test_refused_fmu_export_leaves_no_file(tmp_path, monkeypatch):
     file = tmp_path / "a.fmu"
-    with pytest.raises(LinearModelError, match="matrices of four_bar are numbers"):
+    with pytest.raises(LinearModelError, match="four_bar has only numerical matrices"):
         solve.export(solve.load("four_bar"), file, SPEED)
     with pytest.raises(NoMotionError):
         solve.export(solve.load("portal_frame"), file)

@@ -127,7 +127,7 @@ def test_short_transient_warns_that_the_orbit_is_not_reached():
     ("given", "error", "words"),
     [
         ({"turns": 0}, ValueOutOfBoundsError, "turns is 0"),
-        ({"start": "tset"}, FileError, "start 'tset' is no state"),
+        ({"start": "tset"}, FileError, "start 'tset' is not a state"),
         ({"start": "none.npz"}, FileError, "`solve periodic` or `solve transient` wrote"),
         ({"start": (np.zeros(2), np.zeros(1))}, ValueOutOfBoundsError, "shape"),
         ({"start": (np.array([1j]), np.zeros(1))}, ValueOutOfBoundsError, "allowed: rest, orbit"),
@@ -183,7 +183,7 @@ def test_modes_that_no_steps_follow_are_warned_of():
     numbers = {"zeta": 0.05, "k": 1e8, "alpha": 1.0, "f": 1e6}
     transient = solve.transient(model_of(duffing(), **numbers), turns=1, speeds="0:1 rad/s")
     assert any(text.startswith("ω_max h = ") for text in transient.warnings)
-    assert any("states per turn is unknown" in text for text in transient.warnings)
+    assert any("states per period, is unknown" in text for text in transient.warnings)
     assert transient.peaks[0, 0] == pytest.approx(np.abs(transient.q[0, :-1]).max())
 
 
@@ -233,7 +233,7 @@ def test_a_nonlinear_motion_needs_no_linear_orbit():
 def test_a_start_of_another_model_is_refused(tmp_path):
     model = model_of(duffing(), alpha=0.0, **NUMBERS)
     solve.transient(model, SPEED, 1).save(tmp_path / "duffing.npz")
-    with pytest.raises(FileError, match=r"duffing.npz' is of duffing; give a state of mathieu"):
+    with pytest.raises(FileError, match=r"duffing.npz' belongs to duffing; give a state of mathieu"):
         solve.transient(solve.load("mathieu"), 2.0, 1, tmp_path / "duffing.npz")
 
 

@@ -233,5 +233,5 @@ def test_later_format_and_undefined_class_are_refused(tmp_path, monkeypatch):
     ):
         solve.open(tmp_path / "later.npz")
     monkeypatch.delitem(serialization.CLASSES, "Stability")
-    with pytest.raises(FileError, match=r"it holds a Stability, which no imported module defines"):
+    with pytest.raises(FileError, match=r"a result of class Stability, which no imported module defines"):
         solve.open(tmp_path / "now.npz")

@@ -260,7 +260,7 @@ def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
             ["k"],
             {"k": (1.0, 2.0)},
             ValueOutOfBoundsError,
-            "starts from 11",
+            "its initial value is 11",
         ),
         ("phase (rad),speed (rad/s),q (1)", ["k"], {"c": (1.0, 2.0)}, ValueOutOfBoundsError, "not free"),
     ],

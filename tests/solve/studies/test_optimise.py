@@ -321,7 +321,7 @@ def test_four_bar_optimum_equals_a_fine_scan_at_the_kink_of_two_peaks():
         ({"minimise": "rho1"}, ValueOutOfBoundsError, "is complex"),
         ({"free": {}}, ValueOutOfBoundsError, "no parameter is free"),
         ({"free": {"z": (1, 2)}}, UnknownNameError, "parameter of oscillator 'z'"),
-        ({"free": {"k": (10, 20)}}, ValueOutOfBoundsError, "it starts from 9"),
+        ({"free": {"k": (10, 20)}}, ValueOutOfBoundsError, "its initial value is 9"),
         ({"free": {"k": (0, 20)}}, ValueOutOfBoundsError, "allowed: > 0"),
         ({"free": {"k": ("5 kg", 20)}}, UnitError, "kg"),
         ({"keep": ["load"]}, ValueOutOfBoundsError, "names no statistic"),

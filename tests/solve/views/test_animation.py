@@ -285,12 +285,12 @@ def test_lines_that_shrink_to_a_point_are_drawn():
 
 
 def test_a_line_without_place_is_named():
-    with pytest.raises(ValueOutOfBoundsError, match="sketch rod of spring has no place"):
+    with pytest.raises(ValueOutOfBoundsError, match="sketch rod of spring is not defined"):
         solve.animate(solve.load(spring(True), **NUMBERS | {"L": 0.05}), "50 rad/s", **ROUGH)
 
 
 def test_mechanism_without_lines_is_refused_with_advice():
-    with pytest.raises(NoSketchError, match=r"spring states no lines.*mechanism\.sketch.*docs/motion\.md"):
+    with pytest.raises(NoSketchError, match=r"spring declares no lines.*mechanism\.sketch.*docs/motion\.md"):
         solve.animate(solve.load(spring(False), **NUMBERS), "50 rad/s")
 
 
