@@ -252,8 +252,8 @@ class Freedoms:
 
 
 @dataclass(frozen=True)
-class Member:
-    """Link with its elements.
+class MemberMatrices:
+    """Link with the matrices of its elements.
 
     number: index of the link. start, end: indices of its joints. indices (elements, k): degrees of freedom in
     the structure. count: number of elements. L (m), EA (N), EI (N m²), mu (kg/m): of each element. E (Pa),
@@ -302,6 +302,10 @@ class Member:
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M
+
+
+class Member(MemberMatrices):
+    """Link with the motion of its elements, and the functions of frequency of exact ones."""
 
     def rotations(self, angle: Array) -> Array:
         """R (m, k, k) from ground axes to link axes, for the angles (m, links) of all links."""

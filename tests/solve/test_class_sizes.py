@@ -10,7 +10,6 @@ MOST = 20
 
 EXCEPTIONS = {
     "Labels": "names and units of a system",
-    "Member": "fields and matrices of a beam",
     "Method": "properties of a discretisation, most of which a method does not override",
     "Model": "capabilities of a generated system",
     "PeriodicSystem": "capabilities that systems may have",
