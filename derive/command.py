@@ -79,7 +79,10 @@ def derive(
 def _begin(file: str, has_more: bool) -> None:
     """Write a first mechanism and its case file."""
     if has_more:
-        raise UsageError("--new takes a file and nothing else; run derive again to derive it")
+        raise UsageError(
+            "--new takes one file name and no other arguments; to derive that file, run derive again "
+            "without --new"
+        )
     path, cases = new_mechanism(file)
     run = f"python -m derive {path} && python -m solve periodic {path}"
     typer.echo(f"wrote {path} and {cases}; next: {run}", err=True)

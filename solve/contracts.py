@@ -47,7 +47,7 @@ class Limit(NamedTuple):
     @classmethod
     def finite(cls, name: str) -> "Limit":
         """Limit of a quantity that must be finite."""
-        text = f"{name} is no finite number at some phases, and has no figures"
+        text = f"{name} is not finite at some phases, so it has no statistics"
         return cls(name, lambda values: ~np.isfinite(values.max - values.min), lambda _: text)
 
 

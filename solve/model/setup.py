@@ -206,7 +206,7 @@ def stated_lines(
         points = coordinates[::2] + 1j * coordinates[1::2]
         if not np.isfinite(points).all():
             raise ValueOutOfBoundsError(
-                f"sketch {name} of {setup.module.NAME} has no place at some phase; look at its parameters"
+                f"sketch {name} of {setup.module.NAME} is not defined at some phase; check the parameters"
             )
         lines[name] = points if samples == 1 else points.reshape(len(phase), samples).T
     return lines

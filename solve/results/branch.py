@@ -97,21 +97,6 @@ class BranchPoints(ResultOver):
     parameters: Mapping[str, Array] = field(default_factory=dict)
     curves: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
-    def curve(self, point: int) -> FourierCurve:
-        """Orbit of a point, from which `solve.nonlinear` starts to compute it to a tolerance.
-
-        Examples
-        --------
-        >>> import solve
-        >>> branch = solve.branch(solve.load("cam"), "300:310 rpm", points=3)
-        >>> orbit = solve.nonlinear(branch.system, branch.speeds[1], start=branch.curve(1))
-        >>> orbit.iterations < 10
-        True
-        """
-        q = self.curves[point].T
-        nodes = np.linspace(0.0, self.system.period * int(self.counts[point]), len(q) + 1)
-        return FourierCurve.through(nodes, q)
-
     @property
     def quantities(self) -> tuple[str, ...]:
         """Names (q,) of the coordinates and outputs."""
@@ -149,6 +134,21 @@ class Branch(BranchPoints):
 
     _rows: ClassVar[str] = "points"
     _recorded: ClassVar[str] = "turning folds doublings tori jumps rtol periods"
+
+    def curve(self, point: int) -> FourierCurve:
+        """Orbit of a point, from which `solve.nonlinear` starts to compute it to a tolerance.
+
+        Examples
+        --------
+        >>> import solve
+        >>> branch = solve.branch(solve.load("cam"), "300:310 rpm", points=3)
+        >>> orbit = solve.nonlinear(branch.system, branch.speeds[1], start=branch.curve(1))
+        >>> orbit.iterations < 10
+        True
+        """
+        q = self.curves[point].T
+        nodes = np.linspace(0.0, self.system.period * int(self.counts[point]), len(q) + 1)
+        return FourierCurve.through(nodes, q)
 
     @property
     def turning(self) -> Array:

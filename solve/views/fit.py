@@ -175,7 +175,9 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
         f"{quantity} = {number(found.value, 8)} {found.unit}".removesuffix(" 1"),
         *("by", "at", "unit", "derivative", "error", "elasticity"),
         rows=rows,
-        caption=f"and {len(ranked) - MOST_ROWS} that matter less" if len(ranked) > MOST_ROWS else None,
+        caption=f"and {len(ranked) - MOST_ROWS} less influential parameters"
+        if len(ranked) > MOST_ROWS
+        else None,
     )
 
 

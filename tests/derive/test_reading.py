@@ -128,7 +128,8 @@ def text(element):
 
 def test_mathml_agrees_with_latex():
     cam = [text(equation) for equation in load("cam").module.EQUATIONS]
-    assert cam[:3] == ["M11=I1+(m2+m3)U\u20322", "M12=M21=(m2+m3)U\u2032", "M13=M31=m3U\u2032"]
+    assert cam[0].startswith("\u03b7a=contactbilateral")
+    assert cam[1:4] == ["M11=I1+(m2+m3)U\u20322", "M12=M21=(m2+m3)U\u2032", "M13=M31=m3U\u2032"]
     pieces = [text(equation) for equation in module_of(shaken()).EQUATIONS]
     assert pieces == ["M=m", "C=0", "K={k(3φmod2π)<πcelse", "d=-4mΩ2S\u2033(2φ)"]
     coupler = [text(equation) for equation in load("coupler").module.EQUATIONS]

@@ -102,7 +102,7 @@ def line(chance: random.Random) -> tuple[str, list[str]]:
 def _model(chance: random.Random, command: str) -> list[str]:
     if command == "chart" and chance.random() < 0.9:
         return ["mathieu"]
-    weights = (3, 3, 3, 6, 3, 1, 1, 1, 1, 1, 1)
+    weights = (3, 3, 3, 6, 3, *[1] * (len(LINEAR) - 2))
     return chance.choices((*LINEAR, "spring.py", "nothing.py", chance.choice(ODD)), weights)
 
 

@@ -15,6 +15,7 @@ PARTS = {path.stem for path in Path(solve.__file__).parent.iterdir() if path.is_
 BOTTOM = {
     "approximation",
     "arguments",
+    "array_files",
     "arrays",
     "contracts",
     "errors",

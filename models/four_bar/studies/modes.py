@@ -228,7 +228,7 @@ def element_kinds(
 def _with_elements(model: StructureModel, kind: str) -> StructureModel:
     element, colon, number = kind.strip().partition(":")
     if not colon or not number.isascii() or not number.isdigit():
-        raise ValueOutOfBoundsError(f"kind '{kind}' of elements; allowed: KIND:N, such as cubic:3")
+        raise ValueOutOfBoundsError(f"element type is '{kind}'; allowed: KIND:N, such as cubic:3")
     return model.varied(options={"element": element, "elements": int(number)})
 
 

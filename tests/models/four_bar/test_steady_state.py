@@ -216,7 +216,7 @@ def test_numbers_that_make_no_linkage_are_refused(parameters, message):
 
 
 def test_damping_ratios_in_percent_raise_a_warning():
-    assert any("percent" in warning for warning in solve.load("four_bar", zeta=2.0).warnings(30.0))
+    assert any("write 2 % as 0.02" in warning for warning in solve.load("four_bar", zeta=2.0).warnings(30.0))
     with pytest.raises(ValueOutOfBoundsError, match="speed"):
         solve.periodic(solve.load("four_bar"), 0.0)
 

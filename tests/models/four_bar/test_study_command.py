@@ -108,5 +108,5 @@ def test_equation_warnings_are_printed_by_commands_over_speed(command, capsys):
     given = ("--set", "zeta=2", "--speeds", "30:31:2 rad/s", "--rtol", "1e-3", "--json")
     assert solve_command([name, "four_bar", *given, *of]) == 0
     written = capsys.readouterr()
-    assert "percent" in written.err
-    assert "percent" in json.loads(written.out)["warnings"][0]
+    assert "write 2 % as 0.02" in written.err
+    assert "write 2 % as 0.02" in json.loads(written.out)["warnings"][0]

@@ -130,7 +130,7 @@ def test_store_of_another_calculation_is_refused(tmp_path):
     model = solve.load("mathieu")
     for given, pattern in (
         (lambda: swept(tmp_path / "s", rtol=1e-7), "with rtol 1e-06 instead of 1e-07"),
-        (lambda: swept(tmp_path / "s", method="gauss"), "method is auto there and Gauss"),
+        (lambda: swept(tmp_path / "s", method="gauss"), "method auto instead of Gauss"),
         (lambda: swept(tmp_path / "s", quantities=[]), "quantities"),
         (lambda: solve.sweep(model, SPEEDS[:-1], store=tmp_path / "s", rtol=1e-6), "points"),
         (

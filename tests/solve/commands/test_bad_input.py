@@ -18,7 +18,7 @@ BAD = {
     "path that is no file": (("periodic", "mine.py", *SPEED), ("mine.py", "exists")),
     "unknown case": ((*CAM, "--case", "11"), ("'11'", "'1'")),
     "unknown parameter": ((*CAM, "--set", "kk1=3"), ("'kk1'", "'k1'")),
-    "unknown option": ((*CAM, "--option", "load=constant"), ("'load'", "known: none")),
+    "unknown option": (("periodic", "mathieu", "--option", "load=constant"), ("'load'", "known: none")),
     "unknown value of an option": (
         ("periodic", "gear_pair", "--option", "load=constnt"),
         ("constnt", "constant"),

@@ -16,7 +16,7 @@ def test_command_and_python_export_the_same_file(command, tmp_path):
     space = solve.state_space(solve.load("cam", k1=9e4), "600 rpm", samples=6)
     content = loadmat(tmp_path / "mine.mat")
     np.testing.assert_array_equal(np.moveaxis(content["A"], -1, 0), space.A)
-    assert content["C"].shape == (8, 6, 6)
+    assert content["C"].shape == (3 + len(space.system.outputs), 6, 6)
 
 
 def test_c_export_needs_no_speed_and_reports_both_files(command, tmp_path):

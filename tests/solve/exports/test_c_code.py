@@ -72,7 +72,7 @@ def test_the_residual_is_zero_on_the_nonlinear_orbit(library):
     (r,) = called(computed.cam_residual, (3,), 1.2, speed, q, qd, qdd, p)
     (pushed,) = called(computed.cam_residual, (3,), 1.2, speed, q + 1e-3, qd, qdd, p)
     assert np.abs(r).max() < 1e-6 * np.abs(pushed).max()
-    (y,) = called(computed.cam_outputs, (5,), 1.2, speed, q, qd, qdd, p)
+    (y,) = called(computed.cam_outputs, (len(model.outputs),), 1.2, speed, q, qd, qdd, p)
     assert y == pytest.approx([orbit.signal(name)(np.array([1.2]))[0] for name in model.outputs], rel=1e-12)
 
 

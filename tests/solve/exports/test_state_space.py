@@ -65,7 +65,7 @@ def test_names_and_units_of_the_signals():
     assert names.state_units == ("rad", "m", "m", "rad/s", "m/s", "m/s")
     assert names.inputs == ("force_q1", "force_q2", "force_q3")
     assert names.input_units == ("N m", "N", "N")
-    assert names.output_units[3:] == ("N m", "N m", "N", "m", "m")
+    assert names.output_units[3:] == ("N m", "N m", "N", "m", "1", "W", "m", "m")
 
 
 def test_sample_at_a_jump_is_the_value_after_it():

@@ -115,7 +115,7 @@ def test_malformed_files_are_refused_in_one_line(tmp_path, text, expected):
 def test_files_of_different_runs_are_refused(tmp_path):
     pattern = write_set(tmp_path, 12)
     (tmp_path / "run.3.lin").write_text(edited("YawBrMzp", "Other"), encoding="utf-8")
-    with pytest.raises(FileError, match="other outputs"):
+    with pytest.raises(FileError, match="outputs that differ"):
         solve.read_openfast(pattern)
     (tmp_path / "run.3.lin").write_text(lin_text(1.0, speed=2.0), encoding="utf-8")
     with pytest.raises(FileError, match="one operating point"):

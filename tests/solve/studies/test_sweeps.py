@@ -102,5 +102,5 @@ def test_invalid_variants_are_refused(name, values, error, message):
 
 
 def test_empty_variants_are_refused():
-    with pytest.raises(ValueOutOfBoundsError, match="one at least"):
+    with pytest.raises(ValueOutOfBoundsError, match="at least one"):
         sweeps({}, [1.0], ["q"])

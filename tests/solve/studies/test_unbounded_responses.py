@@ -27,7 +27,7 @@ def test_undamped_resonance_is_unbounded():
     assert "∞" in critical._repr_html_()
     assert "unbounded at 14.324 rpm, at 28.648 rpm" in critical.summary
     axes = critical.plot().axes[0]
-    assert "beyond all bounds" in [text.get_text() for text in axes.get_legend().get_texts()]
+    assert "unbounded" in [text.get_text() for text in axes.get_legend().get_texts()]
     lines = sorted(line.get_xdata()[0] for line in axes.get_lines() if line.get_marker() == "^")
     assert lines == pytest.approx([1.5 * 30 / np.pi, 3 * 30 / np.pi], rel=2e-5)
 
