@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
-DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
+DERIVE_SHA256 = "ab0177665eda450755145d86836182e130eea96af0306c11c02156f77b5e1fb2"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "7304db8041b2e77bbb5335cac496996a9e55e2fd53c67fabc7ff59709133730b"
+FILE_SHA256 = "6a55fff3bdcf4117a80f884d451d7c4434603959c33e6534be1f030e206aba30"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "90f7686f16e4c6f4e357466211717916211e74d6fd9860c4c6b4c343fdff80b9"
-DERIVE_SHA256 = "f592770882e417ddf8fb88445133edfb0d2dfde38d5483b9defd6fceccda7dd5"
+DERIVE_SHA256 = "ab0177665eda450755145d86836182e130eea96af0306c11c02156f77b5e1fb2"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "a9852cd29fe65ce4535d6162c616b87ef96eab4e7e6b22de00bc9e1100e850cf"
+FILE_SHA256 = "b6ca64d7dc5c98ba1004a29bca0da4578a57ddef9e9994fb4eae92c774f3c0a1"
 NAME = "four_bar"
 TITLE = "Four-bar linkage with flexible links (thesis Chapters 3 to 5)"
 COORDINATES = ()

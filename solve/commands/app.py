@@ -74,7 +74,7 @@ COMMANDS = {
     "critical": "Critical speeds: largest response, dominant multiplier, integer divisions of frequencies.",
     "modes": "Floquet modes followed over the speed or a parameter: frequencies, damping, veerings.",
     "transient": "Start-up from any state until the periodic vibration is reached; run-up to a speed.",
-    "sensitivity": "Derivatives of quantities with respect to parameters and the speed, at one speed or many.",
+    "sensitivity": "Derivatives of quantities with respect to parameters and speed, at one or many speeds.",
     "fit": "Parameters of the model from measured vibration, with confidence intervals.",
     "optimise": "Optimum of parameters: least vibration over speeds, stable, within bounds.",
     "tolerances": "Tolerances of parameters: probability of instability, Sobol indices, worst points.",

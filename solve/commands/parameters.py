@@ -32,7 +32,7 @@ def sensitivity(
         int | None, Flag("With --nonlinear: an orbit of K periods; 1 by default.", "K")
     ] = None,
 ) -> None:
-    """Derivatives of quantities with respect to parameters and the speed, at one speed or many."""
+    """Derivatives of quantities with respect to parameters and speed, at one or many speeds."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if periods is not None and not nonlinear:

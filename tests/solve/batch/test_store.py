@@ -135,7 +135,7 @@ def test_store_of_another_calculation_is_refused(tmp_path):
         (lambda: solve.sweep(model, SPEEDS[:-1], store=tmp_path / "s", rtol=1e-6), "points"),
         (
             lambda: solve.sweep(solve.load("mathieu", delta=9), SPEEDS, store=tmp_path / "s"),
-            "with delta 2.0 instead of 9.0",
+            "delta 2.0 instead of 9.0",
         ),
     ):
         with pytest.raises(FileError, match=pattern):
