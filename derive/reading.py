@@ -59,7 +59,7 @@ def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[E
 
 
 def _each(part: Any, change: Callable[[Any], Any]) -> Any:
-    """Matrix with each entry changed, or changed expression."""
+    """`change` applied to each entry of a matrix, or to an expression."""
     return part.applyfunc(change) if isinstance(part, sympy.MatrixBase) else change(part)
 
 

@@ -64,7 +64,8 @@ class Family:
         return True
 
     def at_speeds(self, points: Array) -> AtSpeeds | None:
-        """Points (P, v) as speeds of one system whose entries are sums of terms; None otherwise."""
+        """Points (P, v) as speeds of one system, if only the speed varies and the system has `terms`; None
+        otherwise."""
         return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:

@@ -245,7 +245,7 @@ def _locked(place: Path) -> Iterator[None]:
 
 @contextmanager
 def _file_errors() -> Iterator[None]:
-    """Context that converts OSError to FileError."""
+    """Context manager that converts OSError to FileError."""
     try:
         yield
     except OSError as error:

@@ -100,7 +100,7 @@ class GridMultipliers:
 
     @cached_property
     def _eigenvectors(self) -> tuple[Array, Array, Array]:
-        """Multipliers (N,) of Φ with right and left vectors, the columns of (N, N)."""
+        """Multipliers (N,) of Φ, and its right and left eigenvectors as columns of matrices (N, N)."""
         Phi = self._problem.propagate(np.eye(self._problem.A.shape[-1]))[-1]
         values, right = np.linalg.eig(Phi)
         # The inverse of the right vectors is inaccurate for all left ones if two others are nearly parallel.

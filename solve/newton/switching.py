@@ -77,7 +77,7 @@ def _start(before: ContinuationParameters, doubled: ContinuationParameters, poin
             continue
         if abs(reached.value - point.value) <= _MOST_MOVED * doubled.spans[0]:
             return reached
-    raise NoOrbitError("the doubled branch is not reached")
+    raise NoOrbitError("no orbit was found on the branch that begins at the period doubling")
 
 
 def _twice(curve: Curve, factor: float) -> Curve:

@@ -163,8 +163,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Fractions (s,) of every step if the phases lie at the same fractions in all steps, as stages do;
-        None for other phases."""
+        """Fractions (s,) of a step at which the phases lie, if they are the same in every step, as for stages
+        of a method; None otherwise."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None

@@ -45,7 +45,7 @@ class Symbol:
         return Symbol(casadi.atan2(self.value, _plain(other)))
 
     def _undecided(self, *_: Any) -> bool:
-        raise TypeError("a comparison of symbolic numbers has no outcome")
+        raise TypeError("a comparison of symbolic numbers has no truth value")
 
     __bool__ = __eq__ = __ne__ = __lt__ = __le__ = __gt__ = __ge__ = _undecided  # type: ignore[assignment]
     __hash__ = object.__hash__

@@ -88,7 +88,7 @@ class Unit:
         ]
 
     def _initialise(self, folder: str, values: Mapping[str, float]) -> None:
-        """Instance in continuous time with start values, at time 0."""
+        """Instantiate the FMU, set the start values, and enter continuous-time mode at time 0."""
         from fmpy.fmi2 import FMU2Model
         from fmpy.fmi3 import FMU3Model
 
@@ -130,7 +130,10 @@ class Unit:
         try:
             self.jacobian(0.0, self.start)
         except Exception:
-            raise FileError(f"'{self.path}' has no directional derivatives; export it with these") from None
+            raise FileError(
+                f"'{self.path}' provides no directional derivatives; export the FMU with directional "
+                "derivatives"
+            ) from None
 
     @staticmethod
     def _filled(getter: Callable[..., Any], count: int) -> Array:

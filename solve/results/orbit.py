@@ -145,7 +145,8 @@ class Orbit(Stability, SolvedMotion):
 
     @stored_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """Estimated max|difference| of each coordinate from the nonlinear orbit, relative to its scale.
+        """Estimated max|difference| of the linear and the nonlinear orbit of each coordinate, relative to
+        the coordinate's scale.
 
         The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
         estimate is the size of one correction of Newton's method on the same grid, and accurate while it is

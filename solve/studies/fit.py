@@ -84,7 +84,7 @@ def fit(
     """
     names = unique_names(free)
     if not names:
-        raise ValueOutOfBoundsError("no parameter is free; give names, such as k1, k2")
+        raise ValueOutOfBoundsError("no parameters to fit are given; give their names, such as k1, k2")
     for name in names:
         require_name(f"parameter of {model.name}", name, model.parameters)
     model.derivatives.by(names)

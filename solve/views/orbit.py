@@ -59,7 +59,8 @@ def orbit_figure(
     scale: str = "linear",
     harmonics: int | None = None,
 ) -> Figure:
-    """Time curve and spectrum of each quantity, and multipliers unless nothing vibrates; see `Orbit.plot`."""
+    """Time history and spectrum of each quantity, and multipliers if the system has coordinates; see
+    `Orbit.plot`."""
     require_name("scale", scale, SCALES)
     system, vibrates = orbit.system, orbit.system.vibrates
     motions = {name: _motion(orbit, name, quasi_static, harmonics) for name in shown(system, names)}

@@ -108,7 +108,8 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
-    """W (k, N, N), from numbers by name of inputs and states."""
+    """Process-noise intensity W (k, N, N) as a function of the phase; a mapping gives intensities by name of
+    inputs and states."""
     if not isinstance(W, Mapping):
         return matrix_function("W", W, plant.N, plant.system.period)
     inputs, states = plant.system.inputs, plant.states

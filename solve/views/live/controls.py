@@ -115,7 +115,7 @@ def speed_range(value: float) -> Range:
 
 
 def parameter_range(value: float, bound: str, scale: float) -> Range:
-    """Range of a parameter within its bound.
+    """Range of the slider of a parameter, within the parameter's bounds.
 
     scale: half the width of the range of a value of 0 without bounds.
 

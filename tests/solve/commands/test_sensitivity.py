@@ -31,7 +31,9 @@ def test_tables_and_pictures(command, tmp_path):
     assert "and 35 less influential parameters" in ran.out
     assert max(map(len, ran.out.splitlines())) <= 80
     assert (tmp_path / "bars.png").stat().st_size > 10_000
-    assert len((tmp_path / "all.csv").read_text("utf-8").splitlines()) == 1 + 2 * (1 + len(solve.load("cam").parameters))
+    assert len((tmp_path / "all.csv").read_text("utf-8").splitlines()) == 1 + 2 * (
+        1 + len(solve.load("cam").parameters)
+    )
 
 
 @pytest.mark.parametrize(

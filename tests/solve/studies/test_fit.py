@@ -254,7 +254,7 @@ def test_a_file_of_an_orbit_is_read_as_it_is(tmp_path):
             UnknownNameError,
             "parameter of oscillators",
         ),
-        ("phase (rad),speed (rad/s),q (1)", [], None, ValueOutOfBoundsError, "no parameter is free"),
+        ("phase (rad),speed (rad/s),q (1)", [], None, ValueOutOfBoundsError, "no parameters to fit"),
         (
             "phase (rad),speed (rad/s),q (1)",
             ["k"],
