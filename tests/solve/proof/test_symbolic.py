@@ -186,3 +186,13 @@ def test_an_input_matrix_is_left_out():
 def test_matrices_of_the_first_phase_only_are_refused():
     with pytest.raises(LinearModelError, match="depend on other phases"):
         linearised(stiffness(lambda phase: 2 + 0 * phase + np.cos(phase[0])))
+
+
+def test_the_jump_of_an_angle_is_that_of_a_remainder():
+    """The angle of a point on a circle jumps by 2π at the cut of atan2."""
+    angle = stiffness(lambda phase: 2 + 0.1 * np.arctan2(np.sin(phase), np.cos(phase)))
+    rest = stiffness(lambda phase: 2 + 0.1 * (phase - 2 * np.pi * np.floor(phase / (2 * np.pi) + 0.5)))
+    angle.breaks = rest.breaks = (np.pi,)
+    one, other = (solve.prove(each, 1.0, orbit=False) for each in (angle, rest))
+    assert np.abs(one.multipliers - other.multipliers).max() < (one.radii + other.radii).max() + 1e-14
+    assert one.radii.max() < 1e-12
