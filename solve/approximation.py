@@ -62,9 +62,11 @@ class Trigonometric:
         return (waves.view(float) @ self._amplitudes).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
-        """Values at a symbolic phase, without the harmonics that are only round-off."""
+        """Values at a symbolic phase, without the harmonics that are only round-off in every entry: entries
+        may have different units."""
         cosines, sines = self._amplitudes[::2], self._amplitudes[1::2]
-        significant = np.maximum(np.abs(cosines), np.abs(sines)).max(axis=1) > EPS * np.abs(cosines).max()
+        sizes = np.maximum(np.abs(cosines), np.abs(sines))
+        significant = (sizes > EPS * sizes.max(axis=0)).any(axis=1)
         values: list[Any] = [0.0] * cosines.shape[1]
         selected = self._frequencies[significant], cosines[significant], sines[significant]
         for frequency, a, b in zip(*selected, strict=True):

@@ -132,9 +132,11 @@ def _towards_zero(x: Ball, y: Ball) -> int:
 
 
 def _half_plane(y: Ball, x: Ball) -> str:
-    """A half plane that contains all points (x, y) and not the cut of atan2, with the points far from its
-    edge where that is possible."""
+    """A half plane that contains all points (x, y), with the points far from its edge where that is possible.
+    Points in the left one lie on one side of the cut of atan2."""
     halves = {"right": x, "upper": y, "lower": -y}
+    if y >= 0 or y < 0:
+        halves["above the cut" if y >= 0 else "below the cut"] = -x
     inside = [half for half, distance in halves.items() if distance > 0]
     if not inside:
         raise UndecidedError
@@ -144,6 +146,8 @@ def _half_plane(y: Ball, x: Ball) -> str:
 def _angle(half: str, y: Ball, x: Ball) -> Ball:
     if half == "right":
         return _atan(y / x)
+    if half.endswith("cut"):
+        return _atan(y / x) + (arb.pi() if half.startswith("above") else -arb.pi())
     quarter = arb.pi() / 2
     return (quarter if half == "upper" else -quarter) - _atan(x / y)
 

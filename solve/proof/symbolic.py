@@ -5,9 +5,11 @@ that of generated code, of which a proof evaluates every operation in ball arith
 contain raises an error: comparisons, conversions to numbers, and functions that NumPy has for numbers only.
 """
 
+import functools
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import casadi
@@ -21,6 +23,9 @@ from solve.system import PeriodicSystem
 
 _PLACES = 2
 """Phases for which a function is called: entries at one must not depend on the other."""
+
+_MOST_FACTORS = 16
+"""Largest whole power that is written as a product. A choice."""
 
 
 class Symbol:
@@ -39,7 +44,16 @@ class Symbol:
         return Symbol(casadi.fabs(self.value))
 
     def __mod__(self, other: Any) -> "Symbol":
-        return self - other * math.floor(self / other)
+        return NotImplemented if isinstance(other, np.ndarray) else self - other * math.floor(self / other)
+
+    def __pow__(self, other: Any) -> "Symbol":
+        if isinstance(other, np.ndarray):
+            return NotImplemented
+        exponent = _plain(other)
+        if isinstance(exponent, float) and exponent.is_integer() and 0 < exponent <= _MOST_FACTORS:
+            return Symbol(functools.reduce(operator.mul, [self.value] * int(exponent)))
+        root = isinstance(exponent, float) and exponent == 0.5
+        return Symbol(casadi.sqrt(self.value) if root else operator.pow(self.value, exponent))
 
     def arctan2(self, other: Any) -> "Symbol":
         return Symbol(casadi.atan2(self.value, _plain(other)))
@@ -61,7 +75,10 @@ def _plain(x: Any) -> Any:
 
 
 def _forward(operation: Callable[[Any, Any], Any]) -> Callable[[Symbol, Any], Symbol]:
-    return lambda self, other: Symbol(operation(self.value, _plain(other)))
+    """The operation with a number; NumPy applies it to each element of an array."""
+    return lambda self, other: (
+        NotImplemented if isinstance(other, np.ndarray) else Symbol(operation(self.value, _plain(other)))
+    )
 
 
 def _reflected(operation: Callable[[Any, Any], Any]) -> Callable[[Symbol, Any], Symbol]:
@@ -73,7 +90,8 @@ def _method(function: Callable[[Any], Any]) -> Callable[[Symbol], Symbol]:
 
 
 for _name in ("add", "sub", "mul", "truediv", "pow"):
-    setattr(Symbol, f"__{_name}__", _forward(getattr(operator, _name)))
+    if _name != "pow":
+        setattr(Symbol, f"__{_name}__", _forward(getattr(operator, _name)))
     setattr(Symbol, f"__r{_name}__", _reflected(getattr(operator, _name)))
 
 for _name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt"):
@@ -92,36 +110,52 @@ def linearised(system: PeriodicSystem) -> casadi.Function:
     if isinstance(system, Model):
         return system.setup.function("linearised")
     phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")
-    samples, n = system.samples, system.n
-    arrays = _called(system, phase, speed) if samples is None else _interpolated(samples, phase)
-    shapes = ((n, n),) * 3 + ((n, 1),)
-    outputs = [_matrix(array, shape) for array, shape in zip(arrays, shapes, strict=True)]
-    parameters = casadi.SX.sym("p", 0)
-    return casadi.Function("linearised", [phase, speed, parameters], casadi.cse(outputs))
+    with _unsimplified():
+        outputs = (
+            _called(system, phase, speed)
+            if system.samples is None
+            else _matrices(system, _interpolated(system.samples, phase))
+        )
+        parameters = casadi.SX.sym("p", 0)
+        return casadi.Function("linearised", [phase, speed, parameters], casadi.cse(outputs))
 
 
-def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[np.ndarray]:
+@contextmanager
+def _unsimplified() -> Iterator[None]:
+    """CasADi rounds products of constants where it simplifies, as in 5 (0.2 x) = x: not inside the block."""
+    before = casadi.GlobalOptions.getSimplificationOnTheFly()
+    casadi.GlobalOptions.setSimplificationOnTheFly(False)
+    try:
+        yield
+    finally:
+        casadi.GlobalOptions.setSimplificationOnTheFly(before)
+
+
+def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[casadi.SX]:
     phases = [phase, *(casadi.SX.sym("other") for _ in range(1, _PLACES))]
     given = np.empty(_PLACES, dtype=object)
     given[:] = [Symbol(x) for x in phases]
     try:
-        arrays = [np.asarray(array) for array in system._matrices(given, Symbol(speed))]  # type: ignore[arg-type]
-        entries = [array[0] for array in arrays]
-        outside = casadi.vertcat(*phases[1:])
-        dependent = any(
-            isinstance(x, Symbol) and casadi.depends_on(x.value, outside)
-            for array in entries
-            for x in array.ravel()
-        )
+        made = list(system._matrices(given, Symbol(speed)))  # type: ignore[arg-type]
+        arrays = [np.asarray(array) for array in made[: len(made) - bool(system.inputs)]]
+        places = [_matrices(system, [array[k] for array in arrays]) for k in range(_PLACES)]
     except (ArithmeticError, AttributeError, IndexError, RuntimeError, TypeError, ValueError) as error:
         first = str(error).partition("\n")[0]
         raise LinearModelError(
             f"the function of the matrices cannot be evaluated at symbolic phases, which a proof needs: "
             f"{first}; see docs/proof.md for the operations that it may use"
         ) from None
-    if dependent:
-        raise LinearModelError("the matrices at one phase depend on other phases of the array")
-    return entries
+    for k, matrices in enumerate(places):
+        others = casadi.vertcat(*(phases[:k] + phases[k + 1 :]))
+        if any(casadi.depends_on(matrix, others) for matrix in matrices):
+            raise LinearModelError("the matrices at one phase depend on other phases of the array")
+    return places[0]
+
+
+def _matrices(system: PeriodicSystem, arrays: list[np.ndarray]) -> list[casadi.SX]:
+    """M, C, K and d of arrays at one phase."""
+    shapes = ((system.n, system.n),) * 3 + ((system.n, 1),)
+    return [_matrix(array, shape) for array, shape in zip(arrays, shapes, strict=True)]
 
 
 def _interpolated(samples: Samples, phase: casadi.SX) -> list[np.ndarray]:
@@ -136,7 +170,7 @@ def _interpolated(samples: Samples, phase: casadi.SX) -> list[np.ndarray]:
 def _matrix(array: np.ndarray, shape: tuple[int, int]) -> casadi.SX:
     """Symbolic matrix of an array; entries that are the number zero are structural zeros."""
     made = casadi.SX(*shape)
-    for (i, j), x in np.ndenumerate(array.reshape(shape)):
+    for (i, j), x in np.ndenumerate(np.reshape(array, shape)):
         value = _plain(x)
         if isinstance(x, Symbol) or value != 0.0:
             made[i, j] = value

@@ -1,5 +1,7 @@
 """Proofs of systems whose matrices are functions of the user, or samples."""
 
+from fractions import Fraction
+
 import mpmath
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import solve
 from solve.errors import LinearModelError
 from solve.proof.balls import arb, precision
 from solve.proof.enclosure import equation_of
+from solve.proof.instructions import Instructions
 from solve.proof.symbolic import linearised
 from tests.solve.proof.test_prove import exact_trace
 
@@ -116,3 +119,80 @@ def test_jumps_of_a_function_have_the_closed_form():
     a, b, c, d = np.cos(1), np.sin(1), np.cos(2), np.sin(2)
     assert sum(found.multipliers).real == pytest.approx(2 * a * c - 2.5 * b * d, abs=1e-13)
     assert "continued periodically" in found.assumed
+
+
+def test_harmonics_of_samples_count_by_entry():
+    """The coupling of units must not drop the varying stiffness of the small coordinate."""
+    phases, zero = np.arange(16) * np.pi / 8, np.zeros((16, 2, 2))
+    M, C, K = zero.copy(), zero.copy(), zero.copy()
+    M[:, 0, 0], C[:, 0, 0], K[:, 0, 0] = 1e17, 5e15, 7e16
+    M[:, 1, 1], C[:, 1, 1], K[:, 1, 1] = 1, 0.01, 0.25 + 0.2 * np.cos(phases)
+    system = solve.PeriodicSystem.from_samples(M, C, K, np.zeros((16, 2)), ["x", "q"])
+    found = solve.prove(system, 1.0, orbit=False)
+    assert found.verdict == found.result.verdict == "unstable"
+
+
+@pytest.mark.parametrize(
+    ("function", "exact"),
+    [
+        (lambda x: 5 * (0.2 * x), 5 * Fraction(0.2)),
+        (lambda x: 0.1 * (0.7 * x), Fraction(0.1) * Fraction(0.7)),
+        (lambda x: (x / 5) / 0.2, Fraction(1, 5) / Fraction(0.2)),
+    ],
+)
+def test_constants_are_not_combined_in_double_precision(function, exact):
+    instructions = Instructions.of(linearised(stiffness(lambda phase: function(np.cos(phase)))))
+    with precision(200):
+        values, _ = instructions([[arb(0)], [arb(1)], []])
+        ((_, _, value),) = values[2]
+        assert abs(value - arb(exact.numerator) / exact.denominator) < arb(2) ** -190
+
+
+def test_a_symbolic_speed_multiplies_arrays():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        K = speed**2 * one + (speed * np.cos(phase))[:, None, None] + speed % (2 * one) + speed**one
+        return one, 0.1 * one, K, 0 * phase[:, None]
+
+    system, phases = solve.PeriodicSystem(matrices, ["q"]), np.array([0.3])
+    assert float(linearised(system)(0.3, 1.7, [])[2]) == pytest.approx(
+        float(system.at(phases, 1.7)[2][0, 0, 0])
+    )
+
+
+@pytest.mark.parametrize(
+    ("matrices", "message"),
+    [
+        (lambda one: (one, one, one), "cannot be evaluated"),
+        (lambda one: (one, np.nan * one, one, one[:, 0]), "is not a number of double precision"),
+        (lambda one: (one, (1 + 0j) * one, one, one[:, 0]), "is not a number of double precision"),
+        (lambda one: (np.tile(one, (1, 2, 2)), one, one, one[:, 0]), "cannot be evaluated"),
+    ],
+)
+def test_unsuitable_arrays_are_refused(matrices, message):
+    system = solve.PeriodicSystem(lambda phase, speed: matrices(np.ones((len(phase), 1, 1))), ["q"])
+    with pytest.raises(LinearModelError, match=message):
+        linearised(system)
+
+
+def test_an_input_matrix_is_left_out():
+    def matrices(phase, speed):
+        one = np.ones((len(phase), 1, 1))
+        return one, 0.1 * one, 4 * one, one[:, 0], one
+
+    assert linearised(solve.PeriodicSystem(matrices, ["q"], inputs=["u"])).n_out() == 4
+
+
+def test_matrices_of_the_first_phase_only_are_refused():
+    with pytest.raises(LinearModelError, match="depend on other phases"):
+        linearised(stiffness(lambda phase: 2 + 0 * phase + np.cos(phase[0])))
+
+
+def test_the_jump_of_an_angle_is_that_of_a_remainder():
+    """The angle of a point on a circle jumps by 2π at the cut of atan2."""
+    angle = stiffness(lambda phase: 2 + 0.1 * np.arctan2(np.sin(phase), np.cos(phase)))
+    rest = stiffness(lambda phase: 2 + 0.1 * (phase - 2 * np.pi * np.floor(phase / (2 * np.pi) + 0.5)))
+    angle.breaks = rest.breaks = (np.pi,)
+    one, other = (solve.prove(each, 1.0, orbit=False) for each in (angle, rest))
+    assert np.abs(one.multipliers - other.multipliers).max() < (one.radii + other.radii).max() + 1e-14
+    assert one.radii.max() < 1e-12
