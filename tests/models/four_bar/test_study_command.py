@@ -40,7 +40,7 @@ def test_equation_warnings_are_printed_for_every_system(answer):
     given = ("study", "--speeds", "30 90 rad/s", "--option", "stiffening=on", "--rtol", "1e-4")
     _, err = answer(*given, "--over", "zeta=0,0.02")
     assert "0: terms=instantaneous neglects M'q'" in err
-    assert "0.02: stiffening: at 38 deg link follower" in err
+    assert "0.02: stiffening: at 38 deg the compression of link follower" in err
     assert "(at 90 rad/s)" in err
 
 
