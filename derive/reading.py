@@ -118,7 +118,7 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """Expression or its expansion, whichever is shorter; named subexpressions may cancel in the expansion."""
+    """Shorter one of an expression and its expansion, in which named subexpressions may cancel."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)

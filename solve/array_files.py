@@ -22,8 +22,7 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
     allowed = [ending] if ending else [*ENDINGS]
     if file.suffix.lower() not in allowed:
         raise FileError(f"'{file}' ends in '{file.suffix}'; allowed: {', '.join(allowed)}")
-    if not file.is_file():
-        raise FileError(f"there is no file '{file}'; give the path of a file that exists")
+    require_file(file)
     kind = file.suffix.lower()
     try:
         return ENDINGS[kind](file)
@@ -33,6 +32,12 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
         raise FileError(f"'{file}' cannot be read; its permissions do not allow it") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
         raise FileError(f"'{file}' cannot be read: it is damaged or no {kind} file") from None
+
+
+def require_file(path: str | Path) -> None:
+    """Raise FileError without a file at the path."""
+    if not Path(path).is_file():
+        raise FileError(f"there is no file '{path}'; give the path of a file that exists")
 
 
 def matrix_market(file: Path) -> Array:

@@ -140,3 +140,12 @@ class LazyMapping(Mapping[str, Array]):
 
     def __len__(self) -> int:
         return len(self._names)
+
+
+def symmetric_of(triangle: Array) -> Array:
+    """Symmetric matrices (k, N, N) from their upper triangles by rows (N (N + 1) / 2, k)."""
+    N = int(np.sqrt(2 * len(triangle)))
+    rows, columns = np.triu_indices(N)
+    X = np.empty((triangle.shape[1], N, N))
+    X[:, rows, columns] = X[:, columns, rows] = triangle.T
+    return X

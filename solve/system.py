@@ -46,6 +46,9 @@ from solve.matrices import (
 )
 from solve.samples import Samples, checked_period, sampled
 
+_LOAD_PHASES = 128
+"""Phases per period at which a load is sampled to determine whether it is zero. A choice."""
+
 
 class PeriodicSystem(Labels):
     """Linear system with periodic coefficients and named coordinates.
@@ -426,7 +429,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
     """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
-    phase = (np.arange(128) + 0.5) * (system.period / 128)
+    phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.name} has no load: its periodic vibration is zero at every speed")
 

@@ -18,10 +18,11 @@ from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
 from solve.methods.free import free
 from solve.methods.method import Method, Solutions, one_by_one
-from solve.newton.saltation import product, steps_with_saltation
+from solve.newton.saltation import steps_with_saltation
 from solve.period.curve import Curve
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
+from solve.period.period_map import monodromy
 from solve.period.points import Multiplied, OnePoint, Points
 from solve.period.rigid_body import RigidBodyModes
 from solve.system import PeriodicSystem
@@ -340,7 +341,7 @@ class Newton(Method):
         steps = steps_with_saltation(along, found.curve, task.speed, task.method, grid)
         if steps is None:
             return solutions
-        return replace(solutions, Phi=product(steps.A[0])[None], units=None, steps=steps)
+        return replace(solutions, Phi=monodromy(steps), units=None, steps=steps)
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""

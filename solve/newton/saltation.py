@@ -40,14 +40,6 @@ def steps_with_saltation(
     return Steps(A, b)
 
 
-def product(maps: Array) -> Array:
-    """Product (N, N) of maps (m, N, N), the last on the left."""
-    Phi = np.eye(maps.shape[-1])
-    for step in maps:
-        Phi = step @ Phi
-    return Phi
-
-
 def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
     """Whether forces jump at an event of an orbit: its accelerations do."""
     if not along.events.phases:

@@ -27,8 +27,8 @@ _WINDOW = 4
 """Half width of the window around a break, in units in the last place of the period."""
 
 _PARTS = 24
-"""Parts of the period that processes work on: so many that several processes have equal shares, and so few
-that each part has many steps."""
+"""Parts of the period that processes work on: enough for equal shares of several processes, and few enough
+for many steps in each part."""
 
 _GROWTH = 1.5
 """Ratio of a step to the one before, if that was not too long."""

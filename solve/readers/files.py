@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from solve.array_files import require_file
 from solve.errors import FileError
 
 ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx"
@@ -26,10 +27,9 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         if is_pattern(text):
             matches = [Path(name) for name in glob.glob(text)]
             found += sorted((match for match in matches if match.is_file()), key=_by_number)
-        elif Path(path).is_file():
-            found.append(Path(path))
         else:
-            raise FileError(f"there is no file '{text}'; give the path of a file that exists")
+            require_file(path)
+            found.append(Path(path))
     if not found:
         shown = ", ".join(f"'{path}'" for path in given[:3])
         message = f"no file matches {shown}" if given else "the sequence of paths is empty"

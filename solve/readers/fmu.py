@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from solve.array_files import require_file
 from solve.arrays import Array
 from solve.errors import FileError, ValueOutOfBoundsError, require_name
 from solve.first_order import Signals
@@ -84,8 +85,7 @@ def read_fmu(
     solve.errors.FileError: there is no file 'no_such_file.fmu'; give the path of a file that exists
     """
     file, omega = Path(checked_path(path)), float(speed_in_si(speed))
-    if not file.is_file():
-        raise FileError(f"there is no file '{path}'; give the path of a file that exists")
+    require_file(file)
     duration = checked_period(period) / omega
     with Unit(file, dict(values or {})) as unit:
         for name in exclude:

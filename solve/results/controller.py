@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, symmetric_of
 from solve.period.curve import Curve
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.periodic_motion import require_finite
@@ -100,11 +100,7 @@ class Controller(Result):
         (k, N, N) array
             X of a regulator, or the covariance P of a filter, in SI units of the states.
         """
-        triangle, N = self.solution(_phases(phase)), len(self.states)
-        rows, columns = np.triu_indices(N)
-        X = np.empty((triangle.shape[1], N, N))
-        X[:, rows, columns] = X[:, columns, rows] = triangle.T
-        return X
+        return symmetric_of(self.solution(_phases(phase)))
 
     def gain(self, phase: Array | float) -> Array:
         """Feedback gain.

@@ -36,7 +36,7 @@ _LABELS = (
     *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings"),
     *("period", "coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit", "states", "inputs"),
 )
-"""Attributes of a system that files hold; those of earlier versions have no states."""
+"""Attributes of a system that files hold; those of earlier versions lack the last ones."""
 
 Kind = TypeVar("Kind", bound=type)
 Value = TypeVar("Value")

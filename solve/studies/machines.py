@@ -36,16 +36,8 @@ class Quantity(NamedTuple):
     sign: float
 
 
-class Limit(NamedTuple):
-    """Limit of a quantity, upper with the sign 1, lower with -1."""
-
-    named: Named
-    sign: float
-    value: float
-
-
-STABILITY = Limit(Named(RADIUS, "1", RADIUS), 1.0, 1.0)
-"""Limit of the spectral radius beyond which a machine is unstable."""
+STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
+"""Bound of the spectral radius beyond which a machine is unstable."""
 
 
 class Event(NamedTuple):
@@ -93,9 +85,9 @@ class Machines:
     solves: int = 0
 
     @property
-    def limits(self) -> list[Limit]:
-        """Limit of stability and those of the bounds."""
-        return [STABILITY, *(Limit(each.quantity, each.sign, each.value) for each in self.bounds)]
+    def limits(self) -> list[Bound]:
+        """Bound of stability and those of the request."""
+        return [STABILITY, *self.bounds]
 
     @property
     def nominal(self) -> Array:
@@ -159,9 +151,9 @@ class Machines:
         rule, rtol = self.task.method, request.rtol
         return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
 
-    def gradient(self, limit: Limit, speed: float) -> Gradient:
+    def gradient(self, limit: Bound, speed: float) -> Gradient:
         """Margin of a limit at a speed, positive beyond it, and its derivatives by z (r,)."""
-        design, quantity = self.design(speed), Quantity(limit.named, limit.sign)
+        design = self.design(speed)
         width = design.high - design.low
 
         def margin(z: Array) -> tuple[float, Array]:
@@ -169,7 +161,7 @@ class Machines:
             by_z = np.array(
                 [float(each.slopes(at)) for each, at in zip(self.spreads.values(), z, strict=True)]
             )
-            value, slopes = leading(design, (values - design.low) / width, 0, *quantity)
+            value, slopes = leading(design, (values - design.low) / width, 0, limit.quantity, limit.sign)
             return value - limit.sign * limit.value, slopes * by_z / width
 
         return margin

@@ -26,8 +26,8 @@ _CLEAR = 0.5
 the vectors change gradually within the segment: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
 
 _FEWEST_LEVELS, _MOST_LEVELS = 1, 36
-"""Bisections of an interval: at least one, so that no assignment relies on two samples alone; at most so many
-that the interval remains larger than the round-off of the parameter."""
+"""Bisections of an interval: at least one, so that no assignment relies on two samples alone; at most a
+number after which the interval is still larger than the round-off of the parameter."""
 
 _REAL = 0.05
 """Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:

@@ -94,9 +94,16 @@ class Mixture(NamedTuple):
         return value, max(0.0, ends[0]) if value else 0.0, min(1.0, ends[1])
 
 
+def normal_variables(cube: Array) -> Array:
+    """Standard normal variables from points of the unit cube; quasi-random points may lie on its faces."""
+    from scipy.special import ndtri
+
+    return ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
+
+
 def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
-    """Points of an event nearest to z = 0, at most so many: one that is reached from 0, and one for each
-    group of the events found (k, r) that lies elsewhere."""
+    """Points of an event nearest to z = 0, up to a number `most`: one that is reached from 0, and one for
+    each group of the events found (k, r) that lies elsewhere."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:

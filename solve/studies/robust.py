@@ -13,6 +13,7 @@ from solve.arrays import Array
 from solve.model.spread import Spread
 from solve.period.named import Named
 from solve.studies.design_points import Design
+from solve.studies.probability import normal_variables
 from solve.studies.tracked import leading
 
 _MACHINES = 16
@@ -49,13 +50,11 @@ class Robust:
 
 def deviating(design: Design, spreads: Mapping[str, Spread]) -> list[Design]:
     """Machines of a design whose parameters deviate from it as the spreads from the model's numbers."""
-    from scipy.special import ndtri
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(_MACHINES)
-    z = ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
     machines = []
-    for row in z:
+    for row in normal_variables(cube):
         values = {
             name: float(spread.values(at)) for (name, spread), at in zip(spreads.items(), row, strict=True)
         }

@@ -27,7 +27,7 @@ from solve.results.tolerances import (
 )
 from solve.studies.machines import STABILITY, Event, Machines, Outcome, Quantity
 from solve.studies.point_values import kept_for
-from solve.studies.probability import SEARCH_SPREAD, Mixture, centres_of
+from solve.studies.probability import SEARCH_SPREAD, Mixture, centres_of, normal_variables
 from solve.studies.requirements import bounds_of, real_quantity, spreads_of
 from solve.studies.sobol_indices import sobol_indices
 from solve.studies.tracked import leading
@@ -186,7 +186,7 @@ def _machines(
     spreads = spreads_of(model, vary)
     bounds = bounds_of(model, texts[0])
     signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}
-    named = [STABILITY.named, *(bound.quantity for bound in bounds)]
+    named = [STABILITY.quantity, *(bound.quantity for bound in bounds)]
     named += [real_quantity(model, text) for text in texts[1]]
     distinct = {each.text: each for each in named}.values()
     quantities = [
@@ -229,12 +229,10 @@ def _sobol(
     """Sobol indices by quantity and parameter, and the number of samples without a value."""
     if not samples:
         return {}, 0
-    from scipy.special import ndtri
 
     def evaluate(cube: Array) -> Array:
-        # A quasi-random sample may be 0.
-        z = ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
-        return machines.worst(machines.outcome(machines.parameters(z), "indices").values)[0]
+        parameters = machines.parameters(normal_variables(cube))
+        return machines.worst(machines.outcome(parameters, "indices").values)[0]
 
     # Errors of the values are up to their tolerance.
     power, error = math.ceil(math.log2(samples)), machines.task.request.rtol

@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from solve.arrays import Array
+from solve.arrays import Array, symmetric_of
 from solve.errors import MissingValueError
 from solve.first_order import FirstOrderSystem
 from solve.period.curve import Curve
 from solve.single import periodic
 from solve.studies.control.plant import Plant
-from solve.studies.control.riccati import Riccati, Solved, solve_riccati, symmetric_of, through_points
+from solve.studies.control.riccati import Riccati, Solved, solve_riccati, through_points
 from solve.studies.control.weights import Weight, matrix_function, named_numbers
 from solve.system import PeriodicSystem
 from solve.threads import one_thread

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.arrays import EPS, Array
+from solve.arrays import EPS, Array, symmetric_of
 from solve.errors import ControlError
 from solve.period.curve import Curve
 from solve.period.eigenvalues import balance_matrices, roundoff_growth
@@ -128,7 +128,7 @@ class Riccati:
         grid = Grid.uniform(steps, self.period, self.breaks)
         X = self.at_nodes(grid)
         ends = grid.stages(np.array([0.0, 1.0])).T
-        rows = upper(X.shape[-1])
+        rows = np.triu_indices(X.shape[-1])
         starts, stops = (self.slope(at, values) for at, values in ((ends[0], X[:-1]), (ends[1], X[1:])))
         return interpolated(grid, X[:, *rows], starts[:, *rows], stops[:, *rows])
 
@@ -182,20 +182,6 @@ def _residual(equation: Riccati, curve: Curve) -> float:
     left = sum(terms) + sign * equation.speed * symmetric_of(curve(phase, 1))
     largest = max(np.abs(unit[:, None] * term * unit).max() for term in terms)
     return float(np.abs(unit[:, None] * left * unit).max() / largest) if largest else 0.0
-
-
-def upper(N: int) -> tuple[Array, Array]:
-    """Rows and columns of the upper triangle."""
-    return np.triu_indices(N)
-
-
-def symmetric_of(triangle: Array) -> Array:
-    """Symmetric matrices (k, N, N) from upper triangles (T, k)."""
-    N = int(np.sqrt(2 * len(triangle)))
-    X = np.empty((triangle.shape[1], N, N))
-    rows, columns = upper(N)
-    X[:, rows, columns] = X[:, columns, rows] = triangle.T
-    return X
 
 
 def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
