@@ -1,4 +1,4 @@
-"""Thread control: single-threaded BLAS for small matrices, and interruptible long calls."""
+"""Thread control: BLAS threads for small matrices, interruptible long calls, and symbolic operations."""
 
 import atexit
 import sys
@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from contextvars import copy_context
-from functools import cache
-from typing import Any, TypeVar
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar
 
 from solve.arguments import SMALL
 
 Value = TypeVar("Value")
+Arguments = ParamSpec("Arguments")
 
 _lock = threading.Lock()
 _active_calls: list[Any] = []
@@ -79,3 +80,20 @@ def interruptible(work: Callable[[], Value]) -> Value:
     except KeyboardInterrupt:
         atexit.register(thread.join)
         raise
+
+
+_building = threading.RLock()
+
+
+def symbolic(function: Callable[Arguments, Value]) -> Callable[Arguments, Value]:
+    """Decorator of functions that build CasADi expressions, which one thread at a time may do.
+
+    CasADi releases Python's global lock, but its symbolic operations are not thread-safe: in two threads they
+    ended the process within 20 s (versions 3.7.0 and 3.8.2). Evaluation of its functions is thread-safe."""
+
+    @wraps(function)
+    def alone(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Value:
+        with _building:
+            return function(*args, **kwargs)
+
+    return alone

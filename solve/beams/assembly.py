@@ -19,6 +19,7 @@ from solve.beams.elements import HELD, Freedoms, Member
 from solve.errors import StructureError
 from solve.model.sampling import Sampler, symbol
 from solve.model.setup import Setup
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -77,6 +78,7 @@ class Kinematics:
         return rate, second
 
     @cached_property
+    @symbolic
     def _angles(self) -> Latest[Array]:
         import casadi
 

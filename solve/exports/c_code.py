@@ -9,6 +9,7 @@ from solve.model.model import LinearisedModel, Model
 from solve.model.sampling import by_rows, inputs_of
 from solve.results.contents import versions
 from solve.system import PeriodicSystem
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -57,6 +58,7 @@ def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
     return _source(model, functions, file_stem), _header(model, functions)
 
 
+@symbolic
 def _by_rows(model: Model, name: str) -> "casadi.Function":
     """Generated function with dense results by rows; outputs form one column y."""
     import casadi

@@ -22,6 +22,7 @@ from solve.model.model import Model
 from solve.model.sampling import symbol
 from solve.newton.orbits import nonlinear
 from solve.system import PeriodicSystem, require_load
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -206,6 +207,7 @@ def _with_nominals(wrapper: Path, states: Sequence[_Variable]) -> None:
     wrapper.write_text(wrapper.read_text("utf-8").replace(_NOMINALS, nominals), "utf-8")
 
 
+@symbolic
 def _explicit(model: Model) -> "casadi.Function":
     """Function of phase, speed, q, q̇, inputs and parameters that returns the rates of the states, and the
     outputs: M q̈ = u - r(q̈ = 0)."""

@@ -16,6 +16,7 @@ from solve.model.formulas import c_text
 from solve.model.sampling import Sampler, by_rows, symbol
 from solve.model.setup import Setup
 from solve.system import PeriodicSystem
+from solve.threads import symbolic
 
 _CHUNK = 1024
 """Number of phases whose derivatives are summed together, so that these fit in the processor's cache. A
@@ -98,6 +99,7 @@ class GeneratedSlopes:
         return [symbol(f"x{at}", size) for at, size in enumerate((1, 1, *[self._n] * 3, len(self._setup.p)))]
 
     @cached_property
+    @symbolic
     def _equations(self) -> Any:
         phase, speed, a, v, q, p = self._symbols
         if self.nonlinear:
@@ -107,11 +109,13 @@ class GeneratedSlopes:
         return speed**2 * M @ a + speed * C @ v + K @ q - d
 
     @cached_property
+    @symbolic
     def residual(self) -> _Slopes:
         """Derivatives of the residual with respect to θ."""
         return self._slopes(self._equations, [])
 
     @cached_property
+    @symbolic
     def matrices(self) -> _Slopes:
         """Derivatives of a weighted sum of the entries with respect to θ and the states; the weights are an
         input."""
@@ -122,6 +126,7 @@ class GeneratedSlopes:
         entries = by_rows(casadi.jacobian(self._equations, x) for x in states)
         return self._slopes(casadi.dot(weights, entries), states, weights)
 
+    @symbolic
     def _output(self, name: str) -> _Slopes:
         """Derivatives of an output with respect to θ and the states."""
         phase, speed, a, v, q, p = self._symbols

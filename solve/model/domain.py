@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import DesiredMotionError
 from solve.model.sampling import Sampler
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -214,6 +215,7 @@ class Domain:
         return self._margins(phase, speeds[point], values[point])[np.arange(len(row)), row]
 
 
+@symbolic
 def _depends(function: "casadi.Function", position: int) -> Array:
     """Whether each output of a generated function depends on one of its scalar inputs."""
     pattern = function.jac_sparsity(0, position)

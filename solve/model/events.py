@@ -14,6 +14,7 @@ from solve.contracts import Events, Motion
 from solve.matrices import SAME_PHASE
 from solve.model.formulas import operation_names
 from solve.model.sampling import Sampler, inputs_of
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -37,6 +38,7 @@ _REST = 1e-13
 
 
 @lru_cache(MAX_CACHED)
+@symbolic
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
     """Function of the inputs of a generated residual that returns its switches (s,); None without any."""
     import casadi
@@ -111,6 +113,7 @@ class EventFinder:
         return rows * np.repeat([1.0, 1.0, speed], [1, n, n])
 
     @cached_property
+    @symbolic
     def _gradient(self) -> Sampler:
         """Derivatives of the switches with respect to the phase, q and q̇, by columns."""
         import casadi

@@ -10,6 +10,7 @@ from solve.arrays import Array
 from solve.contracts import driven
 from solve.errors import TransientError
 from solve.model.sampling import folded, inputs_of, symbol
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -27,6 +28,7 @@ class ModelIntegrator:
     residual: generated `residual_varying`. sizes (n,): scales of the coordinates, to which rtol is relative.
     """
 
+    @symbolic
     def __init__(
         self,
         residual: "casadi.Function",
@@ -82,6 +84,7 @@ class ModelIntegrator:
         return np.stack((q, v, a))
 
 
+@symbolic
 def damped_residual(
     residual: "casadi.Function", damping: Callable[[Array], Array], period: float
 ) -> "casadi.Function":

@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array, Recent
 from solve.contracts import Matrices
 from solve.matrices import split_entries
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -30,6 +31,7 @@ class Sampler:
     shared: number of last inputs that are the same for all columns.
     """
 
+    @symbolic
     def __init__(self, function: "casadi.Function", shared: int = 0):
         self._varying = function.n_in() - shared
         common = list(range(self._varying, function.n_in()))
@@ -83,6 +85,7 @@ def by_rows(matrices: Iterable[Any]) -> Any:
     return casadi.vertcat(*(casadi.vec(casadi.densify(matrix.T)) for matrix in matrices))
 
 
+@symbolic
 def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
     """Generated function with its parameters substituted, except the free ones, which become the last input.
 
@@ -98,6 +101,7 @@ def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] =
     return casadi.Function("folded", [*inputs, values], [entries])
 
 
+@symbolic
 def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
     """Linearisation of a generated residual: ∂r/∂q̈, ∂r/∂q̇, ∂r/∂q by rows and
     d = ∂r/∂q̈ q̈ + ∂r/∂q̇ q̇ + ∂r/∂q q - r, concatenated.
@@ -123,6 +127,7 @@ class MatrixSampler:
     per grid of phases and cached. The next solution on this grid, at any speed, is then a matrix product.
     """
 
+    @symbolic
     def __init__(self, linearised: "casadi.Function", parameters: Array):
         import casadi
 

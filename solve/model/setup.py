@@ -17,6 +17,7 @@ from solve.model.domain import Domain
 from solve.model.events import MAX_CACHED, EventFinder, switches
 from solve.model.formulas import c_text, roundoff_bound
 from solve.model.sampling import Sampler, folded
+from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
@@ -100,6 +101,7 @@ class Setup:
         """Options of the generated functions; those of a structure's elements concern its assembly only."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
+    @symbolic
     def function(self, name: str) -> "casadi.Function":
         """Generated function of this name."""
         return getattr(self.module, name)(**self._module_options)
@@ -163,6 +165,7 @@ class Setup:
         return getattr(self.module, "CONDITIONS", ())
 
     @cached_property
+    @symbolic
     def condition_phases(self) -> Array:
         """Phases over the period at which the conditions must hold; a single phase if no condition depends on
         it."""
@@ -213,6 +216,7 @@ def stated_lines(
 
 
 @lru_cache(MAX_CACHED)
+@symbolic
 def _text_of(
     module: ModuleType,
     options: tuple[tuple[str, Any], ...],
@@ -228,6 +232,7 @@ def _text_of(
 
 
 @lru_cache(MAX_CACHED)
+@symbolic
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
     """Function of the bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))

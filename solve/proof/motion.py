@@ -36,6 +36,7 @@ from solve.proof.balls import (
     working_terms,
 )
 from solve.system import PeriodicSystem
+from solve.threads import symbolic
 
 _FIRST_SAMPLES = 49
 """Samples per period at first; the number is doubled until the highest harmonics are round-off."""
@@ -214,6 +215,7 @@ def _residual(residual: casadi.Function) -> tuple[list[Any], Any, list[Any]]:
     return inputs, r, inputs[2:5]
 
 
+@symbolic
 def linearised_about(residual: casadi.Function) -> casadi.Function:
     """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q and −r of phase, speed, q, qd, qdd and parameters."""
     inputs, r, (q, qd, qdd) = _residual(residual)
@@ -221,6 +223,7 @@ def linearised_about(residual: casadi.Function) -> casadi.Function:
     return casadi.Function("linearised_about", inputs, casadi.cse(outputs))
 
 
+@symbolic
 def second_derivatives(residual: casadi.Function) -> casadi.Function:
     """∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b; and r, whose kinks and jumps, such
     as those of |q|, derivatives do not contain."""

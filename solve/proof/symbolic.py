@@ -20,6 +20,7 @@ from solve.errors import LinearModelError
 from solve.model.model import Model
 from solve.samples import Samples
 from solve.system import PeriodicSystem
+from solve.threads import symbolic
 
 _PLACES = 2
 """Phases for which a function is called: entries at one must not depend on the other."""
@@ -104,6 +105,7 @@ for _name in ("sin", "cos", "tan"):
     setattr(Symbol, f"arc{_name}", _method(getattr(casadi, f"a{_name}")))
 
 
+@symbolic
 def linearised(system: PeriodicSystem) -> casadi.Function:
     """M, C, K and d of phase, speed and parameters; those of a generated model as they are. Raises
     LinearModelError for a function of the user with operations that symbols do not have."""

@@ -1,6 +1,8 @@
 """BLAS works in one thread where matrices are small, and in as many as before everywhere else; threads
 may share a model."""
 
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -75,3 +77,26 @@ def test_threads_share_a_model():
         together = list(pool.map(lambda speed: solve.periodic(model, speed, rtol=1e-4).q, speeds))
     for one, other in zip(alone, together, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+BUILDING = """
+import time
+from concurrent.futures import ThreadPoolExecutor
+import solve
+from solve.model.sampling import folded, tangent
+setup = solve.load("cam").setup
+residual, end = setup.function("residual"), time.monotonic() + 8
+def build(_):
+    while time.monotonic() < end:
+        tangent(residual, setup.p), folded(residual, setup.p)
+with ThreadPoolExecutor(3) as pool:
+    list(pool.map(build, range(3)))
+print("built")
+"""
+
+
+@pytest.mark.slow
+def test_functions_are_built_in_several_threads():
+    """Without the lock, one run in two of 10 s ended with a segmentation fault or an abort."""
+    ended = subprocess.run([sys.executable, "-c", BUILDING], capture_output=True, text=True)
+    assert ended.stdout == "built\n", ended.stderr[-2000:]
