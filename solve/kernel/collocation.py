@@ -1,7 +1,7 @@
 """Collocation over one period in compiled code: many points, or segments of one period, in the lanes of
 vector registers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +36,12 @@ class Samples(NamedTuple):
     @property
     def own(self) -> bool:
         return self.table.ndim == 3
+
+    def of_point(self, at: int) -> "Samples":
+        """Samples of one point."""
+        at_point = slice(at, at + 1)
+        table = self.table[at_point] if self.own else self.table
+        return Samples(table, self.coefficients[at_point], self.entry)
 
 
 class Periods(NamedTuple):
@@ -72,10 +78,18 @@ def solved(
 
     Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
     end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
-    need the starts and then the ends (2m). The lanes are points, or the segments of a point that is solved
-    `alone`. Raises CompilerError, MemoryError."""
+    need the starts and then the ends (2m). The lanes are points, or the segments of a point, one point after
+    another, if they are solved `alone`. Raises CompilerError, MemoryError."""
     points, m, width = len(stages.coefficients), stages.table.shape[-2] // size.stages, lanes(size)
     segments = alone and m % width == 0 and size.orbit and not jumps
+    if segments and points > 1:
+        each = (
+            solved(size, weights, h, jumps, stages.of_point(at), nodes and nodes.of_point(at), alone)
+            for at in range(points)
+        )
+        Phi, units, curves, condition, _ = map(_joined, zip(*each, strict=True))
+        assert Phi is not None
+        return Periods(Phi, units, curves, condition, None)
     groups, steps = -(-points // width), m // width if segments else m
     if stages.own and not segments:
         stages, nodes = stages.summed, nodes and nodes.summed
@@ -105,6 +119,12 @@ def solved(
     maps = arrays["maps"].reshape(-1, m, N, N + 1)[:1] if "maps" in arrays else None
     curves = curves.swapaxes(0, 1).reshape(1, n, m, D) if segments else curves[:points]
     return Periods(Phi[:points], units, curves, condition[:points], maps)
+
+
+def _joined(parts: Sequence[Array | None]) -> Array | None:
+    """Arrays of single points as one; None if a point has none."""
+    present = [part for part in parts if part is not None]
+    return np.concatenate(present) if len(present) == len(parts) else None
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:

@@ -29,6 +29,11 @@ from solve.period.points import Points, Tables, affine, matrices, state_size
 _MEMORY = 2**24
 """Size, in bytes, of the stage matrices of the steps that are sampled together."""
 
+_ALONE = 16
+"""Number of coordinates from which compiled code solves one point after another, in segments of its period:
+the stage systems of several points together exceed the cache. Measured speed relative to solving together
+(AVX-512, four-bar, 8 to 48 speeds): 0.6 to 1.2 with 9 coordinates, 0.9 to 2 with 18 and 2.2 with 27."""
+
 _STEP_BY_STEP = 18
 """Number of coordinates above which the systems of the steps are solved one after another, in place and in
 the memory order of LAPACK. Measured time, relative to solving many steps together: 0.7 with 24 coordinates,
@@ -387,7 +392,7 @@ class Collocated(OneStep):
         stages = points.tables(grid.stages(method.weights["c"]).ravel())
         # One of many takes the library and the lanes of these, so that its numbers do not depend on how they
         # are parted; another takes the library with orbits for its multipliers too: one less to compile.
-        alone = len(points) == 1 and (stages.own or points.alone)
+        alone = (n >= _ALONE and grid.smooth) or (len(points) == 1 and (stages.own or points.alone))
         with_orbit = orbit or alone
         numbers = n, len(method.c), len(method.curve_nodes)
         size = Size(*numbers, method.stiffly_accurate, with_orbit, points.first_order)

@@ -63,6 +63,13 @@ def test_grids_are_the_same(seed, n, method, steps, points, orbit):
 
 
 @needs_compiler
+@pytest.mark.parametrize(("steps", "own", "orbit"), [(16, False, True), (16, True, False), (7, True, True)])
+def test_points_of_many_coordinates_are_the_same_one_after_another(steps, own, orbit):
+    family = over_speed(systems.random_system(4, 17))
+    same(*grids(family, np.array([[0.9], [1.0], [1.3]]), 17, solve.Radau(), steps, orbit, own))
+
+
+@needs_compiler
 @pytest.mark.parametrize("seed", range(3))
 def test_accelerations_of_coordinates_in_any_units_keep_their_digits(seed):
     """What acts on one of them is not mixed with what acts on another."""
