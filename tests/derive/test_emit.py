@@ -92,7 +92,7 @@ def test_an_option_value_that_is_not_allowed():
 
 
 @pytest.mark.slow
-def test_the_same_bytes_for_five_hash_seeds(tmp_path):
+def test_the_same_bytes_for_two_hash_seeds(tmp_path):
     runs = [
         subprocess.Popen(
             [sys.executable, "-m", "derive", *NAMES, "--out", str(tmp_path / str(seed))],
@@ -101,7 +101,7 @@ def test_the_same_bytes_for_five_hash_seeds(tmp_path):
             stderr=subprocess.PIPE,
             text=True,
         )
-        for seed in range(5)
+        for seed in range(2)
     ]
     for seed, run in enumerate(runs):
         _, err = run.communicate()

@@ -22,7 +22,7 @@ from tests.solve.references import Shooting, rate_matrices, relative_error
 from tests.solve.systems import frozen_modes
 
 FEW = [0, 43, 86, 129, 301, 344, *range(HALF + 1, HALF + 1 + len(FURTHER))]
-PART = range(5, SIZE, 11)
+PART = range(5, SIZE, 23)
 """Systems of every kind."""
 
 
