@@ -1,5 +1,5 @@
-"""Continuation of nonlinear orbits in a parameter, such as the speed, through folds: continuation by
-arclength (H. B. Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
+"""Continuation of nonlinear orbits in a parameter, such as the speed, also through folds, by arclength (H. B.
+Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
 
 import math
 from collections.abc import Callable
@@ -45,7 +45,8 @@ it does, another branch crosses it, or the step has left it, which a shorter ste
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
-    """Point of an orbit at the first value of the parameter, directed towards the last."""
+    """Orbit at the first value of the parameter as a point of the branch, with its tangent towards the last
+    value."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
     place = Place(on(grid, orbit.curve), np.array([first]))
@@ -61,8 +62,8 @@ def follow_branch(
     most: int,
     left: Callable[[Point], bool] = lambda _: False,
 ) -> tuple[list[Point], str]:
-    """Points of a branch from its first point on, up to a given number, and the reason if they end within the
-    range of the parameter. left: whether a point no longer counts."""
+    """Continue a branch from its first point. Returns at most `most` points, and the reason if they end
+    inside the range of the parameter. left: returns True for a point that has left the branch."""
     task = parameters.task
     with one_thread(task.system.n), progress.task("points", most) as count:
         follower = _BranchFollower(parameters)
@@ -105,9 +106,9 @@ class _BranchFollower:
         return points[:most], f"the branch continues beyond the {most} points requested; request more"
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
-        """Points whose errors of the spectral radius include the effect of errors of the parameter, which
-        move the orbit along the branch. At a turning point they also include the distance from +1 of the
-        multiplier that is +1 there.
+        """Add the effect of the parameter's error, which moves the orbit along the branch, to the errors of
+        the spectral radius. At a fold, also add the distance from +1 of the multiplier that is +1 there.
+        Returns the points.
 
         With derivatives with respect to the arclength s, an error e of the parameter p moves the orbit by
         e/|p'|, but at a turning point, where p' = 0, by √(2e/|p''|).
@@ -131,7 +132,7 @@ class _BranchFollower:
         return with_errors
 
     def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
-        """Next point, the length of the step to it, and its number of corrections."""
+        """Return the next point, the step length to it, and the number of corrections."""
         while length > _MIN_STEP:
             try:
                 after, corrections = self.manifold.reached(before, [before.direction], [length])
@@ -145,8 +146,8 @@ class _BranchFollower:
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
     def _require_same_branch(self, before: Point, after: Point) -> None:
-        """Raise NoOrbitError if the branch curves so much within a step that the step may have left the
-        branch or passed two folds."""
+        """Raise NoOrbitError if the branch curves so much within a step that the step may have jumped to
+        another branch or passed two folds."""
         chord = after.place.on(before.grid).plus(-1.0, before.place)
         ends = before.direction, after.direction.on(before.grid)
         long = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
@@ -158,7 +159,7 @@ class _BranchFollower:
             raise NoOrbitError("the step passes over two folds")
 
     def _at_the_end(self, before: Point, after: Point) -> Point:
-        """Point between two others at which the branch first leaves the range."""
+        """Point between two points of the branch at which the parameter first reaches the end of its range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
@@ -173,8 +174,9 @@ class _BranchFollower:
         return self.manifold.reached(near, [self._parameter_direction(near.grid)], [0.0])[0]
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
-        """Length between two points along the direction at the first, change of the value, and derivatives of
-        the value with respect to that length at both. Raises NoOrbitError if the branch bends too much."""
+        """Distance between two points along the tangent at the first point, change of the parameter, and
+        derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if
+        the branch bends too much."""
         way = after.place.on(before.grid).plus(-1.0, before.place)
         length = self.manifold.inner(way, before.direction, before.sizes)
         slope = self.manifold.inner(after.direction.on(before.grid), before.direction, before.sizes)
@@ -183,19 +185,20 @@ class _BranchFollower:
         return length, way.value, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Place:
-        """Direction of the parameter towards the last value."""
+        """Tangent that changes only the parameter, towards its last value."""
         first, last = self.parameters.ranges[0]
         return Place(self.parameters.task.rest(grid), np.array([last - first]))
 
 
 def _orientation(point: Point) -> float:
-    """Sign of det(I - Φ) times the direction of the parameter, which is constant along a branch that no other
-    crosses (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+    """Sign of det(I - Φ) times the direction of the parameter. It is constant along a branch without branch
+    points (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
     return float(np.sign(np.prod(1 - point.orbit.multipliers).real * point.direction.value))
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
-    """First point at which the same cubic reaches a level between 0 and the change."""
+    """First argument at which the cubic Hermite interpolant of the parameter reaches a level between 0 and
+    its change."""
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
     real = found[np.isreal(found)].real

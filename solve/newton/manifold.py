@@ -1,4 +1,5 @@
-"""Orbits over k parameters as a k-dimensional manifold: corrections onto it, and points with errors."""
+"""Orbits over k parameters as a k-dimensional manifold: corrections onto the manifold, and its points with
+their errors."""
 
 import math
 from collections.abc import Sequence
@@ -58,8 +59,8 @@ _MAX_STEPS = 2**12
 
 @dataclass
 class Manifold:
-    """Orbits over the parameters. resting: whether a coordinate may be zero within round-off;
-    largest (n,): largest amplitudes so far."""
+    """Orbits over the parameters. resting: whether a coordinate may be zero within round-off; largest (n,):
+    maximum amplitudes so far."""
 
     parameters: ContinuationParameters
     resting: bool = field(default=False, init=False)
@@ -67,13 +68,13 @@ class Manifold:
 
     @property
     def tolerance(self) -> float:
-        """Largest last correction."""
+        """Norm of a correction below which the iteration has converged."""
         rtol = self.parameters.task.rtol
         return max(_MIN_LAST_CORRECTION, min(_MAX_LAST_CORRECTION, _RTOL_FRACTION * rtol))
 
     def inner(self, one: Place, other: Place, sizes: Array, base: Place | None = None) -> float:
-        """Inner product of a place, relative to a base if there is one, and another, in scaled coordinates
-        (n,) and fractions of the ranges."""
+        """Inner product of two vectors of unknowns, in coordinates scaled by `sizes` (n,) and in fractions of
+        the parameter ranges. If `base` is given, it is subtracted from the first vector."""
         first, second, *third = sampled_together(one, other, *([] if base is None else [base]))
         values = one.values if base is None else one.values - base.values
         first = first - third[0] if third else first
@@ -81,15 +82,15 @@ class Manifold:
         return float((first * second).mean(axis=1) @ sizes**-2.0) + along
 
     def distance(self, one: Place, other: Place, sizes: Array) -> float:
-        """Norm of the difference of two places."""
+        """Norm of the difference of two vectors of unknowns."""
         first, second = sampled_together(one, other)
         apart = (one.values - other.values) / self.parameters.spans
         return math.sqrt(float(((first - second) ** 2).mean(axis=1) @ sizes**-2.0) + float(apart @ apart))
 
     def reached(self, before: Point, ways: Sequence[Place], lengths: Sequence[float]) -> tuple[Point, int]:
-        """Point at lengths from another along directions, one per parameter, and its number of corrections.
-        With lengths 0 the place keeps its components along the directions on finer grids too.
-        Raises SolveError subclasses if the iteration does not converge."""
+        """Point at given lengths from `before` along directions, one per parameter, and its number of
+        corrections. With all lengths 0, the components along the directions remain fixed on finer grids
+        too. Raises SolveError subclasses if the iteration does not converge."""
         place, sizes = before.place, before.sizes
         for way, length in zip(ways, lengths, strict=True):
             place = place.plus(length / self.inner(way, way, sizes), way)
@@ -98,8 +99,8 @@ class Manifold:
         return self.point(place, before.tangents, before.grid, family, sizes, held), corrections
 
     def first(self, place: Place, towards: Place, grid: Grid) -> Point:
-        """Point near a place at the same value of the only parameter, directed towards another value. Raises
-        SolveError subclasses."""
+        """Point near given unknowns at the same value of the only parameter, with its tangent towards another
+        value. Raises SolveError subclasses."""
         scale = self._scale(place, grid)
         self.resting = scale.rests(place.largest)
         sizes = self._sizes(scale, place)
@@ -115,8 +116,8 @@ class Manifold:
         sizes: Array,
         grid: Grid,
     ) -> tuple[Place, LinearFamily, int]:
-        """Place at lengths from another along directions, the last linear problem, and the number of
-        corrections. Raises SolveError subclasses."""
+        """Converged unknowns at given lengths from `before` along the directions `ways`, solutions of the
+        last linear problem, and number of corrections. Raises SolveError subclasses."""
         last = 1.0
         for corrections in range(1, _MAX_CORRECTIONS + 1):
             after, family = self._corrected(place, before, ways, lengths, sizes, grid)
@@ -139,8 +140,8 @@ class Manifold:
         sizes: Array,
         grid: Grid,
     ) -> tuple[Place, LinearFamily]:
-        """Next iterate after a place at lengths from another along directions, and all solutions of the
-        linear problem. Raises SolveError."""
+        """Next iterate of the unknowns with given lengths from `before` along the directions `ways`, and all
+        solutions of the linear problem. Raises SolveError."""
         family = linear_family(self.parameters, place, grid, sizes)
         gone = [self.inner(family.place, way, sizes, before) for way in ways]
         missing = np.subtract(lengths, gone)
@@ -163,9 +164,10 @@ class Manifold:
         sizes: Array | None = None,
         held: Sequence[Place] | None = None,
     ) -> Point:
-        """Point of a place that solves the equations on a grid, with tangents on the side of others. family:
-        solutions of the linear problem near the place with scales `sizes`, if known. held: directions in
-        which finer grids do not move the place, by default the tangents."""
+        """Point of the manifold from unknowns that solve the equations on a grid. Its tangents have positive
+        components along those in `towards`. family: solutions of the linear problem near these unknowns
+        with scales `sizes`, if available. held: directions along which finer grids do not move the point;
+        the tangents by default."""
         known, scale = np.zeros(1) if sizes is None else sizes, self._scale(place, grid)
         if place.largest.min() <= _MAY_REST * known.max() or sizes is None:
             self.resting = self.resting or scale.rests(place.largest)
@@ -199,7 +201,7 @@ class Manifold:
         return Point(place, sizes, tangents, grid, found, periods=self.parameters.task.periods)
 
     def _orthonormal(self, family: LinearFamily, towards: Sequence[Place], sizes: Array) -> tuple[Place, ...]:
-        """Orthonormal tangents, each nearest to one of other directions, if there are any."""
+        """Orthonormal tangents, each nearest to a direction in `towards`, if given."""
         basis: list[Place] = []
         for tangent in family.tangents:
             basis.append(self.unit(tangent, basis, sizes))
@@ -213,15 +215,15 @@ class Manifold:
         return tuple(found)
 
     def unit(self, way: Place, others: Sequence[Place], sizes: Array) -> Place:
-        """Unit vector along a direction without its components along orthonormal others."""
+        """Unit vector along a direction after subtraction of its components along orthonormal vectors."""
         for _ in range(2):
             for other in others:
                 way = way.plus(-self.inner(way, other, sizes), other)
         return way.times(1 / math.sqrt(self.inner(way, way, sizes)))
 
     def _orbit(self, there: Place, better: Place, grid: Grid, off: Array, sizes: Array) -> FollowedOrbit:
-        """More accurate of two places, without the errors of orbit and radius; off: relative differences (n,)
-        of the coordinates."""
+        """Orbit from the more accurate of two vectors of unknowns, before the errors of orbit and radius are
+        added. off: relative differences (n,) of the coordinates."""
         task, curve = self.parameters.task_at(better.values), better.curve
         multipliers = multipliers_of(self.parameters, better, grid, sizes)
         figures = orbit_figures(task.system, curve, task.speed, task.engine)
@@ -233,7 +235,7 @@ class Manifold:
         return FollowedOrbit(better.values, figures, errors, multipliers, radius, np.zeros(2), early)
 
     def _sizes(self, scale: CoordinateScale, place: Place) -> Array:
-        """Scales (n,) of the coordinates in lengths of steps."""
+        """Scales (n,) of the coordinates for step lengths."""
         self.largest = np.maximum(self.largest, place.amplitudes)
         return np.maximum(scale.of(place.amplitudes, 1.0, self.resting), _MIN_SIZE * self.largest)
 
@@ -244,13 +246,13 @@ class Manifold:
 
 
 def _finer(steps: int) -> int:
-    """Next number of steps: 3/2 times a power of two, 4/3 times another number."""
+    """Next grid size: 3/2 times a power of two, and 4/3 times any other number."""
     finer = 3 * steps // 2 if steps & (steps - 1) == 0 else math.ceil(4 * steps / 3)
     return -(-finer // _LANES) * _LANES
 
 
 def _sum(place: Place, weights: Sequence[float] | Array, others: Sequence[Place]) -> Place:
-    """Place and multiples of others."""
+    """Linear combination: the unknowns plus weights times other vectors."""
     for weight, other in zip(weights, others, strict=True):
         place = place.plus(float(weight), other)
     return place

@@ -1,4 +1,4 @@
-"""Branches of orbits of twice the period, which begin at period doublings (Y. A. Kuznetsov, Elements of
+"""Branches of orbits with twice the period, which start at period doublings (Y. A. Kuznetsov, Elements of
 Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Sequence
@@ -30,8 +30,8 @@ Followed = tuple[ContinuationParameters, list[Point], str]
 
 
 def follow_doublings(parameters: ContinuationParameters, found: Sequence[Point], most: int) -> list[Followed]:
-    """Branches that begin at the doublings among points of a branch, and at the doublings of these branches,
-    with a maximum number of points each; a branch that returns to one period ends there."""
+    """Branches that start at period doublings among the points of a branch, and at the doublings of these
+    branches. Each has at most `most` points and ends where it returns to orbits of the original period."""
     waiting, followed, last = [(parameters, point) for point in _doublings(found)], list[Followed](), []
     limit = parameters.task.periods * 2**_MOST_DOUBLINGS
     while waiting:
@@ -57,12 +57,12 @@ def _doublings(points: Sequence[Point]) -> list[Point]:
 
 
 def _same(point: Point, end: Point, size: float) -> bool:
-    """Whether a branch that ended near a point began or ended at it."""
+    """Whether an earlier branch starts or ends near a point, so that it is the same branch."""
     return 2 * point.periods == end.periods and abs(point.value - end.value) <= 2 * size
 
 
 def _start(before: ContinuationParameters, doubled: ContinuationParameters, point: Point) -> Point:
-    """First point of the branch that begins at a doubling. Raises NoOrbitError."""
+    """First point of the branch that starts at a period doubling. Raises NoOrbitError."""
     mode = mode_of(before, point.place, point.grid, -1.0)
     grid = doubled.task.grid(2 * point.grid.steps)
     place = Place(on(grid, _twice(point.place.curve, 1.0)), point.place.values)
@@ -81,15 +81,15 @@ def _start(before: ContinuationParameters, doubled: ContinuationParameters, poin
 
 
 def _twice(curve: Curve, factor: float) -> Curve:
-    """Curve over two periods, the second of which is a multiple of the first."""
+    """Curve over two periods; the second period is a multiple of the first."""
     period = curve.nodes[-1]
     coefficients = np.concatenate((curve.coefficients, factor * curve.coefficients), axis=-2)
     return Curve(np.append(curve.nodes[:-1], curve.nodes + period), coefficients, drift=curve.drift)
 
 
 class _Returns:
-    """Whether a doubled branch has returned to orbits of half its period: the difference of its two halves
-    then changes its sign."""
+    """Test whether a doubled branch has returned to orbits of half its period. The difference between both
+    halves of the orbit then changes sign."""
 
     def __init__(self, start: Point):
         self.returned, self._before = False, _difference(start)
@@ -102,7 +102,7 @@ class _Returns:
 
 
 def _difference(point: Point) -> Array:
-    """Difference of both halves of an orbit at fixed phases, in units of the coordinates."""
+    """Difference between both halves of an orbit at fixed phases, scaled per coordinate."""
     period = float(point.place.curve.nodes[-1])
     phase = np.arange(64 * SAMPLES) * (period / 2 / (64 * SAMPLES))
     curve = point.place.curve
