@@ -159,7 +159,8 @@ class _BranchFollower:
             raise NoOrbitError("the step passes over two folds")
 
     def _at_the_end(self, before: Point, after: Point) -> Point:
-        """Point between two points of the branch at which the parameter first reaches the end of its range."""
+        """Point between two points of the branch at which the parameter first reaches the end of its
+        range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)

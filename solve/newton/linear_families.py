@@ -179,7 +179,8 @@ class _Steps:
         return unknowns
 
     def curves(self, columns: Array) -> Curve:
-        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c). The load d acts in the first only."""
+        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c). The load d acts in the first
+        only."""
         N, B, grid, method = self._states, self.blocks, self._grid, self._method
         loads = np.zeros((self._chain.shape[-1] - N, columns.shape[1]))
         loads[0, 0], loads[1:] = 1.0, columns[B * N :]

@@ -181,7 +181,8 @@ class _Search:
         return self.certified(reached, strategy, failed, settled)
 
     def iterate(self, start: Start | None) -> Converged:
-        """Orbit by Newton's iteration from a motion (default: rest), on the first grid on which it converges."""
+        """Orbit by Newton's iteration from a motion (default: rest), on the first grid on which it
+        converges."""
         motion = None if start is None else motion_of(start, self.task)
         self._check_period(motion)
         for grid in self.grids[:-1]:

@@ -57,7 +57,8 @@ def _tests(before: Point, after: Point) -> dict[str, Test]:
 
 
 def _stays_on_circle(point: Point) -> bool:
-    """Whether complex multipliers lie on the unit circle within their errors, as in systems without damping."""
+    """Whether complex multipliers lie on the unit circle within their errors, as in systems without
+    damping."""
     rho = point.orbit.multipliers
     moduli = np.abs(rho[np.abs(np.imag(rho)) > _REAL * np.abs(rho)])
     return bool((np.abs(moduli - 1) <= UNIT_CIRCLE + float(point.orbit.errors[1])).any())

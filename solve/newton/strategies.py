@@ -126,7 +126,8 @@ def _continue(
 
 
 def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], target: float) -> Curve:
-    """Curve extrapolated to the target value from two orbits; the current orbit if there is no previous one."""
+    """Curve extrapolated to the target value from two orbits; the current orbit if there is no previous
+    one."""
     (at, curve) = current
     if previous is None:
         return curve

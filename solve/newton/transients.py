@@ -150,7 +150,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Linear orbit. At a resonance, a lower speed is used if only the sizes of the coordinates are required."""
+    """Linear orbit. At a resonance, a lower speed is used if only the sizes of the coordinates are
+    required."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:

@@ -266,7 +266,8 @@ class FourierCurve:
 
     @classmethod
     def through(cls, nodes: Array, q: Array) -> "FourierCurve":
-        """Trigonometric interpolant of q (m, n) at m uniform nodes without the end of the period; m is odd."""
+        """Trigonometric interpolant of q (m, n) at m uniform nodes without the end of the period; m is
+        odd."""
         coefficients = 2.0 * np.fft.rfft(q, axis=0).T / len(q)
         coefficients[:, 0] /= 2.0
         return cls(nodes, coefficients)

@@ -134,7 +134,8 @@ class FrozenModes:
         return self._n == 1 and not self._first_order
 
     def has_steady_inertia(self, fraction: float) -> Array:
-        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `fraction` of its median."""
+        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `fraction` of its
+        median."""
         if self._is_oscillator and not self._tables.own:
             low, high = self._ranges
             steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])

@@ -159,7 +159,8 @@ def _reduced(A: Array, B: Array) -> Array:
 
 
 def _of_general(rate: Array) -> Array:
-    """Complex eigenvalues (n,) of a matrix; eigenvalues that are real within round-off are returned as real."""
+    """Complex eigenvalues (n,) of a matrix; eigenvalues that are real within round-off are returned as
+    real."""
     from scipy.linalg import matrix_balance
 
     balanced = np.asarray(matrix_balance(rate)[0])

@@ -117,7 +117,8 @@ def _most_blocks(steps: Steps) -> int:
 
 
 def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
-    """States and condition number as from `periodic_states`, from the steps and the levels of their products."""
+    """States and condition number as from `periodic_states`, from the steps and the levels of their
+    products."""
     steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)

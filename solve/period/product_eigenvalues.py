@@ -67,7 +67,8 @@ def eigenvalue_logarithms(factors: Array) -> Array:
 
 
 def _scaled(factors: Array) -> tuple[Array, Array]:
-    """Factors (…, N, N) scaled to entries of at most 1, and the powers of 2 (…) by which they were divided."""
+    """Factors (…, N, N) scaled to entries of at most 1, and the powers of 2 (…) by which they were
+    divided."""
     power = np.frexp(np.abs(factors).max(axis=(-2, -1)))[1]
     return np.ldexp(factors, -power[..., None, None]), power
 

@@ -118,7 +118,8 @@ def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool
 
 
 def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
-    """Centers as doubles, radii about these centers, and whether each disc contains exactly one multiplier."""
+    """Centers as doubles, radii about these centers, and whether each disc contains exactly one
+    multiplier."""
     each = [disc for disc in discs for _ in range(disc.count)]
     centers = [complex(disc.center) for disc in each]
     moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]

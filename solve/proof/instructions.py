@@ -48,7 +48,8 @@ def _whole_power(x: Ball, k: int) -> Ball:
 
 
 def _analytic(name: str) -> Callable[[Ball], Ball]:
-    """Wrap a function; the result is undefined on discs that meet its branch cut, where it is not analytic."""
+    """Wrap a function; the result is undefined on discs that meet its branch cut, where it is not
+    analytic."""
 
     def apply(x: Ball) -> Ball:
         function = getattr(x, name)

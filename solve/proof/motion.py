@@ -104,7 +104,8 @@ class TrigonometricMotion:
         return arb_mat(rows)
 
     def states(self, phase: Ball, orders: int = _ORDERS) -> list[list[Ball]]:
-        """q and its derivatives with respect to the phase, at a real or complex phase or at a power series."""
+        """q and its derivatives with respect to the phase, at a real or complex phase or at a power
+        series."""
         if isinstance(phase, arb_series):
             return self._series(phase[0], phase[1], orders)
         angle, count = phase * self._rate, self.cosines.shape[1]

@@ -125,7 +125,8 @@ def _isolated(
 
 
 def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
-    """Sets of discs that may overlap. The union of a set contains as many eigenvalues as the set has discs."""
+    """Sets of discs that may overlap. The union of a set contains as many eigenvalues as the set has
+    discs."""
     sets: list[list[int]] = []
     for i in range(len(centers)):
         near = [

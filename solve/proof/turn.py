@@ -113,7 +113,8 @@ def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int
 
 
 def _steps(march: Callable[[_Part], Iterator[_Found]], bits: int, part: _Part) -> list[_Found]:
-    """Steps of one part of the period, computed in another process with the given working precision in bits."""
+    """Steps of one part of the period, computed in another process with the given working precision in
+    bits."""
     with precision(bits):
         return list(march(part))
 

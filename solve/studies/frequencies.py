@@ -1,4 +1,4 @@
-"""Natural frequencies with the mechanism at rest: at a position, over the period, over a parameter."""
+"""Natural frequencies of the mechanism at rest: at one position, over the period, or over a parameter."""
 
 import math
 from collections.abc import Sequence
@@ -81,8 +81,8 @@ def frequencies(
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
-    """First modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
-    exist at speed 0."""
+    """Lowest modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not exist at
+    speed 0."""
     if system.structure is not None:
         omegas = system.structure.frequencies(positions, count)
         return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
@@ -97,8 +97,8 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
-    """M, C, K, d at positions (m,). Raises DesiredMotionError if the desired motion is undefined at speed 0,
-    and MatricesError that names speed 0 if it is the only cause."""
+    """Matrices M, C, K, d at positions (m,). Raises DesiredMotionError if the fundamental motion is undefined
+    at speed 0, and MatricesError if the matrices are; its text names speed 0 if that is the only cause."""
     unit = system.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
@@ -125,7 +125,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
-    """Rigid-body modes of K at a position (1,); none for beam structures."""
+    """Rigid-body modes of K at a position (1,); none for structures of beams."""
     if system.links:
         return []
     _, C, K, _ = system.at(position, 0.0)

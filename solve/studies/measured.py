@@ -1,5 +1,5 @@
-"""Measured vibration from files: curves over a period or in time, amplitudes of orders, or natural
-frequencies; and computed values at the same points."""
+"""Measured vibration read from files (curves over a period or in time, amplitudes of orders, or natural
+frequencies), and computed values at the same points."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -48,8 +48,9 @@ FREQUENCY = "frequency"
 
 
 class Record(NamedTuple):
-    """File of columns with titles that end in a unit. columns: values (k,) of each; None for a CSV table,
-    whose `texts` are parsed when a column is read, so that unused columns may contain anything."""
+    """Measurement file whose columns have titles that end in a unit. columns: values (k,) of each column;
+    None for a CSV table, whose `texts` are parsed only when a column is read, so that unused columns may
+    contain anything."""
 
     path: Path
     titles: Sequence[str]
@@ -57,14 +58,14 @@ class Record(NamedTuple):
     texts: Sequence[Sequence[str]] = ()
 
     def values(self, place: int) -> Array:
-        """Values (k,) of the column with an index. Raises CaseFileError."""
+        """Values (k,) of the column with index `place`. Raises CaseFileError."""
         if self.columns is not None:
             return self.columns[place]
         return np.array([number_in("data", self.path, row, place) for row in self.texts])
 
 
 def record(file: str | Path) -> Record:
-    """The columns of a file, the axis first. Raises CaseFileError, and MissingLibraryError for universal
+    """Read the columns of a file, the axis first. Raises CaseFileError, and MissingLibraryError for universal
     files without pyuff."""
     path = Path(file)
     ending = path.suffix.lower()
@@ -83,8 +84,8 @@ def record(file: str | Path) -> Record:
 
 
 def _matlab(path: Path) -> Record:
-    """Record from a .mat file: vectors of equal length, and a struct `units` with the unit of each vector; a
-    scalar applies to all rows."""
+    """Record from a .mat file with vectors of equal length and a struct `units` with the unit of each vector.
+    A scalar applies to all rows."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -111,8 +112,8 @@ def _matlab(path: Path) -> Record:
 
 
 def _universal(path: Path) -> Record:
-    """Record from a universal file: functions at nodal degrees of freedom (dataset 58) with a common
-    abscissa; the first line of text of each names the coordinate or output."""
+    """Record from a universal file with functions at nodal degrees of freedom (dataset 58) over a common
+    abscissa. The first text line of each function names the coordinate or output."""
     try:
         import pyuff
     except ImportError:
@@ -213,7 +214,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
 
 def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError if nothing was measured at this speed."""
+    ValueOutOfBoundsError if there are no measurements at this speed."""
     channels = []
     for measurement in sets:
         if measurement.position is not None or not np.isclose(measurement.speed, orbit.speed, rtol=_ALIKE):
@@ -239,8 +240,8 @@ def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Complex amplitudes (k,) of orders; without phase angles the moduli, except that the mean keeps its
-    sign."""
+    """Complex amplitudes (k,) of orders. Without phase angles their moduli are returned, except that the mean
+    keeps its sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]
@@ -305,7 +306,7 @@ def _frequencies(
 
 
 def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:
-    """A column (k,) in SI units."""
+    """Values (k,) of a column in SI units."""
     name = names[place]
     of_modes = {FREQUENCY: "rad/s", _POSITION: "rad"} if axis == "mode" else {}
     if name == axis:
@@ -327,7 +328,7 @@ def _size(title: str, unit: str) -> float:
 
 
 def _speed_unit(title: str) -> GivenSpeed:
-    """Speed equal to one unit of a column of speeds."""
+    """Speed in rad/s that equals one unit of a column of speeds."""
     match = re.search(r"\(([^()]*)\)\s*$", title)
     if match is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")
