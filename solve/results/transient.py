@@ -1,4 +1,4 @@
-"""Motion in time from an initial state, and the orbit that the motion reaches."""
+"""Motion in time from an initial state, and the orbit on which it settles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ _REMEDIES = {
 
 @dataclass(frozen=True)
 class TransientMotion(Result):
-    """Motion over a number of periods ("turns"), with the statistics of each.
+    """Motion over a number of periods ("turns"), with the statistics of each period.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class TransientMotion(Result):
 
     @property
     def qd(self) -> Array:
-        """Velocities (n, j), derivatives with respect to time."""
+        """Velocities (n, j) (derivatives with respect to time)."""
         return self._joined(1)
 
     @property
@@ -136,8 +136,8 @@ class TransientMotion(Result):
 
     @stored_property
     def _figures(self) -> Array:
-        """Statistics (turns, n + o, 7) of coordinates and outputs over each period, the fields of
-        `Statistics`: from interpolated curves or, if these are not accurate, from the states."""
+        """Fields of `Statistics` (turns, n + o, 7) of coordinates and outputs over each period, from
+        interpolated curves, or from the states if the curves are not accurate."""
         if not self._curves_resolved:
             return self._figures_of_states
         system = self.system
@@ -151,8 +151,8 @@ class TransientMotion(Result):
         return figures
 
     def _figures_of_curves(self, turns: Array, stride: int) -> Array:
-        """Statistics (P, n + o, 7) of curves through every stride-th state of the periods with indices
-        (P,)."""
+        """Fields of `Statistics` (P, n + o, 7), from curves through every stride-th state, for the periods
+        with indices (P,)."""
         system = self.system
         groups = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
@@ -169,7 +169,7 @@ class TransientMotion(Result):
 
     @property
     def _figures_of_states(self) -> Array:
-        """Largest value, smallest value and largest modulus of the states; other statistics are NaN."""
+        """Maximum, minimum and largest modulus of the states; other statistics are NaN."""
         names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
         places = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
         values = np.stack([self.values(name)[places] for name in names], axis=1)
@@ -181,8 +181,8 @@ class TransientMotion(Result):
     def _outputs_within(
         self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) in periods (P,), at phases s (P, k) with states (P, n, k);
-        derivatives with respect to time."""
+        """Outputs (P, o, k) in the periods with indices (P,), at phases s (P, k) with states (P, n, k).
+        Derivatives are with respect to time."""
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
@@ -193,8 +193,8 @@ class TransientMotion(Result):
 
     @cached_property
     def extremes(self) -> Mapping[str, Statistics]:
-        """Largest value, smallest value and largest modulus of each coordinate and output over all periods;
-        other statistics are NaN."""
+        """Maximum, minimum and largest modulus of each coordinate and output over all periods; other
+        statistics are NaN."""
         figures = np.moveaxis(self._figures, -1, 0)
         unknown = [np.nan] * (len(Statistics._fields) - 3)
         names = *self.system.coordinates, *self.system.outputs
@@ -205,7 +205,7 @@ class TransientMotion(Result):
 
     @property
     def peaks(self) -> Array:
-        """max|q| of each period (turns, n)."""
+        """Largest modulus (turns, n) of each coordinate in each period."""
         return self._figures[:, : self.system.n, 2]
 
 
@@ -234,8 +234,8 @@ class Transient(TransientMotion):
 
     @cached_property
     def distances(self) -> Array:
-        """max|difference|/max|q| between each period (turns, n) and the orbit, at the nodes, without steady
-        motion along rigid-body modes; NaN without an orbit."""
+        """Largest difference between each period (turns, n) and the orbit at the nodes, relative to max|q|,
+        without steady motion along rigid-body modes; NaN without an orbit."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)
@@ -247,8 +247,8 @@ class Transient(TransientMotion):
 
     @property
     def reached(self) -> int | None:
-        """Number of periods after which all further ones are within rtol of the orbit; None if the last one
-        is not."""
+        """Number of periods after which all later periods are within rtol of the orbit; None if the last
+        period is not."""
         beyond = [turn for turn, row in enumerate(self.distances, 1) if not row.max() <= self.rtol]
         last = beyond[-1] if beyond else 0
         return last if last < self.turns else None
@@ -280,8 +280,8 @@ class Transient(TransientMotion):
         return [unreached, *sentences]
 
     def record(self) -> dict[str, Any]:
-        """JSON object of `solve transient --json`: extrema of every coordinate and output; largest modulus of
-        each coordinate, and distance to the orbit, per period."""
+        """JSON object of `solve transient --json`: extrema of every coordinate and output; for each period,
+        the largest modulus of each coordinate and its distance from the orbit."""
         coordinates = {
             name: {**self._record(name), "peaks": peaks, "distances": distances}
             for name, peaks, distances in zip(
