@@ -1,4 +1,4 @@
-"""Eigenvalues of many monodromy matrices and their condition numbers in compiled code."""
+"""Eigenvalues of many monodromy matrices, and their condition numbers, by compiled code."""
 
 import ctypes
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from solve.kernel.library import addresses, loaded
 
 
 class _Problem(ctypes.Structure):
-    """The struct `problem` of multipliers.c."""
+    """Structure `problem` of multipliers.c."""
 
     _fields_ = (
         ("count", ctypes.c_long),
@@ -55,14 +55,14 @@ def eigenvalues(matrices: Array, units: Array | None) -> Found | None:
 
 
 def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
-    """Eigenvalues of finite matrices (P, N, N), and their condition numbers."""
+    """Eigenvalues of finite matrices (P, N, N), and condition numbers of the eigenvalues."""
     P, N, _ = matrices.shape
     made = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
     return made if _written(matrices, units, made._asdict()) else None
 
 
 def _written(matrices: Array, units: Array | None, results: dict[str, Array]) -> bool:
-    """Whether a library is available and has written the results."""
+    """Compute the results if a library is available. Returns whether they were written."""
     N = matrices.shape[-1]
     if N > 2 * SMALL or (N > 2 and units is None):
         return False
