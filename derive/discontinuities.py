@@ -1,4 +1,4 @@
-"""Steps and kinks: the phases where they occur, and existence of tangents at the fundamental motion.
+"""Steps and kinks: the phases at which they occur, and the existence of tangents at the fundamental motion.
 
 The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
 phases, or lie on it throughout (friction at rest, contact without clearance).
@@ -70,7 +70,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters: clearances whose two sides have different slopes must not be exactly zero."""
+    """Conditions on parameters: a clearance must not be exactly zero if the slopes on its two sides
+    differ."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
@@ -89,7 +90,7 @@ def open_clearances(
 
 
 def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
-    """Matrix with all moving symbols zero.
+    """Matrix with zero substituted for all moving symbols.
 
     At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
     `inactive`.
@@ -106,7 +107,7 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
-    """Conditions under which pieces that are singular in the fundamental motion are inactive there.
+    """Conditions under which pieces that are singular in the fundamental motion are inactive in it.
 
     No condition is needed where the signs of the parameters guarantee it.
     """
@@ -137,7 +138,7 @@ def vanishes(expression: Any) -> bool:
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts have different values on the two sides of the fundamental motion, at zeros of the
+    """Whether the parts have different values on both sides of the fundamental motion, at zeros of the
     switch."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
@@ -149,7 +150,7 @@ def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
 
 
 def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
-    """State close to the fundamental motion."""
+    """Values of the moving symbols close to the fundamental motion."""
     (point, *_) = arbitrary_points(moving)
     return {symbol: value * BESIDE for symbol, value in point.items()}
 
@@ -200,7 +201,7 @@ def _angles(cosine, sine, rest):
 
 
 class MathPrinter(CasadiPrinter):
-    """Printer for functions of Python's `math`."""
+    """Printer for expressions in functions of Python's `math`."""
 
     def doprint(self, expr: Any, assign_to: Any = None) -> str:
         return super().doprint(expr, assign_to).replace("casadi.", "math.")
@@ -208,7 +209,7 @@ class MathPrinter(CasadiPrinter):
 
 @dataclass(frozen=True)
 class Passage:
-    """Phases at which slope φ + offset equals a target modulo `turn`.
+    """Phases at which slope · φ + offset equals a target modulo `turn`.
 
     targets: text of expressions, or of a call of _angles.
     """
@@ -226,7 +227,7 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Phases of the switches of the matrices, and of those outputs whose switches depend on the phase only.
+    """Phases at which switches of the matrices change, and switches of outputs that depend only on the phase.
 
     Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """
@@ -251,7 +252,7 @@ def _passages(switch: Any) -> Iterator[Passage]:
 
 
 def _passage(zero: Any, switch: Any) -> Passage:
-    """Phases of the zeros of a function without switches."""
+    """Phases of the zeros of a function that contains no switches."""
     zero = sympy.expand(zero)
     if SPEED not in zero.free_symbols:
         for wrapped in zero.atoms(Wrapped):
@@ -290,8 +291,8 @@ def _unknown(switch: Any) -> UnsupportedExpressionError:
 
 
 def _branches(switch: Any) -> Iterator[Any]:
-    """Variants of a switch: every combination of the branches of the steps, kinks and piecewise functions
-    within it."""
+    """Expressions for all combinations of the branches of the steps, kinks and piecewise functions within a
+    switch."""
     nodes = outermost(switch)
     for chosen in product(*map(_alternatives, nodes)):
         branch = switch.xreplace(dict(zip(nodes, chosen, strict=True)))

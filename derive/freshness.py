@@ -1,4 +1,4 @@
-"""Banner, hashes, writing and quick checks of generated modules, without SymPy."""
+"""Banners, hashes, writing and fast checks of generated modules, without SymPy."""
 
 import ast
 import difflib
@@ -50,7 +50,7 @@ def sha256(text: str) -> str:
 
 @cache
 def derive_sha256() -> str:
-    """Hash of the code of derive's sources, in the order of their names.
+    """Hash of the code of derive's sources, in alphabetical order of the files.
 
     `solve.terminal` is omitted, as it does not influence generated modules.
     """
@@ -59,7 +59,7 @@ def derive_sha256() -> str:
 
 
 def code(source: str) -> str:
-    """Source without comments and without strings that are statements, such as docstrings.
+    """Source without comments and without statements that are strings, such as docstrings.
 
     They are cut out by position, since the parser's result differs between versions of Python.
 
@@ -97,7 +97,7 @@ def _loose_strings(source: str, lines: list[str]) -> Iterator[tuple[_Place, _Pla
 
 
 def staleness(text: str, source_sha256: str) -> str:
-    """Reason why the text of a generated module is out of date, or "" if its hashes agree."""
+    """Reason why the text of a generated module is out of date, or "" if its hashes are correct."""
     recorded = dict(re.findall(r'^(\w+_SHA256) = "([0-9a-f]{64})"$', text, re.MULTILINE))
     unhashed, count = re.subn(r'^FILE_SHA256 = "\w*"\n', "", text, flags=re.MULTILINE)
     expected = {

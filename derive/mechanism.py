@@ -368,8 +368,8 @@ class MechanismStatement(Quantities):
 
     @property
     def damping_ratios(self) -> tuple[sympy.Expr, ...]:
-        """Damping ratios of the modes in order of increasing frequency, the last one for all higher modes;
-        empty if all are 0.
+        """Damping ratios of the modes in order of increasing frequency. The last one applies to all higher
+        modes. Empty if all are 0.
 
         Raises DeclarationError.
         """
@@ -386,7 +386,8 @@ class MechanismStatement(Quantities):
         return expressions if any(expression != 0 for expression in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
-        """Remove the drive torque from the outputs, with the reason why the energies do not give it."""
+        """Remove the drive torque from the outputs, with the reason why it does not follow from the
+        energies."""
         self.no_drive_torque = reason
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:

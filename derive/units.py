@@ -72,7 +72,7 @@ _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))"
 
 @runtime_checkable
 class Composed(Protocol):
-    """A function whose dimension follows from those of its arguments."""
+    """Function whose dimension follows from the dimensions of its arguments."""
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension: ...
 
@@ -97,7 +97,7 @@ def require_coherent(what: str, text: str) -> None:
 
 
 def _coherent(text: str) -> Dimension | None:
-    """Dimension of a coherent unit of SI, read from left to right; None for any other."""
+    """Dimension of a coherent SI unit, read from left to right; None for other units."""
     dimension = ONE
     for sign, factor in re.findall(r"\s*(/?)\s*([^\s/]*)", text.strip())[:-1] or [("", text)]:
         name, _, power = factor.partition("^")
@@ -142,8 +142,8 @@ def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.S
 
 
 def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Dimension of an expression, determined from its subexpressions. Raises UnitError, which names terms
-    that cannot be added."""
+    """Dimension of an expression, from its subexpressions. Raises UnitError, which names terms that cannot be
+    added."""
     if isinstance(expression, sympy.Symbol):
         return known[expression]
     if isinstance(expression, sympy.Piecewise):
@@ -171,7 +171,8 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
 
 
 def _pieces(what: str, expression: sympy.Piecewise, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Common dimension of the pieces; the sides of each condition must have a common dimension too."""
+    """Common dimension of the pieces of a piecewise function. Both sides of each condition must also have a
+    common dimension."""
     compared, given = expression.atoms(Relational), [argument.args[0] for argument in expression.args]
     pieces = sympy.Tuple(*given)
     *_, common = (
@@ -197,7 +198,7 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
 
 
 def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimension:
-    """Common dimension of added or compared parts; 0 has any dimension."""
+    """Common dimension of parts that are added or compared. Zero has any dimension."""
     pairs = [pair for pair in zip(expression.args, parts, strict=True) if pair[0] != 0]
     for argument, part in pairs:
         if part != pairs[0][1]:

@@ -15,7 +15,7 @@ _LARGEST = 5000
 
 
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
-    """Arrays of a file by name, as they are stored.
+    """Arrays of a file by name, in the form in which they are stored.
 
     ending: the only allowed one; by default any of `ENDINGS`. Raises FileError.
     """
@@ -35,7 +35,7 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
 
 
 def require_file(path: str | Path) -> None:
-    """Raise FileError without a file at the path."""
+    """Raise FileError if there is no file at the path."""
     if not Path(path).is_file():
         raise FileError(f"there is no file '{path}'; give the path of a file that exists")
 

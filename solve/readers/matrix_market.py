@@ -1,4 +1,4 @@
-"""Matrices in Matrix Market files, one file per matrix and azimuth."""
+"""Matrices in Matrix Market files, with one file per matrix and azimuth."""
 
 import re
 from collections.abc import Sequence
@@ -88,7 +88,7 @@ def read_matrix_market(
 
 
 def _stacked(numbers: dict[int, Path]) -> Array:
-    """Matrices (k, …) in the order of their numbers. Raises FileError."""
+    """Matrices (k, …) stacked in ascending order of their numbers. Raises FileError."""
     matrices = [matrix_market(numbers[number]) for number in sorted(numbers)]
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:
