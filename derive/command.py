@@ -280,6 +280,6 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise UnwritableError(
-            f"{path} cannot be written ({reason}); give a place where you may write"
+            f"{path} cannot be written ({reason}); give a path in a writable folder"
         ) from error
     return path, cases

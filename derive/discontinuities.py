@@ -48,7 +48,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
     for switch in switches(residual, moving):
         at_rest = substituted(switch, resting(moving))
         if vanishes(at_rest):
-            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 throughout it"
+            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 during the whole motion"
         elif PHASE in at_rest.free_symbols:
             parts, where = [*residual], f"it passes {place_of(switch, [*residual])}"
         else:

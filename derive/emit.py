@@ -126,7 +126,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
             rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
-            reason = f"it would hold impulses: {error}"
+            reason = f"it would contain impulses: {error}"
     for declared in mechanism.declared_outputs:
         outputs.append(_in_its_unit(declared, from_fundamental(mechanism, declared.expression)))
     linearised, expressions = linearise(mechanism, r), [output.expression for output in outputs]

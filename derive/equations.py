@@ -219,8 +219,8 @@ def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> N
             if not is_finite(matrix.row(row)):
                 raise ExpansionError(
                     f"the equation of {name} cannot be linearised: {symbol} is not finite in the "
-                    "fundamental motion; use energies and forces that are smooth there (sqrt(q) is not at "
-                    "q = 0)"
+                    "fundamental motion; use energies and forces that are smooth there (sqrt(q) is not "
+                    "smooth at q = 0)"
                 )
 
 

@@ -256,4 +256,4 @@ def _cause(error: Exception) -> str:
         return (error.strerror or "no access").lower()
     if isinstance(error, KeyError):
         return f"it has no {error}"
-    return str(error) if isinstance(error, ValueError) else "a table is missing in it"
+    return str(error) if isinstance(error, ValueError) else "it lacks a table"

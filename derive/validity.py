@@ -131,7 +131,7 @@ def _energies(mechanism: MechanismStatement) -> list[Any]:
 
 
 def _ignored(name: str) -> str:
-    return f"{name} is in the energies but not in the linearised equations; the linear answer ignores it"
+    return f"{name} is in the energies but not in the linearised equations; linear results ignore it"
 
 
 def _idle(name: str) -> str:
@@ -140,8 +140,8 @@ def _idle(name: str) -> str:
 
 def _one_sided(function: Any) -> str:
     return (
-        f"{short(function)} is in the energies; the linear answer uses its slope at the fundamental "
-        "motion and ignores steps and kinks that the vibration passes"
+        f"{short(function)} is in the energies; linear results use its slope at the fundamental motion and "
+        "ignore steps and kinks that the vibration passes"
     )
 
 

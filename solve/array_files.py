@@ -31,7 +31,7 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
     except PermissionError:
         raise FileError(f"'{file}' cannot be read; its permissions do not allow it") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
-        raise FileError(f"'{file}' cannot be read: it is damaged or no {kind} file") from None
+        raise FileError(f"'{file}' cannot be read: it is damaged, or is not a {kind} file") from None
 
 
 def require_file(path: str | Path) -> None:

@@ -154,7 +154,7 @@ class Labels:
         chosen = self.case_speed if speed is None else speed
         if chosen is None:
             where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"
-            raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
+            raise MissingValueError(f'{where} states no speed; give a speed, such as --speed "600 rpm"')
         return speed_in_si(chosen)
 
 

@@ -411,7 +411,9 @@ def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) ->
     """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from `others`."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):
-        raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
+        raise ValueOutOfBoundsError(
+            f"{kind} are {names!r}; give a list of texts that differ from each other and from all other names"
+        )
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:

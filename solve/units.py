@@ -227,7 +227,9 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     if isinstance(speeds, str):
         *numbers, unit = apart(speeds).split() or [""]
         if not numbers and all(map(is_number, unit.split(":"))):
-            raise UnitError(f"speeds are {speeds!r}; they have no unit, write them like '{unit} rpm'")
+            raise UnitError(
+                f"speeds are {speeds!r}, without a unit; write them with one, such as '{unit} rpm'"
+            )
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(is_number, ends)):
             raise UnitError(usage)

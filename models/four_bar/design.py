@@ -323,8 +323,8 @@ class Outcome(Serializable):
         first = self.trials[0]
         outcome = "stays below" if first.worst < 1 else "exceeds"
         return (
-            f"a plan exists to {target}, {ends}; simulated within {first.run_up.duration:g} s "
-            f"its stress {outcome} the allowable one, at most {first.worst:.4g} of it"
+            f"a plan exists to {target}, {ends}; in a simulated run-up of {first.run_up.duration:g} s the "
+            f"stress {outcome} the allowable one (largest ratio {first.worst:.4g})"
         )
 
     @property

@@ -103,8 +103,7 @@ def triangular_bases(blocks: Array) -> Array:
     below = (np.roll(U[..., 1], -1, axis=0).conj() * (blocks @ w[..., None])[..., 0]).sum(axis=-1)
     if not (np.abs(below) <= _TRIANGULAR * np.linalg.norm(blocks, axis=(1, 2))).all():
         raise np.linalg.LinAlgError(
-            "two eigenvalues of a product are nearly equal, so that their vectors are not accurate "
-            "to all digits"
+            "two eigenvalues of a product are nearly equal, and their eigenvectors are inaccurate"
         )
     return U
 

@@ -121,7 +121,7 @@ def run(
     indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
     problem = _Problem(entry=address(indices), **addresses(arrays), **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):
-        raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
+        raise MemoryError(f"not enough memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
 __all__ = [

@@ -60,7 +60,7 @@ class FactorisedStages:
         sizes = {"steps": m, "terms": table.shape[2], "between": table.shape[1] * table.shape[2]}
         self._problem = _Steps(**sizes, **addresses(self._arrays))
         if not library.factorised(ctypes.byref(self._problem)):
-            raise MemoryError(f"no memory for stage systems of {n} coordinates")
+            raise MemoryError(f"not enough memory for stage systems of {n} coordinates")
 
     def solved(self, loads: Array) -> Array:
         """Accelerations at the stages due to loads at the stages, both (m, s n, r), for a start from rest."""

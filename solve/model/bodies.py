@@ -111,7 +111,7 @@ def _sizes(unit: Any) -> tuple[float, float, float]:
     """Units of length, mass and time of the matrices, in SI. Raises UnitError."""
     words = unit.split() if isinstance(unit, str) else []
     if len(words) != 3:
-        raise UnitError(f'unit is {unit!r}; give those of length, mass and time, such as "mm t s"')
+        raise UnitError(f'unit is {unit!r}; give the units of length, mass and time, such as "mm t s"')
     length, mass, time = (conversion(word, si) for word, si in zip(words, ("m", "kg", "s"), strict=True))
     return length, mass, time
 

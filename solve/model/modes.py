@@ -164,8 +164,8 @@ class DampedSampler(MatrixSampler):
         if without.any():
             raise MatricesError(
                 f"damping ratios: at phase {phase[np.argmax(without)]:.4g} and speed 0, K is not "
-                "symmetric or not positive, so that there are no modes; state a dissipation function "
-                "instead"
+                "symmetric, or not positive semidefinite, so that there are no modes; state a dissipation "
+                "function instead"
             )
         return C
 

@@ -84,8 +84,8 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
         width = number(part) if not part.endswith("%") else _percent(part, text, where) * abs(value)
         if not width > 0:
             raise ValueOutOfBoundsError(
-                f"{where} is '{text}' about {value:g}, which leaves no range; give a tolerance > 0, for a "
-                "value of 0 in its unit"
+                f"{where} is '{text}' with the nominal value {value:g}, so that the range is empty; give a "
+                "tolerance > 0; if the nominal value is 0, give it in the parameter's unit"
             )
         return Spread(text, False, value - width, value + width)
     distribution = _DISTRIBUTION.fullmatch(text.strip())
@@ -95,7 +95,9 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
     if kind == "normal" and not second > 0:
         raise ValueOutOfBoundsError(f"{where} is '{text}'; give a standard deviation > 0")
     if kind == "uniform" and not first < second:
-        raise ValueOutOfBoundsError(f"{where} is '{text}', which ends before it begins; write uniform(A, B)")
+        raise ValueOutOfBoundsError(
+            f"{where} is '{text}', whose upper end is below its lower end; write uniform(A, B) with A < B"
+        )
     return Spread(text, kind == "normal", first, second)
 
 

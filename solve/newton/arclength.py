@@ -182,7 +182,7 @@ class _BranchFollower:
         length = self.manifold.inner(way, before.direction, before.sizes)
         slope = self.manifold.inner(after.direction.on(before.grid), before.direction, before.sizes)
         if not (length > 0 and slope > 0):
-            raise NoOrbitError("the step bends too much")
+            raise NoOrbitError("the branch curves too much within the step")
         return length, way.value, (before.direction.value, after.direction.value / slope)
 
     def _parameter_direction(self, grid: Grid) -> Place:

@@ -175,7 +175,7 @@ def _run_up(
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     system.require_desired_motion(ends)
     if start == ORBIT and ramp[0] == 0:
-        raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
+        raise ValueOutOfBoundsError("start is 'orbit', and there is no orbit at speed 0; give start 'rest'")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
     fastest = _linear(system, max(ramp), 1e-6, engine, True) if nonlinear else None
     integration = _Integration(system, fastest, nonlinear, rtol)

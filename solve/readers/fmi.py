@@ -64,7 +64,7 @@ class Unit:
             "outputs": self._of_causality("output"),
         }
         if not rates or any(variable.dimensions for group in found.values() for variable in group):
-            raise FileError(f"'{self.path}' has no states, or arrays; allowed: scalar states and signals")
+            raise FileError(f"'{self.path}' has no states, or has arrays; allowed: scalar states and signals")
         self.states, self.inputs, self.outputs = (
             [variable.name for variable in group] for group in found.values()
         )
@@ -119,7 +119,7 @@ class Unit:
         for _ in range(_MOST_UPDATES):
             pending, ends, *_, timed, time = unit.newDiscreteStates() if is_2 else unit.updateDiscreteStates()
             if ends:
-                raise FileError("it ends at its initialisation")
+                raise FileError("its simulation ends at the initialisation")
             if not pending:
                 break
         else:

@@ -92,7 +92,7 @@ def read_fmu(
             require_name(f"state of '{file}'", name, unit.states)
         kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
         if not len(kept):
-            raise ValueOutOfBoundsError("exclude names all states; leave one or more")
+            raise ValueOutOfBoundsError("exclude lists all states; keep at least one state")
         if motion is None:
             function = closed_motion(unit, kept, duration)
             states, jacobians = _sampled(unit, function, duration, kept)
@@ -128,7 +128,7 @@ def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
     times = np.arange(len(states)) * (duration / len(states))
     found = np.array([unit.jacobian(t, x) for t, x in zip(times, states, strict=True)])
     if not np.isfinite(found).all():
-        raise FileError(f"'{unit.path}' has derivatives that are no finite numbers along its motion")
+        raise FileError(f"'{unit.path}' has NaN or infinite derivatives along its motion")
     return found
 
 
@@ -143,7 +143,7 @@ def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
         raise ValueOutOfBoundsError(f"motion needs equally many values, 3 or more, of each state; {reason}")
     states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
     if not np.isfinite(states).all():
-        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite ones")
+        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite values")
     return states
 
 
@@ -164,7 +164,7 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
     if len(acting):
         first, second = unit.states[others[acting[0, 0]]], unit.states[kept[acting[0, 1]]]
         raise ValueOutOfBoundsError(
-            f"exclude names {first}, whose rate depends on {second}; exclude states with a prescribed motion"
+            f"exclude lists {first}, whose rate depends on {second}; exclude states with a prescribed motion"
         )
 
 

@@ -115,7 +115,9 @@ def _require_same(files: Sequence[LinFile]) -> None:
             "one operating point"
         )
     if speeds.mean() <= 0:
-        raise FileError(f"the rotor speed is {speeds.mean():g} rad/s; linearise a rotating rotor")
+        raise FileError(
+            f"the rotor speed is {speeds.mean():g} rad/s; give files linearised at a rotating rotor"
+        )
 
 
 def _names(signals: Sequence[Signal], kind: str) -> list[str]:

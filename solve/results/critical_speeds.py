@@ -197,8 +197,9 @@ class CriticalSpeeds(SolvedSpeeds):
         if self.unbounded:
             speeds = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
             sentences.append(
-                f"the response is unbounded {speeds}: a multiplier is +1 there, as at an undamped resonance "
-                "or at the edge of an unstable range; its height is ∞ (null in JSON)"
+                f"the response is unbounded {speeds}: a multiplier is +1 there, as at an undamped "
+                "resonance or at the edge of an unstable range; the height of such a maximum is ∞ (null "
+                "in JSON)"
             )
         if self.imaginary.any():
             speeds = self.speeds[self.imaginary]

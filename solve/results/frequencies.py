@@ -325,7 +325,7 @@ class Findings(Result):
         hertz = f"{', '.join(texts)} Hz" if len(texts) else "none"
         rates = ", ".join(f"{rate:.4g}" for rate in growth_rates[growing])
         growth = f" Growth rates: {rates} 1/s." if rates else ""
-        return f"The lowest natural frequencies{where}, standing still: {hertz}.{growth}"
+        return f"The lowest natural frequencies{where}, at standstill: {hertz}.{growth}"
 
     def header_rows(self) -> HeaderRows:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"

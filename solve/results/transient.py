@@ -33,7 +33,7 @@ _RESOLVED = 0.1
 one digit."""
 
 _REMEDIES = {
-    "stable": "differences from it are undamped; start on the orbit",
+    "stable": "differences from the orbit are not damped; start on the orbit",
     "unstable": "it is unstable",
 }
 """Reason or remedy if an orbit is not reached, by the verdict on this orbit."""

@@ -245,7 +245,7 @@ class _AgainstReference:
         error = last.error(self.judged_by)
         so_far = f"{error:.1e} with {last.steps} steps"
         if not self.method.converges or self._stalled(trace):
-            return f"{so_far}, and more steps gain nothing"
+            return f"{so_far}, and more steps do not reduce the error"
         if 2 * last.time > _MAX_SECONDS:
             so_far += f" and {last.time:.1f} s"
         order = self.method.curve_order if self.judged_by == ORBIT else self.method.order

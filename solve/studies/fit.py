@@ -95,7 +95,8 @@ def fit(
     count = sum(len(values) for values in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
-            f"values measured: {count}, parameters free: {len(names)}; free fewer, or measure more"
+            f"{count} measured values are too few for {len(names)} free parameters; free fewer parameters, "
+            "or measure more values"
         )
     limits = _limits(problem, bounds or {})
     with progress.task("trials"):

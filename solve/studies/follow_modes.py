@@ -194,7 +194,9 @@ class _Points:
             return cls(system.shown_in(omegas[0]), SPEED, np.array(omegas), np.array(omegas))
         ranges = varied_values(over, system)
         if len(ranges) != 1:
-            raise ValueOutOfBoundsError(f"over gives {len(ranges)} parameters; modes are followed over one")
+            raise ValueOutOfBoundsError(
+                f"over gives {len(ranges)} parameters; modes are followed over a single parameter"
+            )
         ((name, numbers),) = ranges.items()
         numbers = np.unique(numbers)
         if len(numbers) < 2:

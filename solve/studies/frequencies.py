@@ -106,8 +106,8 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     except DesiredMotionError as error:
         cause, _, _ = str(error).partition("; change ")
         raise DesiredMotionError(
-            f"natural frequencies are evaluated at speed 0, where there is no desired motion: {cause}; "
-            f"{elsewhere}"
+            "natural frequencies are evaluated at speed 0, where the fundamental motion does not exist: "
+            f"{cause}; {elsewhere}"
         ) from None
     try:
         return system.at(positions, 0.0)
@@ -142,7 +142,7 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
     """Evenly spaced positions (count,) of a period, from 0. Raises ValueOutOfBoundsError below 2."""
     require_position(system, count)
     if count < 2:
-        raise ValueOutOfBoundsError(f"a turn of {count} positions; allowed: 2 or more, such as {TURN}")
+        raise ValueOutOfBoundsError(f"turn is {count} positions; allowed: 2 or more, such as {TURN}")
     require_size("positions", count, NUMBERS_A_POINT)
     return np.linspace(0.0, system.period, count, endpoint=False)
 
@@ -216,5 +216,7 @@ def _checked_count(system: PeriodicSystem, count: int | None) -> int:
     if count is None:
         return min(USUAL_COUNT, most)
     if not (isinstance(count, int | np.integer) and 1 <= count <= most):
-        raise ValueOutOfBoundsError(f"count is {count}; allowed for {system.name} as chosen: 1 … {most}")
+        raise ValueOutOfBoundsError(
+            f"count is {count}; allowed for {system.name} with these options: 1 … {most}"
+        )
     return count

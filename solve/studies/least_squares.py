@@ -120,7 +120,7 @@ class _Trials:
 
 def _at_start(problem: LeastSquares) -> Array:
     """Residuals (k,) at the start. Raises SolveError subclasses whose message contains the initial values."""
-    where, remedy = problem.described(problem.start), "start elsewhere with --set NAME=NUMBER"
+    where, remedy = problem.described(problem.start), "start from other values with --set NAME=NUMBER"
     try:
         values, slopes = problem.residuals(problem.start), problem.jacobian(problem.start)
     except _OF_VALUES as error:

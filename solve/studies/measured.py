@@ -106,7 +106,9 @@ def _matlab(path: Path) -> Record:
     names = [axis, *(name for name in vectors if name not in AXES)]
     other = [name for name in names if len(vectors[name]) not in (1, count)]
     if other:
-        raise CaseFileError(f"data: {path.name}: {other[0]} is not as long as {axis}; give one value a row")
+        raise CaseFileError(
+            f"data: {path.name}: {other[0]} and {axis} have different lengths; give one value per row"
+        )
     titles = [f"{name} ({getattr(units, name)})" if hasattr(units, name) else name for name in names]
     return Record(path, titles, [np.broadcast_to(vectors[name], count) for name in names])
 
@@ -200,7 +202,10 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     speeds = columns.pop(_SPEED, np.full(len(at), speed))
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
-        raise CaseFileError(f"data: {read.path.name} has no coordinate or output, or no rows; give both")
+        raise CaseFileError(
+            f"data: {read.path.name} has no column of a coordinate or output, or no rows; give at least "
+            "one of each"
+        )
     _require_valid(read.path.name, axis, at, speeds, channels)
     speed_given = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed
     unit, sets = getattr(speed_given, "unit", None), []
@@ -283,7 +288,10 @@ def _frequencies(
 ) -> list[Measured]:
     """Measured natural frequencies, one set for each position."""
     if FREQUENCY not in columns or not len(modes):
-        raise CaseFileError(f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give both")
+        raise CaseFileError(
+            f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give the column, with at "
+            "least one row"
+        )
     most = system.most_frequencies
     if not ((modes == np.round(modes)) & (modes >= 1) & (modes <= most)).all():
         raise ValueOutOfBoundsError(

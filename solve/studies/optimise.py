@@ -186,8 +186,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
     if not best.feasible:
         doubts = [
             *doubts,
-            "no design that fulfils all requirements was found, this one violates them least; widen the "
-            "bounds, or relax a requirement",
+            "no design was found that fulfils all requirements; this design violates them least; widen "
+            "the bounds, or relax a requirement",
         ]
     warnings = dict.fromkeys(warning for point in points for warning in point.solved.warnings)
     failures = len(search.failures)

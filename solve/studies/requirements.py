@@ -102,8 +102,8 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
         raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
     if named.figure.endswith("_phase"):
         raise ValueOutOfBoundsError(
-            f"'{text}' is the phase of an extremum, which has no derivatives; give another figure, such as "
-            f"{named.subject}.max_abs"
+            f"'{text}' is the phase of an extremum, which has no derivatives; give another statistic, such "
+            f"as {named.subject}.max_abs"
         )
     return named
 
@@ -162,5 +162,5 @@ def _phases(interval: str, whole: str) -> Array:
             f"'{whole}' has no valid interval A:B; write it as in lift@80:100 deg"
         ) from None
     if not low < high:
-        raise ValueOutOfBoundsError(f"'{whole}' ends before it begins; write A:B with A < B")
+        raise ValueOutOfBoundsError(f"the interval of '{whole}' ends before it begins; write A:B with A < B")
     return (low + high) / 2 - (high - low) / 2 * np.cos(np.linspace(0.0, np.pi, _CURVE_PHASES))

@@ -173,7 +173,7 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
         return speeds
     if system.case_speed is None:
         raise MissingValueError(
-            "no speeds given, and the case names none; give some, such as '100:900:81 rpm'"
+            "no speeds given, and the case states none; give speeds, such as '100:900:81 rpm'"
         )
     return system.case_speed
 
@@ -265,7 +265,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
             labels = [repr(number) for number in numbers]
         models = {label: model.varied({name: number}) for label, number in zip(labels, numbers, strict=True)}
     if len(models) < len(values):
-        raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
+        raise ValueOutOfBoundsError(f"{name} is given the same value twice; give different values")
     return models
 
 

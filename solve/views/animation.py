@@ -231,7 +231,7 @@ def _require_nothing(is_given: bool) -> None:
     """Raise ValueOutOfBoundsError if arguments are given that do not apply to an existing orbit."""
     if is_given:
         raise ValueOutOfBoundsError(
-            "an orbit that was calculated before has its speed, method and equations; leave out speed, "
+            "an orbit that is already calculated has a speed, a method and equations; leave out speed, "
             "method and nonlinear, or give the model instead of the orbit"
         )
 

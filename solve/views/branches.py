@@ -118,7 +118,7 @@ def scatter_figure(scatter: Scatter) -> Figure:
     orbit on which the motion settles."""
     system, n = scatter.system, scatter.system.n
     name = system.coordinates[0]
-    with page(4.6, f"{title_of(system)}: where {len(scatter.leads)} starts lead") as sheet:
+    with page(4.6, f"{title_of(system)}: orbits reached from {len(scatter.leads)} initial states") as sheet:
         axes = sheet.subplots()
         for number, share in enumerate(scatter.shares):
             leads_here = scatter.leads == number

@@ -185,7 +185,7 @@ def _over_speeds(
         Request(Part("Response over speed", response), _loaded(swept, system, omega)),
         Request(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
         Request(Part("Unstable bands", unstable), partial(bands, system, omegas, **options)),
-        Request(Part("Validity of the linear answer", off), _loaded(valid, system, omega)),
+        Request(Part("Validity of the linear model", off), _loaded(valid, system, omega)),
     ]
 
 

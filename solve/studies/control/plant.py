@@ -75,8 +75,8 @@ class Plant:
         slopes = output_slopes(self.system, [name], phase, self.speed, state)[:, 0]
         if slopes[:, 0].any():
             raise ValueOutOfBoundsError(
-                f"{name} depends on accelerations, which inputs change at once; allowed: states and other "
-                f"outputs, such as {self.states[0]}"
+                f"{name} depends on accelerations, which the inputs change directly; allowed: states, and "
+                f"outputs without accelerations, such as {self.states[0]}"
             )
         return np.concatenate((slopes[:, 2], slopes[:, 1]), axis=-1)
 

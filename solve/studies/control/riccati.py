@@ -116,12 +116,13 @@ class Riccati:
     def _reason(self) -> str:
         if self.filters:
             return (
-                "the filter's Riccati equation has no stabilising solution: the measured outputs do not show "
-                "a mode that does not decay, or no noise excites one; measure more, or add noise in W"
+                "the filter's Riccati equation has no stabilising solution: a mode that does not decay is "
+                "not observable in the measured outputs, or no noise excites it; measure further outputs, "
+                "or add noise in W"
             )
         return (
-            "the Riccati equation has no stabilising solution: the inputs do not reach a mode that does not "
-            "decay, or Q does not weight one; add inputs, or weight more states"
+            "the Riccati equation has no stabilising solution: a mode that does not decay cannot be "
+            "controlled by the inputs, or has no weight in Q; add inputs, or weight more states"
         )
 
     def curve(self, steps: int) -> Curve:

@@ -103,7 +103,7 @@ def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
             raise
     modes = [value for value in frequencies(model).values.ravel().tolist() if value > 0]
     if not modes:
-        raise MissingValueError(f'{model.name} names no speed; give one, such as --speed "600 rpm"')
+        raise MissingValueError(f'{model.name} states no speed; give a speed, such as --speed "600 rpm"')
     rpm = model.speed_unit.of(_BELOW_RESONANCE * min(modes))
     return speed_in_si(f"{rounded(rpm, 2)!r} {model.speed_unit.name}")
 
