@@ -26,12 +26,12 @@ from derive.switches import (
     Numbers,
     Wrapped,
     arbitrary_points,
-    differ,
     in_order,
     jumps,
     outermost,
-    place_of,
     places,
+    sides_differ,
+    switch_location,
     switches,
 )
 from derive.symbols import PHASE, SPEED, Moving
@@ -50,7 +50,7 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
         if vanishes(at_rest):
             parts, where = [*residual, *jacobian], f"{short(switch)} is 0 during the whole motion"
         elif PHASE in at_rest.free_symbols:
-            parts, where = [*residual], f"it passes {place_of(switch, [*residual])}"
+            parts, where = [*residual], f"it passes {switch_location(switch, [*residual])}"
         else:
             continue
         if _apart(parts, at_rest, moving):
@@ -89,7 +89,7 @@ def open_clearances(
             yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(clearance), names)
 
 
-def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
+def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
     """Matrix with zero substituted for all moving symbols.
 
     At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
@@ -145,7 +145,8 @@ def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
     other = {symbol: -value for symbol, value in side.items()}
     along = arbitrary_points(symbols) if vanishes(at_rest) else places(at_rest, PHASE, symbols)
     return any(
-        differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place)) for place in along
+        sides_differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place))
+        for place in along
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import sympy
 
 from derive.declarations import Condition
-from derive.discontinuities import at_desired_motion, inactive, open_clearances, require_tangents
+from derive.discontinuities import at_fundamental_motion, inactive, open_clearances, require_tangents
 from derive.domains import Signs, is_finite, signs_of
 from derive.errors import ExpansionError, SingularMassError
 from derive.functions import LoopFunction, PeriodicFunction
@@ -160,14 +160,16 @@ def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearis
         none = sympy.zeros(0, 0)
         return Linearised(none, none, none, sympy.zeros(0, 1))
     signs = signs_of(mechanism.declared_parameters)
-    matrices = expanded(residual, [coordinate.symbol for coordinate in mechanism.declared_coordinates], signs)
+    matrices = taylor_expansion(
+        residual, [coordinate.symbol for coordinate in mechanism.declared_coordinates], signs
+    )
     _require_expansion(mechanism, matrices)
     linearised = Linearised(*simplified(matrices))
     _require_inertia(mechanism, linearised.M)
     return linearised
 
 
-def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
+def taylor_expansion(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
     """First-order Taylor expansion of a residual about the fundamental motion, in the coordinates q, their
     rates and accelerations; valid away from switches.
 
@@ -177,7 +179,7 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
     jacobian, moving = _jacobian(residual, q)
     require_tangents(residual, jacobian, moving)
     parts = [jacobian[:, k * len(q) : (k + 1) * len(q)] for k in range(3)] + [-residual]
-    return Linearised(*(unshifted(at_desired_motion(part, moving, signs)) for part in parts))
+    return Linearised(*(unshifted(at_fundamental_motion(part, moving, signs)) for part in parts))
 
 
 def input_matrix(mechanism: MechanismStatement) -> sympy.Matrix:
@@ -187,7 +189,7 @@ def input_matrix(mechanism: MechanismStatement) -> sympy.Matrix:
     moving = [each for symbol in q for each in symbol.motion]
     along = [from_fundamental(mechanism, each.along) for each in mechanism.declared_inputs]
     slopes = sympy.Matrix(len(q), len(along), lambda i, j: slope(along[j], q[i]))
-    return unshifted(at_desired_motion(slopes, moving, signs_of(mechanism.declared_parameters)))
+    return unshifted(at_fundamental_motion(slopes, moving, signs_of(mechanism.declared_parameters)))
 
 
 def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Condition]:

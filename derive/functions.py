@@ -170,7 +170,7 @@ def lower_orders(orders: Iterable[Order]) -> list[Order]:
     return sorted(needed, key=lambda order: (sum(order), order))
 
 
-def at_desired_motion(expression: Any) -> Any:
+def at_fundamental_motion(expression: Any) -> Any:
     """Expression at the fundamental motion, where all moving symbols except the phase are zero."""
     moving = expression.atoms(Moving) - {PHASE}
     return substituted(expression, dict.fromkeys(moving, sympy.S.Zero))
@@ -211,7 +211,7 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
     """Inequalities that hold if A, B, C form a triangle at every crank angle."""
     crank, coupler, follower, ground = (
-        at_desired_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
+        at_fundamental_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
     )
     reach = ground + crank < coupler + follower
     return reach, sympy.Abs(ground - crank) > sympy.Abs(coupler - follower)

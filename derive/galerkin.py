@@ -17,7 +17,7 @@ from typing import Any
 import sympy
 
 from derive.declarations import RUNNING
-from derive.equations import Energies, equation, expanded, gathered
+from derive.equations import Energies, equation, gathered, taylor_expansion
 from derive.errors import DeclarationError, SingularMassError, UnsupportedExpressionError
 from derive.field import XI, Field, FieldIntegral, ModalIntegral, modal_integral, modal_moment
 from derive.mechanism import MechanismStatement
@@ -148,7 +148,7 @@ def _tension(mechanism: MechanismStatement, deflection: Field, whole: Energies, 
 def _project_rows(projection: Projection, density: Energies) -> None:
     deflection = projection.deflection
     rows = sympy.Matrix([equation(density, local) for local in deflection.derivatives])
-    M, C, K, d = expanded(rows, deflection.derivatives)
+    M, C, K, d = taylor_expansion(rows, deflection.derivatives)
     K[1, 1] += projection.tension
     matrices: dict[str, Any] = {"M": M, "C": C, "K": K}
     for name, local in matrices.items():
@@ -192,7 +192,7 @@ def _torque(projection: Projection, density: Energies) -> Any:
     deflection = projection.deflection
     first = Energies(*(_first_order(each, deflection.derivatives) for each in density))
     M, C, K, d = (
-        row.row(0) for row in expanded(sympy.Matrix([equation(first, PHASE)]), deflection.derivatives)
+        row.row(0) for row in taylor_expansion(sympy.Matrix([equation(first, PHASE)]), deflection.derivatives)
     )
     powers = _powers(-d[0], deflection.position)
     terms = [factor * deflection.length ** (k + 1) / (k + 1) for k, factor in powers.items()]

@@ -152,7 +152,7 @@ def _whole_turns(node: Wrapped) -> Any:
     return sympy.sin(sympy.pi * angle / turn)
 
 
-def place_of(switch: Any, expressions: Iterable[Any]) -> str:
+def switch_location(switch: Any, expressions: Iterable[Any]) -> str:
     """Text that locates a switch in the given expressions."""
     for node in set().union(*(expression.atoms(Wrapped) for expression in expressions)):
         if _whole_turns(node) in (switch, -switch):
@@ -206,7 +206,7 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
         moving = next(symbol for symbol in by if symbol in switch.free_symbols)
         if jumps([expression], switch, moving):
             raise ImpulseError(
-                f"{short(expression)} is discontinuous where {place_of(switch, [expression])}, so its "
+                f"{short(expression)} is discontinuous where {switch_location(switch, [expression])}, so its "
                 f"derivative with respect to {moving} is an impulse there; V and forces may be discontinuous "
                 "in the phase; T and displacements, and V as a function of coordinates, may only have kinks",
                 switch,
@@ -223,7 +223,7 @@ def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
             return values({**place, moving: place[moving] + side})
 
     return any(
-        differ(*(at(place, side) for side in (-BESIDE, BESIDE, -_AWAY, _AWAY)))
+        sides_differ(*(at(place, side) for side in (-BESIDE, BESIDE, -_AWAY, _AWAY)))
         for place in places(switch, moving, symbols)
     )
 
@@ -247,7 +247,7 @@ class Numbers:
     def __init__(self, expressions: Iterable[Any], symbols: Sequence[Any], exact: bool = True):
         """exact: whether values are computed to `_DIGITS` digits, or in floating point, which is faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
-        replaced = [_stood_in(sympy.sympify(expression)) for expression in expressions]
+        replaced = [_replace_own_functions(sympy.sympify(expression)) for expression in expressions]
         self._undefined = any(value.has(sympy.zoo, sympy.nan) for value in replaced)
         if self._undefined:
             return
@@ -266,12 +266,12 @@ class Numbers:
                 return None
 
 
-def differ(one: list[Any] | None, other: list[Any] | None, *alike: list[Any] | None) -> bool:
-    """Whether values on the two sides of a switch differ, relative to the largest of these and of `further`
-    values."""
+def sides_differ(one: list[Any] | None, other: list[Any] | None, *further: list[Any] | None) -> bool:
+    """Whether values on the two sides of a switch sides_differ, relative to the largest of these and of
+    `further` values."""
     if one is None or other is None:
         return False
-    size = max(abs(x) for numbers in (one, other, *alike) for x in numbers or [0])
+    size = max(abs(x) for numbers in (one, other, *further) for x in numbers or [0])
     return any(abs(a - b) > _JUMP * size for a, b in zip(one, other, strict=True))
 
 
@@ -326,15 +326,15 @@ class _Sign:
         return low, high
 
 
-def is_own(part: Any) -> bool:
+def is_derive_function(part: Any) -> bool:
     """Whether an expression is a function that derive defines: a series, or the unknown of a loop."""
     foreign = isinstance(part, Wrapped) or type(part).__module__.startswith("sympy.")
     return isinstance(part, sympy.Function) and not foreign
 
 
-def _stood_in(expression: Any) -> Any:
+def _replace_own_functions(expression: Any) -> Any:
     """Expression in which sines replace series and unknowns of loops, so that it can be evaluated
     numerically."""
     return expression.replace(
-        is_own, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))
+        is_derive_function, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))
     )

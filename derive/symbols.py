@@ -7,7 +7,7 @@ import sympy
 from sympy.core.relational import Relational
 
 from derive.errors import DeclarationError
-from derive.switches import STEPPING, Wrapped, is_own, slope, wrapped
+from derive.switches import STEPPING, Wrapped, is_derive_function, slope, wrapped
 from derive.units import short
 
 
@@ -115,7 +115,12 @@ def _whole_phase(expression: Any) -> bool:
 def _wrapped(expression: Any) -> Any:
     if expression == PHASE:
         return wrapped(PHASE)
-    if isinstance(expression, Wrapped) or is_own(expression) or _repeats(expression) or not expression.args:
+    if (
+        isinstance(expression, Wrapped)
+        or is_derive_function(expression)
+        or _repeats(expression)
+        or not expression.args
+    ):
         return expression
     return expression.func(*map(_wrapped, expression.args))
 
@@ -128,7 +133,9 @@ def _repeats(expression: Any) -> bool:
 
 def _parts(expression: Any) -> tuple[Any, ...]:
     """Arguments of an expression; empty for periodic functions."""
-    repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_own(expression)
+    repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_derive_function(
+        expression
+    )
     return () if repeats else expression.args
 
 

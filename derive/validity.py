@@ -14,7 +14,7 @@ from derive.declarations import Condition
 from derive.domains import POSITIVE, Need, is_met, need, needs, signs_of
 from derive.equations import from_fundamental
 from derive.errors import DeclarationError
-from derive.functions import LoopFunction, PeriodicFunction, at_desired_motion
+from derive.functions import LoopFunction, PeriodicFunction, at_fundamental_motion
 from derive.mechanism import MechanismStatement
 from derive.switches import outermost, switches
 from derive.symbols import PHASE, SPEED, counted, steady
@@ -41,7 +41,7 @@ def demands(mechanism: MechanismStatement) -> list[Demand]:
     for what, expression, motion in _stated(mechanism):
         # A factor that vanishes in the fundamental motion does not restrict the domain.
         for node, condition in needs(_about_fundamental(mechanism, expression)):
-            needed = condition._replace(margin=at_desired_motion(condition.margin))
+            needed = condition._replace(margin=at_fundamental_motion(condition.margin))
             if is_met(needed, signs) or not needed.margin.free_symbols <= known:
                 continue
             if needed.margin.is_number and motion:
@@ -66,7 +66,9 @@ def conditions(mechanism: MechanismStatement) -> list[Condition]:
 
 def _conditions(mechanism: MechanismStatement) -> Iterator[Condition]:
     for condition in mechanism.conditions:
-        yield replace(condition, margin=at_desired_motion(_about_fundamental(mechanism, condition.margin)))
+        yield replace(
+            condition, margin=at_fundamental_motion(_about_fundamental(mechanism, condition.margin))
+        )
 
 
 def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:

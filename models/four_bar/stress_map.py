@@ -95,7 +95,7 @@ class StressMap:
         self.links = [link.name for link in model.beams.freedoms.links]
         self.places = places(model.beams)
         self._ends = np.cumsum([0, *map(len, self.places)])
-        self.lengths = [OneLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
+        self.lengths = [StressesAtLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
 
     def weights(self, L4: Array) -> Array:
         """Interpolation weights (g, nodes) of the nodes at lengths (g,)."""
@@ -145,7 +145,7 @@ class StressMap:
 _FIELDS = tuple(Peaks.__dataclass_fields__)
 
 
-class OneLength:
+class StressesAtLength:
     """Stresses of the mechanism at many speeds, for a single value of L4."""
 
     def __init__(self, model: StructureModel):

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import ContinuationParameters, Place, Point
+from solve.newton.branch_points import ContinuationParameters, Point, Unknowns
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -49,11 +49,11 @@ def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
     value."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
-    place = Place(on(grid, orbit.curve), np.array([first]))
-    towards = Place(parameters.task.rest(grid), np.array([last - first]))
-    if parameters.task_at(place.values).system.along_events(orbit.curve, orbit.speed).events.phases:
-        place = replace(place, curve=orbit.curve)
-    return Manifold(parameters).first(place, towards, grid)
+    unknowns = Unknowns(on(grid, orbit.curve), np.array([first]))
+    towards = Unknowns(parameters.task.rest(grid), np.array([last - first]))
+    if parameters.task_at(unknowns.values).system.along_events(orbit.curve, orbit.speed).events.phases:
+        unknowns = replace(unknowns, curve=orbit.curve)
+    return Manifold(parameters).first(unknowns, towards, grid)
 
 
 def follow_branch(
@@ -96,7 +96,7 @@ class _BranchFollower:
                 new_points = [*special_points(self.manifold, before, after), after]
                 for one, other in pairwise([before, *new_points]):
                     if not self.ends[0] <= other.value <= self.ends[1]:
-                        return [*points, self._at_the_end(one, other)], ""
+                        return [*points, self._at_end_of_range(one, other)], ""
                     points.append(other)
                     count()
             except NoOrbitError as reason:
@@ -116,7 +116,7 @@ class _BranchFollower:
         none = np.zeros(2)
         rates = [none]
         for before, after in pairwise(points):
-            chord = after.place.on(before.grid).plus(-1.0, before.place)
+            chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
             length = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
             changes = after.orbit.radius - before.orbit.radius, after.direction.value - before.direction.value
             rates.append(np.abs(changes) / length if length > 0 else none)
@@ -124,7 +124,7 @@ class _BranchFollower:
         for point, rates_beside in zip(points, pairwise([*rates, none]), strict=True):
             orbit, (slope, bend) = point.orbit, np.max(rates_beside, axis=0)
             error, radius_error = orbit.errors
-            moved = abs(point.value - point.place.value) + _ROUNDOFF * max(abs(point.value), self.span)
+            moved = abs(point.value - point.unknowns.value) + _ROUNDOFF * max(abs(point.value), self.span)
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
             radius_error = max(radius_error, slope * along, orbit.nearest if point.kind == FOLD else 0.0)
@@ -148,7 +148,7 @@ class _BranchFollower:
     def _require_same_branch(self, before: Point, after: Point) -> None:
         """Raise NoOrbitError if the branch curves so much within a step that the step may have jumped to
         another branch or passed two folds."""
-        chord = after.place.on(before.grid).plus(-1.0, before.place)
+        chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
         ends = before.direction, after.direction.on(before.grid)
         long = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
         for end in ends:
@@ -158,37 +158,37 @@ class _BranchFollower:
         if max(end.value * chord.value for end in ends) < 0:
             raise NoOrbitError("the step passes over two folds")
 
-    def _at_the_end(self, before: Point, after: Point) -> Point:
+    def _at_end_of_range(self, before: Point, after: Point) -> Point:
         """Point between two points of the branch at which the parameter first reaches the end of its
         range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
-            at = _crossing(length, change, slopes, edge - before.place.value)
+            at = _crossing(length, change, slopes, edge - before.unknowns.value)
             near, _ = self.manifold.reached(before, [before.direction], [at])
             if self.ends[0] <= near.value <= self.ends[1]:
                 before = near
             else:
                 after = near
-        along = near.place.plus((edge - near.place.value) / near.direction.value, near.direction)
-        near = replace(near, place=replace(along, values=np.array([edge])))
+        along = near.unknowns.plus((edge - near.unknowns.value) / near.direction.value, near.direction)
+        near = replace(near, unknowns=replace(along, values=np.array([edge])))
         return self.manifold.reached(near, [self._parameter_direction(near.grid)], [0.0])[0]
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
         """Distance between two points along the tangent at the first point, change of the parameter, and
         derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if
         the branch bends too much."""
-        way = after.place.on(before.grid).plus(-1.0, before.place)
-        length = self.manifold.inner(way, before.direction, before.sizes)
+        direction = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
+        length = self.manifold.inner(direction, before.direction, before.sizes)
         slope = self.manifold.inner(after.direction.on(before.grid), before.direction, before.sizes)
         if not (length > 0 and slope > 0):
             raise NoOrbitError("the branch curves too much within the step")
-        return length, way.value, (before.direction.value, after.direction.value / slope)
+        return length, direction.value, (before.direction.value, after.direction.value / slope)
 
-    def _parameter_direction(self, grid: Grid) -> Place:
+    def _parameter_direction(self, grid: Grid) -> Unknowns:
         """Tangent that changes only the parameter, towards its last value."""
         first, last = self.parameters.ranges[0]
-        return Place(self.parameters.task.rest(grid), np.array([last - first]))
+        return Unknowns(self.parameters.task.rest(grid), np.array([last - first]))
 
 
 def _orientation(point: Point) -> float:

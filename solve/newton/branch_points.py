@@ -22,7 +22,7 @@ _MAX_TASKS = 8
 
 
 @dataclass(frozen=True)
-class Place:
+class Unknowns:
     """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. Also the
     difference of two such vectors."""
 
@@ -34,22 +34,22 @@ class Place:
         """Value of the first parameter."""
         return float(self.values[0])
 
-    def plus(self, factor: float, other: "Place") -> "Place":
+    def plus(self, factor: float, other: "Unknowns") -> "Unknowns":
         """Sum of these unknowns and a multiple of others, on the nodes of the others."""
         curve, nodes = self.curve, other.curve.nodes
         if not np.array_equal(curve.nodes, nodes):
             curve = on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)), curve)
-        return Place(add(curve, factor, other.curve), self.values + factor * other.values)
+        return Unknowns(add(curve, factor, other.curve), self.values + factor * other.values)
 
-    def on(self, grid: Grid) -> "Place":
+    def on(self, grid: Grid) -> "Unknowns":
         """These unknowns on the nodes of a grid."""
-        return Place(on(grid, self.curve), self.values)
+        return Unknowns(on(grid, self.curve), self.values)
 
-    def times(self, factor: float) -> "Place":
+    def times(self, factor: float) -> "Unknowns":
         """These unknowns multiplied by a factor."""
         curve = self.curve
         drift = None if curve.drift is None else factor * curve.drift
-        return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
+        return Unknowns(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
 
     @property
     def amplitudes(self) -> Array:
@@ -63,14 +63,14 @@ class Place:
         return np.abs(self.curve.sampled(SAMPLES)).max(axis=1)
 
 
-def sampled_together(*places: Place) -> list[Array]:
+def sampled_together(*vectors: Unknowns) -> list[Array]:
     """Values (n, k) of several curves, sampled at the same phases: on each step if they share nodes,
     uniformly otherwise."""
-    nodes = places[0].curve.nodes
-    if all(np.array_equal(place.curve.nodes, nodes) for place in places[1:]):
-        return [place.curve.sampled(SAMPLES) for place in places]
+    nodes = vectors[0].curve.nodes
+    if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
+        return [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
     phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
-    return [place.curve(phase) for place in places]
+    return [unknowns.curve(phase) for unknowns in vectors]
 
 
 @dataclass(frozen=True)
@@ -99,16 +99,16 @@ class Point:
     orthonormal tangents, one per parameter; the orbit on a grid twice as fine; its kind (one of
     `solve.results.branch.KINDS`); and the number of the model's periods in the period of the orbit."""
 
-    place: Place
+    unknowns: Unknowns
     sizes: Array
-    tangents: tuple[Place, ...]
+    tangents: tuple[Unknowns, ...]
     grid: Grid
     orbit: FollowedOrbit
     kind: str = ""
     periods: int = 1
 
     @property
-    def direction(self) -> Place:
+    def direction(self) -> Unknowns:
         """Unit tangent of a branch with one parameter."""
         return self.tangents[0]
 

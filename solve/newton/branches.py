@@ -190,4 +190,4 @@ def _result(parameters: ContinuationParameters, followed: Sequence[Followed], no
 def _sampled(point: Point) -> Array:
     """Coordinates (n, k) of an orbit at uniform phases of its period."""
     end = float(point.grid.nodes[-1])
-    return point.place.curve(np.arange(_SAMPLES) * (end / _SAMPLES))
+    return point.unknowns.curve(np.arange(_SAMPLES) * (end / _SAMPLES))

@@ -17,7 +17,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
-from solve.newton.branch_points import ContinuationParameters, Place
+from solve.newton.branch_points import ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
 from solve.newton.saltation import forces_jump
 from solve.period.curve import Curve
@@ -47,8 +47,8 @@ class LinearFamily:
     """Solutions of a linear periodic problem: a particular solution, the tangents (k) to the set of
     solutions, and the monodromy matrix."""
 
-    place: Place
-    tangents: tuple[Place, ...]
+    unknowns: Unknowns
+    tangents: tuple[Unknowns, ...]
     Phi: Array
 
     @property
@@ -59,16 +59,18 @@ class LinearFamily:
         return Multipliers.of(self.Phi[None]).values[0]
 
 
-def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> LinearFamily:
+def linear_family(
+    parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array
+) -> LinearFamily:
     """Solutions of the Newton equations about given unknowns, on a grid. sizes (n,): scales of the
     coordinates. Raises SolveError subclasses if there are no solutions."""
-    task = parameters.task_at(place.values)
-    along, grid = linearised_along(task, place.curve, grid)
-    equations = _Equations(along, task, place.curve, parameters.names, parameters.task.rigid is not None)
+    task = parameters.task_at(unknowns.values)
+    along, grid = linearised_along(task, unknowns.curve, grid)
+    equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
     if equations.free:
-        return _by_periodic_solutions(equations, place, grid)
+        return _by_periodic_solutions(equations, unknowns, grid)
     if task.engine == COMPILED:
-        family = _if_regular(equations, place, grid)
+        family = _if_regular(equations, unknowns, grid)
         if family is not None:
             return family
     steps = _Steps(equations, grid)
@@ -77,8 +79,8 @@ def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, 
     curves = steps.curves(columns)
     count = len(parameters.names)
     changes = columns[len(columns) - count :].T
-    tangents = tuple(Place(curves[k + 1], changes[k + 1]) for k in range(count))
-    return LinearFamily(Place(curves[0], place.values + changes[0]), tangents, steps.monodromy)
+    tangents = tuple(Unknowns(curves[k + 1], changes[k + 1]) for k in range(count))
+    return LinearFamily(Unknowns(curves[0], unknowns.values + changes[0]), tangents, steps.monodromy)
 
 
 def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
@@ -217,17 +219,17 @@ def _joined(maps: Array, states: int, blocks: int) -> Array:
     return chain
 
 
-def _if_regular(equations: "_Equations", place: Place, grid: Grid) -> LinearFamily | None:
+def _if_regular(equations: "_Equations", unknowns: Unknowns, grid: Grid) -> LinearFamily | None:
     """Compute the solutions if no multiplier is near +1; otherwise return None."""
     try:
-        family = _by_periodic_solutions(equations, place, grid)
+        family = _by_periodic_solutions(equations, unknowns, grid)
         regular = np.abs(family.multipliers - 1).min() > _REGULAR
     except SolveError:
         return None
     return family if regular else None
 
 
-def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> LinearFamily:
+def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid) -> LinearFamily:
     """Compute the solutions as periodic responses, one per load, in compiled code. Used for machines with
     rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
@@ -243,31 +245,31 @@ def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> L
     curves = [solutions.curve for solutions in found]
     assert all(isinstance(curve, Curve) for curve in curves)
     tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
-    places = (Place(curve[0], change) for curve, change in tangents)  # pyright: ignore
-    return LinearFamily(Place(curves[0][0], place.values), tuple(places), found[0].Phi[0])  # pyright: ignore
+    vectors = (Unknowns(curve[0], change) for curve, change in tangents)  # pyright: ignore
+    return LinearFamily(Unknowns(curves[0][0], unknowns.values), tuple(vectors), found[0].Phi[0])  # pyright: ignore
 
 
-def multipliers_of(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> Array:
+def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array) -> Array:
     """Floquet multipliers (2n,) of the problem linearised about given unknowns, largest modulus first. Raises
     SolveError."""
-    task = parameters.task_at(place.values)
+    task = parameters.task_at(unknowns.values)
     if task.engine != COMPILED or parameters.task.rigid is not None:
-        return linear_family(parameters, place, grid, sizes).multipliers
-    along, grid = linearised_along(task, place.curve, grid)
+        return linear_family(parameters, unknowns, grid, sizes).multipliers
+    along, grid = linearised_along(task, unknowns.curve, grid)
     found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
-    if forces_jump(along, place.curve):
+    if forces_jump(along, unknowns.curve):
         raise NoOrbitError(JUMPS)
-    return LinearFamily(place, (), found.Phi[0]).multipliers
+    return LinearFamily(unknowns, (), found.Phi[0]).multipliers
 
 
-def mode_of(parameters: ContinuationParameters, place: Place, grid: Grid, multiplier: float) -> Curve:
+def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:
     """Real motion over one period, without load, in the Floquet mode whose multiplier is nearest to a given
     real value."""
-    task = parameters.task_at(place.values)
-    along, grid = linearised_along(task, place.curve, grid)
-    steps = _Steps(_Equations(along, task, place.curve, parameters.names), grid)
+    task = parameters.task_at(unknowns.values)
+    along, grid = linearised_along(task, unknowns.curve, grid)
+    steps = _Steps(_Equations(along, task, unknowns.curve, parameters.names), grid)
     values, vectors = np.linalg.eig(steps.monodromy)
     start = np.real(vectors[:, np.abs(values - multiplier).argmin()])
     columns = np.zeros((steps.blocks * len(start) + len(parameters.names), 2))

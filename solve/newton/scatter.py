@@ -101,7 +101,7 @@ def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Sc
         for number, start in enumerate(starts):
             motions = _settled(task, start, sizes, most)
             if motions:
-                leads[number] = _number_of(task, motions, sizes, orbits, states)
+                leads[number] = _orbit_index(task, motions, sizes, orbits, states)
             count.add()
     order = sorted(range(len(orbits)), key=lambda number: -int((leads == number).sum()))
     places = {old: new for new, old in enumerate(order)}
@@ -129,7 +129,7 @@ def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
     return []
 
 
-def _number_of(
+def _orbit_index(
     task: Task,
     motions: Sequence[Array],
     sizes: Array,

@@ -13,7 +13,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import ContinuationParameters, Place, Point
+from solve.newton.branch_points import ContinuationParameters, Point, Unknowns
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import doubling_test, is_located, zero_between
 from solve.results.branch import DOUBLING
@@ -100,8 +100,8 @@ class _CurveFollower:
     def _first(self, start: Point) -> _OnCurve:
         """First point of the curve, from a point of a branch over the first parameter."""
         second = self.manifold.parameters.ranges[1]
-        place = Place(start.place.curve, np.array([start.place.value, second[0]]))
-        point = replace(self.manifold.point(place, (), start.grid), kind=self.kind)
+        unknowns = Unknowns(start.unknowns.curve, np.array([start.unknowns.value, second[0]]))
+        point = replace(self.manifold.point(unknowns, (), start.grid), kind=self.kind)
         found = self._with_tangent(point)
         back = found.rates[1] * (second[1] - second[0]) < 0
         return replace(found, along=-found.along, slope=-found.slope) if back else found
@@ -157,7 +157,7 @@ class _CurveFollower:
         """Point with its tangent, which is the tangent at `before` reflected about the chord between the
         points. Raises NoOrbitError if the curve bends too much."""
         first = before.point
-        chord = point.place.on(first.grid).plus(-1.0, first.place)
+        chord = point.unknowns.on(first.grid).plus(-1.0, first.unknowns)
         along = np.array([self.manifold.inner(chord, each, first.sizes) for each in first.tangents])
         along /= np.linalg.norm(along)
         cosine = float(along @ before.along)

@@ -39,9 +39,9 @@ def motion_of(start: Start, task: Task) -> Motion:
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
-        return given.curve if isinstance(given, Orbit) else _end_of(given, task)
+        return given.curve if isinstance(given, Orbit) else _last_periods(given, task)
     if callable(given):
-        return _checked(given, task) if hasattr(given, "nodes") else _through(given, task)
+        return _checked(given, task) if hasattr(given, "nodes") else _spline_through(given, task)
     return _from_state(given, task)
 
 
@@ -86,14 +86,14 @@ def _checked(motion: Any, task: Task) -> Motion:
     return motion
 
 
-def _end_of(transient: Transient, task: Task) -> Curve:
+def _last_periods(transient: Transient, task: Task) -> Curve:
     """Last part of a transient, with as many periods as the orbit; only its last period if the transient is
     shorter."""
     count = task.periods if transient.turns >= task.periods else 1
     return joined([*transient.motions[-count:]], count * task.system.period, task.rigid)
 
 
-def _through(function: Callable[[Array], Array], task: Task) -> Curve:
+def _spline_through(function: Callable[[Array], Array], task: Task) -> Curve:
     """Periodic cubic spline through the values that a function of the phase returns."""
     from scipy.interpolate import CubicSpline
 

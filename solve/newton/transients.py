@@ -348,7 +348,7 @@ class _PeriodSteps:
 
     def __init__(self, system: PeriodicSystem, first: float, last: float):
         self._system, self.ends = system, (first, last)
-        self._mean, self._cache = (first + last) / 2, dict[int, Discretisation]()
+        self._mean_speed, self._cache = (first + last) / 2, dict[int, Discretisation]()
 
     def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
         """Motion q, v, a (3, n, k) at nodes (k,) from the state (2n,), and max|q| (n,) at the ends of the
@@ -373,14 +373,14 @@ class _PeriodSteps:
     @cached_property
     def _point(self) -> OnePoint:
         if self.ends[0] == self.ends[1]:
-            return OnePoint(self._system, self._mean)
+            return OnePoint(self._system, self._mean_speed)
         given = self._system.coordinates, self._system.period, self._breaks
-        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean)
+        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean_speed)
 
     @cached_property
     def phase_advance(self) -> float:
         """Phase advance of the fastest mode per period, ω_max T."""
-        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean else 0.0
+        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean_speed else 0.0
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)
@@ -395,7 +395,7 @@ class _PeriodSteps:
             return 0.0, *self._system.breaks
         slope = (last - first) / self._system.period
         phases = {0.0, *(float(phase) % self._system.period for phase in self._system.breaks)}
-        doubled = (2 * self._mean * phase for phase in phases)
+        doubled = (2 * self._mean_speed * phase for phase in phases)
         return tuple(
             value / (first + math.sqrt(first**2 + slope * value)) if value else 0.0 for value in doubled
         )

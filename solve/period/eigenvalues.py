@@ -58,7 +58,7 @@ def multiplier_roundoff(Phi: Array, units: Array | None = None, engine: str = NU
     The round-off of this number of steps is multiplied by the condition number of the eigenvalue; in a
     defective block of k eigenvalues, its k-th root counts. units (…, N): as in `balance_matrices`, if known.
     """
-    values, unit, norm, conditions = _conditioned(Phi, units, engine)
+    values, unit, norm, conditions = _eigenvalues_with_conditions(Phi, units, engine)
     radius = across(np.maximum, np.abs(values))
     is_resolved = unit * radius > NEGLIGIBLE
     scale = np.where(is_resolved, radius, 1.0)
@@ -135,15 +135,17 @@ def _put_positive_first(values: Array) -> None:
         values[swap, k : k + 2] = values[swap, k : k + 2][..., ::-1]
 
 
-def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array, Array, Array]:
+def _eigenvalues_with_conditions(
+    Phi: Array, units: Array | None, engine: str
+) -> tuple[Array, Array, Array, Array]:
     """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…),
     and condition numbers (…, N) of the eigenvalues."""
     if engine == COMPILED and Phi.ndim == 3:
-        compiled, unit = kernel.conditioned(Phi, units), np.ones(len(Phi))
+        compiled, unit = kernel.eigenvalues_with_conditions(Phi, units), np.ones(len(Phi))
         if compiled is not None:
             rows, matrices, known_units = _without_eigenvalues(compiled.values, Phi, units)
             if len(rows):
-                by_numpy = _conditioned(matrices, known_units, NUMPY)
+                by_numpy = _eigenvalues_with_conditions(matrices, known_units, NUMPY)
                 compiled.values[rows], unit[rows], compiled.norms[rows], compiled.conditions[rows] = by_numpy
             return compiled.values, unit, compiled.norms, compiled.conditions
     scaled, unit = _scaled_entries(Phi)

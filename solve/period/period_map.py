@@ -123,15 +123,15 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
     if not columns:
-        acting = _acting(A, b, x)
+        acting = _largest_term_sums(A, b, x)
         ratios = acting / unit
         apart = ratios.min(axis=-1) < APART * ratios.max(axis=-1)
         if apart.any():
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
             x, condition, left = _at_nodes(A, b, unit)
-            acting = _acting(A, b, x)
+            acting = _largest_term_sums(A, b, x)
         rounding = EPS * roundoff_growth(steps.A.shape[-3]) * condition
-        cancels = _cancels(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
+        cancels = _cancellation(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
     condition = np.fmax(condition, np.minimum(left / (EPS * roundoff_growth(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
@@ -184,10 +184,10 @@ def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Arra
     ahead = np.roll(unit, -1, axis=-2)
     scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
     x, condition = _cyclic(scaled, level)
-    return x * unit[..., None], condition, _left(scaled, x)
+    return x * unit[..., None], condition, _largest_residual(scaled, x)
 
 
-def _left(blocks: Steps, x: Array) -> Array:
+def _largest_residual(blocks: Steps, x: Array) -> Array:
     """Maximum residual (...) of the states at the ends of blocks, relative to the terms; measures round-off,
     or digits lost in elimination."""
     ahead = np.roll(x, -1, axis=-3)
@@ -196,7 +196,7 @@ def _left(blocks: Steps, x: Array) -> Array:
     return np.asarray((left / np.where(acting > 0, acting, 1.0)).max(axis=-1))
 
 
-def _acting(A: Array, b: Array, x: Array) -> Array:
+def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
     """Maximum (..., N) over the blocks of the sum of moduli of the terms of each state x (..., B, N, 1)."""
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
     least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
@@ -209,7 +209,7 @@ def at_rest(rounding: Array) -> Array:
     return np.minimum(_ROUNDING * rounding, _RESTS)
 
 
-def _cancels(acting: Array, size: Array, rounding: Array) -> Array:
+def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
     """Largest ratio (...) of the sum of a state's terms `acting` to its value `size`, both (..., N) in the
     units of the chain. States within round-off (...) of their terms are excluded."""
     moving = size > at_rest(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
@@ -273,7 +273,7 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
         eliminated.append((rows.shape[-3], joined[..., :N, :]))
         rows = np.concatenate((joined[..., N:, N:], rows[..., pairs:, :, :]), axis=-3)
     last = rows[..., 0, :, :]
-    x, condition = _closed(last[..., :N], last[..., N : 2 * N], last[..., 2 * N :])
+    x, condition = _solve_sum(last[..., :N], last[..., N : 2 * N], last[..., 2 * N :])
     x = x[..., None, :, :]
     for count, joined in reversed(eliminated):
         inner = count // 2
@@ -291,7 +291,7 @@ def _powers(sizes: Array) -> Array:
     return np.ldexp(1.0, np.frexp(sizes)[1] - 1)
 
 
-def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
+def _solve_sum(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
     """Solution x (..., N, columns) of (G + H) x = r, and the condition number of G + H relative to (G, H)."""
     return solved(G + H, r), closed_condition(G, H)
 

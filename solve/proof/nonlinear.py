@@ -57,12 +57,12 @@ def enclosed_orbit(
     marching = Marching(*(ROUNDED if rounded else (bits, most)), executor=executor)
     with precision(2 * bits):
         try:
-            found = _found(orbit, system, marching, rounded)
+            found = _prove_existence(orbit, system, marching, rounded)
         except (NoOrbitError, ResonanceError, StepsError) as error:
             return _unproved(orbit, str(error), time.process_time() - begun)
         discs = multipliers(found.Phi)
         index = verdict(found.Phi, discs, False)
-        located = _located(found, system.coordinates)
+        located = _radii_by_coordinate(found, system.coordinates)
         maxima, error = _extrema(orbit, found.motion, located)
         centers, radii, isolated = discs_of(discs)
         open_verdict = ("no verdict is proved: discs of multipliers meet the unit circle",)
@@ -84,7 +84,7 @@ def enclosed_orbit(
 
 
 @dataclass(frozen=True)
-class _Found:
+class _LinearisedProof:
     """Equations linearised about a motion, number of steps, enclosure of the monodromy matrix of the orbit
     near the motion, and radii of existence of this orbit."""
 
@@ -95,7 +95,9 @@ class _Found:
     existence: Existence
 
 
-def _found(orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, rounded: bool) -> _Found:
+def _prove_existence(
+    orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, rounded: bool
+) -> _LinearisedProof:
     """Prove existence of the orbit. Raises NoOrbitError, ResonanceError or StepsError if the proof fails."""
     model = system.model
     period = period_of(model, rounded) * round(system.period / model.period)
@@ -107,7 +109,7 @@ def _found(orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, r
     linear = Linear.of(turned, Phi, bounds, states(turned, equation.n, whole))
     second = _instructions(model, second_derivatives, rounded)
     proved = existence(equation, second, turned, linear, bounds)
-    return _Found(equation, motion, len(turned.steps), widened(Phi, proved.change), proved)
+    return _LinearisedProof(equation, motion, len(turned.steps), widened(Phi, proved.change), proved)
 
 
 def _instructions(
@@ -164,7 +166,7 @@ def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float) -> Proof:
     )
 
 
-def _located(found: _Found, names: tuple[str, ...]) -> ProvedOrbit:
+def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> ProvedOrbit:
     """Radius of existence and uniqueness for each coordinate. An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a.
     Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia| s_a ≤ λ for every i; u̇ and ü are
     treated alike, with T W."""

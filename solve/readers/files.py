@@ -15,7 +15,7 @@ _MOST_FILES = 10_000
 """Maximum number of files of a pattern. A choice."""
 
 
-def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     """Files matched by paths and patterns. Files of a pattern are ordered by the numbers in their names.
 
     Raises FileError without any file.

@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import FileError, require_name
 from solve.first_order import Signals
-from solve.readers.files import expanded
+from solve.readers.files import matching_files
 from solve.readers.lin_file import LinFile, Signal
 from solve.readers.sampled import SampledStates, Source
 
@@ -67,7 +67,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     Traceback (most recent call last):
     solve.errors.FileError: no file matches 'no_such_file.*.lin'; give the path of files that exist
     """
-    files = [LinFile.read(path) for path in _whole_turbine(expanded(paths))]
+    files = [LinFile.read(path) for path in _whole_turbine(matching_files(paths))]
     first = files[0]
     _require_same(files)
     names = {kind: _names(first.signals.get(kind, []), kind) for kind in ("states", "inputs", "outputs")}

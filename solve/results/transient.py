@@ -87,12 +87,12 @@ class TransientMotion(Result):
     @property
     def time(self) -> Array:
         """Times (j,) in seconds."""
-        starts = np.concatenate(([0.0], np.cumsum(self.system.period / self._mean)))
-        within = self.nodes[:-1] / self._mean[:, None]
+        starts = np.concatenate(([0.0], np.cumsum(self.system.period / self._mean_speeds)))
+        within = self.nodes[:-1] / self._mean_speeds[:, None]
         return np.append((starts[:-1, None] + within).ravel(), starts[-1])
 
     @property
-    def _mean(self) -> Array:
+    def _mean_speeds(self) -> Array:
         """Mean speeds (turns,) of the periods."""
         return (self.ends[:-1] + self.ends[1:]) / 2
 
@@ -130,7 +130,7 @@ class TransientMotion(Result):
         return self.outputs[name]
 
     def _joined(self, derivative: int) -> Array:
-        values = self.motions[:, derivative] * (self._mean**derivative)[:, None, None]
+        values = self.motions[:, derivative] * (self._mean_speeds**derivative)[:, None, None]
         turns = np.concatenate(values[..., :-1], axis=-1)
         return np.concatenate((turns, values[-1][:, -1:]), axis=-1)
 
@@ -158,7 +158,7 @@ class TransientMotion(Result):
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
         for names in groups:
             outputs = partial(self._outputs_within, turns, names) if names else None
-            group = Quantities(curve, self._mean[turns], outputs).figures()
+            group = Quantities(curve, self._mean_speeds[turns], outputs).figures()
             figures.append(group[:, system.n :] if figures else group)
         return np.concatenate(figures, axis=1)
 

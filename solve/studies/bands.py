@@ -178,7 +178,7 @@ def bands(
         step("narrow bands")
         samples += find_narrow_tongues(evaluate, samples, middle, predicted=_PREDICTED if constant else 1.0)
         if samples.failed.any():
-            notes = [*notes, _left_out(batch, by_speed(samples), system.speed_unit)]
+            notes = [*notes, _failed_speeds_text(batch, by_speed(samples), system.speed_unit)]
         step("edges of bands")
         runs = _UnstableRuns(evaluate, checked_tolerance(tolerance), omegas[-1:])
         unstable_bands = runs.bands(by_speed(samples))
@@ -189,7 +189,7 @@ def bands(
     return Bands(unstable_bands, system, range_, spacing, notes, speeds, radius, constant is not None)
 
 
-def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
+def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
     """Message about the speeds without a result, with the reason at the first of them. Raises NoResultError
     if no speed has a result."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures

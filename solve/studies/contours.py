@@ -41,7 +41,7 @@ def contours(
     is_stable: function of points (k, 2), called where the corners of a cell allow two topologies. Cells with
     a NaN at a corner have no boundary.
     """
-    rims = _Rims(axes, rows, columns)
+    rims = _CellCrossings(axes, rows, columns)
     i, j = rims.cells
     corners = np.array([stable[j, i], stable[j, i + 1], stable[j + 1, i], stable[j + 1, i + 1]])
     is_closed = ~np.isnan(corners).any(axis=0) & (rims.counts % 2 == 0)
@@ -54,7 +54,7 @@ def contours(
     return [piece for piece in itertools.chain.from_iterable(pieces) if len(piece.points) > 1]
 
 
-class _Rims:
+class _CellCrossings:
     """Crossings as points (c, 2), grouped by the cells on whose edges they lie: `cells` (i, j), (k,) each,
     with `counts` (k,) crossings in `around`, beginning at index `starts` (k,), counter-clockwise from the
     lower left corner."""
@@ -107,7 +107,7 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 
 
 def _decided(
-    rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
+    rims: _CellCrossings, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
     """Connections (k, 2) within cells that have several unstable arcs. A boundary keeps its kind. If several
     connections remain possible, two arcs are joined if the point between them is unstable, or if both are
@@ -152,7 +152,7 @@ def _chains(count: int, ends: Array) -> list[list[int]]:
     return chains
 
 
-def _pieces(rims: _Rims, chain: list[int]) -> list[BoundaryCurve]:
+def _pieces(rims: _CellCrossings, chain: list[int]) -> list[BoundaryCurve]:
     """Boundaries along a chain, one for each kind of crossing. Neighbouring pieces share a point."""
     kinds, points = rims.kinds[chain], rims.points[chain]
     cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(chain)]

@@ -21,7 +21,7 @@ from solve.results.points import Kept, PointResults
 from solve.results.sweep import Sweep
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.critical_search import CriticalSearch, radius, real_part
-from solve.studies.mean_frequencies import MeanFrequencies, combinations, multiples, resonances
+from solve.studies.mean_frequencies import MeanFrequencies, combinations, resonance_speeds, resonances
 from solve.studies.resonances import CLOSE, assign
 from solve.studies.speed_grids import ends_with_matrices, multiplier_rotation, no_rotation, without_result
 from solve.system import PeriodicSystem, of_system
@@ -241,7 +241,7 @@ def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int)
     return [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
-        for order, speed in multiples(frequencies, weights, orders)
+        for order, speed in resonance_speeds(frequencies, weights, orders)
     ]
 
 

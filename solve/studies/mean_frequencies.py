@@ -108,7 +108,7 @@ def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]
     listed = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])
-        for order, speed in multiples(frequencies, weights, orders)
+        for order, speed in resonance_speeds(frequencies, weights, orders)
     ]
     listed = [one for one in listed if not one.is_division and is_excited(frequencies.system, one.order)]
     return sorted(listed, key=lambda one: -one.speed)
@@ -123,7 +123,9 @@ def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]
             yield low, high, sign, unit[high] + sign * unit[low]
 
 
-def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
+def resonance_speeds(
+    frequencies: MeanFrequencies, weights: Array, orders: int
+) -> Iterator[tuple[int, float]]:
     """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, multiplied by weights
     (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root

@@ -146,12 +146,14 @@ def variation_figure(found: Variation) -> Figure:
 def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
     """Lower left and upper right corner (x, y) of the area that contains the structure and its displaced
     links."""
-    points = np.concatenate([*shapes[0].places, *(curve for shape in shapes for curve in _drawn(shape))])
+    points = np.concatenate(
+        [*shapes[0].places, *(curve for shape in shapes for curve in _displaced_points(shape))]
+    )
     margin = 0.04 * np.linalg.norm(np.ptp(points, axis=0))
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
-def _drawn(shape: ModeShape) -> list[Array]:
+def _displaced_points(shape: ModeShape) -> list[Array]:
     """Positions x + iy of the points of the displaced links."""
     scale = DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     links = zip(shape.places, shape.displacements, strict=True)
@@ -160,7 +162,7 @@ def _drawn(shape: ModeShape) -> list[Array]:
 
 def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> None:
     """Draw a mode shape, with circles for pins, triangles for fixed pins and squares for clamped ends."""
-    for link, place, moved in zip(links, shape.places, _drawn(shape), strict=True):
+    for link, place, moved in zip(links, shape.places, _displaced_points(shape), strict=True):
         axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
         axes.plot(*moved.T, color=BLUE)
         for support, end in zip(link.ends, (0, -1), strict=True):

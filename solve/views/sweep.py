@@ -57,7 +57,7 @@ Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: lower and upper edge (rad/s), kind."""
 
 
-def _drawn(sweep: Sweep) -> Sequence[str]:
+def _quantities_to_draw(sweep: Sweep) -> Sequence[str]:
     """Names of the quantities to draw: the stored coordinates, or the outputs if no coordinate is stored."""
     kept = sweep.results.kept.names
     return [name for name in kept if name in sweep.system.coordinates] or kept
@@ -66,7 +66,7 @@ def _drawn(sweep: Sweep) -> Sequence[str]:
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
     """Figure of the response and the spectral radius over speed; see `Sweep.plot`."""
-    names = sweep.system.known_quantities(names or _drawn(sweep))
+    names = sweep.system.known_quantities(names or _quantities_to_draw(sweep))
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.vibrates else None
     return response_figure(sweep.system, sweep.varied, responses, radius, figure, sweep.unstable)
@@ -76,7 +76,7 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
     """Table with one row per point: the largest moduli of the named quantities; by default of as many
     coordinates as fit."""
-    names = names or _drawn(sweep)
+    names = names or _quantities_to_draw(sweep)
     units = sweep.system.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
     widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
