@@ -77,7 +77,7 @@ def derive(
 
 
 def _begin(file: str, has_more: bool) -> None:
-    """Write the file of a first mechanism and its case file."""
+    """Write the files of an example mechanism and of its case."""
     if has_more:
         raise UsageError(
             "--new takes one file name and no other arguments; to derive that file, run derive again "

@@ -199,7 +199,8 @@ class StructureStatement(MechanismStatement):
             for freedom, axis, value in (part for part in acting if part[2] != 0):
                 if not freedom:
                     raise DeclarationError(
-                        f"joint {elastic.joint} is supported rigidly and elastically ({axis}); remove one"
+                        f"joint {elastic.joint} is supported rigidly and elastically ({axis}); remove one "
+                        "of the supports"
                     )
                 by_freedom[f"{freedom}_{axis}"] = by_freedom.get(f"{freedom}_{axis}", 0) + value
         return by_freedom
@@ -289,7 +290,7 @@ class StructureStatement(MechanismStatement):
         there = [link.name for link in self.declared_links if joint in (link.start, link.end)]
         for name in chosen:
             if name not in there:
-                raise DeclarationError(f"no link {name} at joint {joint}; there: {', '.join(there)}")
+                raise DeclarationError(f"joint {joint} has no link {name}; its links: {', '.join(there)}")
         return tuple(chosen or there)
 
     def _require_joint(self, joint: str) -> None:

@@ -83,7 +83,8 @@ def parse(text: str) -> Dimension:
 
 
 def size(text: str) -> float:
-    """Size of a unit in the coherent unit of its kind: 0.001 for "mm". Raises UnitError."""
+    """Size of a unit relative to the coherent SI unit of the same dimension, such as 0.001 for "mm". Raises
+    UnitError."""
     return 1.0 if _coherent(text) else _known_to_pint(text)[1]
 
 
@@ -117,7 +118,7 @@ def _known_to_pint(text: str) -> tuple[Dimension, float]:
         units = registry.parse_units(text)
         zero, one = (registry.Quantity(x, units).to_base_units().magnitude for x in (0.0, 1.0))
     except Exception:
-        raise UnitError(f'{refused}; write it such as "N m/rad", "kg m^2" or "kN/mm"') from None
+        raise UnitError(f'{refused}; write it as in "N m/rad", "kg m^2" or "kN/mm"') from None
     powers = dict(registry.get_dimensionality(units))
     exponents = [Fraction(powers.pop(kind, 0)).limit_denominator(60) for kind in _KINDS]
     if powers or zero != 0 or not text.strip():

@@ -46,7 +46,7 @@ class Limit(NamedTuple):
 
     @classmethod
     def finite(cls, name: str) -> "Limit":
-        """Limit of a quantity that must be finite."""
+        """Limit that requires a quantity to be finite."""
         text = f"{name} is not finite at some phases, so it has no statistics"
         return cls(name, lambda values: ~np.isfinite(values.max - values.min), lambda _: text)
 

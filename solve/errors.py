@@ -114,7 +114,7 @@ class NoResultError(SolveError):
 
 
 class WorkersError(SolveError):
-    """Workers that are unreachable or have terminated early."""
+    """Workers that cannot be reached, or that ended before their work was done."""
 
 
 class MissingLibraryError(SolveError):

@@ -49,7 +49,10 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
         arrays, digest = _arrays(file, body.has_damping)
         given = entry.get("sha256", digest)
         if not isinstance(given, str) or len(given) < 8 or not digest.startswith(given.lower()):
-            raise CaseFileError(f"the SHA-256 of '{file}' is {digest}; the case states {given!r}")
+            raise CaseFileError(
+                f"the SHA-256 of '{file}' is {digest}, but the case states {given!r}; give the file with "
+                "this hash, or correct the case"
+            )
         rows = _interface(entry, arrays, len(body.units))
         M, K, C = _in_si(arrays, rows, body, _sizes(entry.get("unit")))
         reduced = craig_bampton(M, K, rows, body.modes)

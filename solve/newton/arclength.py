@@ -45,8 +45,8 @@ it does, another branch crosses it, or the step has left it, which a shorter ste
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
-    """Orbit at the first value of the parameter as a point of the branch, with its tangent towards the last
-    value."""
+    """First point of the branch, from an orbit at the first value of the parameter. Its tangent points
+    towards the last value."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
     unknowns = Unknowns(on(grid, orbit.curve), np.array([first]))

@@ -166,7 +166,7 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Fractions (s,) of a step at which the phases lie, if these are the same on every step, as for the
+        """Fractions (s,) of a step at which the phases lie, if they are the same in every step, like the
         stages of a method; None otherwise."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:

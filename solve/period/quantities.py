@@ -81,9 +81,9 @@ def _known(values: Array) -> Array:
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
-    """Phases (…) of the maximum and of the minimum, and the values multiplied by the sign (1 or -1). The
-    local maximum next to the largest sample (the first of several) is used, unless one next to a lower
-    sample is higher."""
+    """Phases (…) and values, multiplied by the sign (1 or -1), of the maximum and of the minimum. The
+    extremum is sought next to the largest sample (the first of several), unless one next to a lower sample
+    is higher."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
     # One call for both: evaluating many quantities at once costs little more for twice the phases.

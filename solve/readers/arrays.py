@@ -120,7 +120,7 @@ def _real(values: Any, name: str, file: str) -> Array:
     """Return the values. Raises FileError unless they are finite real numbers."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub":
-        raise FileError(f"'{file}': {name} holds {array.dtype}; expected real numbers")
+        raise FileError(f"'{file}': {name} contains {array.dtype}; expected real numbers")
     array = array.astype(float)
     if not np.isfinite(array).all():
         raise FileError(f"'{file}': {name} has NaN or infinite entries; expected finite numbers")

@@ -230,7 +230,7 @@ class _AgainstReference:
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
     def _unnamed(self, refusal: str) -> str:
-        """Message of an exception without the name of the method, which the row already contains."""
+        """Message of an exception, without the name of the method, which the row contains already."""
         return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
 
     @property

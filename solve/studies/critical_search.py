@@ -77,7 +77,8 @@ def _coalescence(results: PointResults) -> Array:
 
 @dataclass
 class CriticalSearch:
-    """Solver at given speeds, and search for maxima between them.
+    """Search for maxima of the response and of the multipliers over speed, by solutions at given speeds and
+    between them.
 
     multipliers: the batch without orbits; rotation: rotation of the multipliers over speed; constant:
     evaluation for constant matrices; sweep: known solutions with the same figure; orders: highest order of

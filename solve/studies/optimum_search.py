@@ -136,7 +136,8 @@ class Search:
         return state, [f"at {texts} values are worse than at the optimised speeds; give more speeds"]
 
     def values(self, points: Sequence[DesignPoint]) -> Array:
-        """Minimised quantity (k,) at each speed, or the value of the function, repeated for each speed."""
+        """Value (k,) of the minimised quantity at each speed. If a function is minimised, its single value is
+        repeated."""
         if isinstance(self.minimise, Named):
             return np.array([point.value(self.minimise) for point in points])
         return np.full(len(points), Function(self.design, self.minimise).of(points))

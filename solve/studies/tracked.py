@@ -128,8 +128,8 @@ class Curve:
 
 @dataclass(frozen=True)
 class Differences:
-    """Maxima (k,). If there are minima (l,): each maximum minus the first minimum, and the first maximum
-    minus each further minimum, (k + l - 1,)."""
+    """Maxima (k,) of a curve. If minima (l,) are given, differences (k + l - 1,): each maximum minus the
+    first minimum, followed by the first maximum minus each further minimum."""
 
     extrema: Sequence[Extrema]
 

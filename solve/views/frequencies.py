@@ -218,8 +218,8 @@ def variation_tables(found: Variation) -> Sequence[Table]:
 
 @tables.register(Findings)
 def findings_tables(found: Findings) -> Sequence[RenderableType]:
-    """Tables at the position (with the largest bending of each link in each mode shape), over the revolution,
-    and over a parameter."""
+    """Tables of the frequencies at the position (with the largest bending of each link in each mode shape),
+    over the revolution, and over a parameter."""
     roots, captions = found.here.signed[0], _about_modes(found)
     columns = {
         "mode": Column(range(1, len(roots) + 1), heading="mode"),
