@@ -92,8 +92,8 @@ def _reduction_error(
 
 
 def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, speed: float) -> Solutions:
-    """Solutions of a point by the method that applies to any system; those of the result if it used this
-    method."""
+    """Solutions of a point by the method for general systems. The solutions of the result are reused if they
+    were computed by this method."""
     method = result.request.reduction_method
     if result.method.name == method.name:
         return result.solutions[np.array([row])]

@@ -251,7 +251,8 @@ class DampedDependence(GeneratedDependence):
 def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives (k, n, n, r) of C with respect to parameters; for the speed, C itself."""
+    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. In the column of the
+    speed, C itself."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)

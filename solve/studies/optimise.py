@@ -154,7 +154,7 @@ def _machines(
 
 
 def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
-    """Names, lower and upper bounds (r,) of the free parameters. Raises UnknownNameError,
+    """Names of the free parameters, and their lower and upper bounds (r,). Raises UnknownNameError,
     ValueOutOfBoundsError, UnitError, NoDerivativeError."""
     names = unique_names(free)
     if not names:

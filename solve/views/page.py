@@ -220,7 +220,8 @@ def _parameters(system: PeriodicSystem) -> str:
 
 
 def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Rows, with successive rows merged if they differ only in the numbers in name and meaning."""
+    """Rows after merging. Successive rows whose names and meanings differ only in their numbers become one
+    row."""
 
     def kind(row: tuple[str, ...]) -> tuple[str, ...]:
         name, value, unit, meaning, source = row
