@@ -225,8 +225,8 @@ class Search:
         return [tracked(self.design, x, at, self.minimise) for at in range(len(self.design.speeds))]
 
     def _worse_between(self, state: State) -> list[float]:
-        """Speeds of local maxima between the speeds of the design at which the objective or a bound is
-        worse."""
+        """Speeds between those of the design at which the objective or a bound has a local maximum and is
+        worse than at the design's speeds."""
         from scipy.optimize import minimize_scalar
 
         found = []
