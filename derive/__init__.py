@@ -1,4 +1,4 @@
-"""Derivation of CasADi code for the equations of motion from the energies of a mechanism.
+"""Derivation of the equations of motion from the energies of a mechanism, as CasADi code.
 
 A mechanism file imports from here: `Mechanism`, `Structure`, `rate` and SymPy's elementary functions. SymPy
 is imported at the first use, for a short start-up of the command.

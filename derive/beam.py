@@ -46,35 +46,37 @@ class Family:
 
     @property
     def mass(self) -> sympy.Matrix:
-        """∫ N̂ N̂ᵀ dξ, times ρA L: thesis (4.22)."""
+        """Integral ∫ N̂ N̂ᵀ dξ, to be multiplied by ρA L: thesis (4.22)."""
         return overlap(self.shape, self.shape)
 
     @property
     def stiffness(self) -> sympy.Matrix:
-        """∫ B̂ B̂ᵀ dξ, times EA/L or EI/L³: thesis (4.11)."""
+        """Integral ∫ B̂ B̂ᵀ dξ, to be multiplied by EA/L or EI/L³: thesis (4.11)."""
         return overlap(self.strains, self.strains)
 
     @property
     def geometric(self) -> sympy.Matrix:
-        """∫ N̂′ N̂′ᵀ dξ, times the axial force (tension positive) over L: thesis (4.38)."""
+        """Integral ∫ N̂′ N̂′ᵀ dξ, to be multiplied by the axial force (tension positive) and divided by L:
+        thesis (4.38)."""
         slope = self.shape.diff(XI)
         return overlap(slope, slope)
 
     @property
     def strains(self) -> Any:
-        """Column B̂(ξ): elongation times L, or curvature times L², for each unit degree of freedom."""
+        """Column B̂(ξ) for unit degrees of freedom: elongation times L, or curvature times L²."""
         return self.shape.diff(XI, self.strain)
 
     @property
     def loads(self) -> sympy.Matrix:
-        """Load vectors for loads per length that vary as ξᵏ: row k is ∫ N̂ᵀ ξᵏ dξ, to be multiplied by L and
-        the load."""
+        """Load vectors for distributed loads that vary as ξᵏ. Row k is ∫ N̂ᵀ ξᵏ dξ, to be multiplied by L and
+        by the load per length."""
         return overlap(sympy.Matrix([XI**power for power in LOADS]), self.shape)
 
 
 @dataclass(frozen=True)
 class Element:
-    """Plane beam element: a family of shape functions along the axis and one across it, with common nodes."""
+    """Plane beam element with one family of shape functions along the axis and one across it, at common
+    nodes."""
 
     name: str
     axial: Family
@@ -82,7 +84,8 @@ class Element:
 
     @property
     def coupling(self) -> sympy.Matrix:
-        """∫ N̂u N̂vᵀ dξ, times ρA L: the blocks −X and Xᵀ of P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]].
+        """Integral ∫ N̂u N̂vᵀ dξ, to be multiplied by ρA L: the blocks −X and Xᵀ of P = ∫ ρA Nᵀ S N dx, S =
+        [[0, −1], [1, 0]].
 
         In axes that turn at ω the Coriolis matrix is ωP, the rest of the frame's acceleration
         ω̇P − ω²M: thesis (4.22).
@@ -91,7 +94,7 @@ class Element:
 
 
 def overlap(left: sympy.Matrix, right: sympy.Matrix) -> sympy.Matrix:
-    """∫₀¹ left rightᵀ dξ of two columns of polynomials in ξ, exact."""
+    """Exact integral ∫₀¹ left rightᵀ dξ of two columns of polynomials in ξ."""
     return (left * right.T).applyfunc(lambda entry: sympy.Poly(entry, XI).integrate().eval(1))
 
 

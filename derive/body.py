@@ -1,4 +1,5 @@
-"""Elastic bodies given by reduced matrices (R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968) 1313-1319)."""
+"""Elastic bodies described by reduced matrices (R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968)
+1313-1319)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ _MEANINGS = {"M": "mass", "K": "stiffness", "C": "damping"}
 
 
 class Declaring(Protocol):
-    """A mechanism that declares coordinates and parameters."""
+    """Mechanism that declares coordinates and parameters (protocol)."""
 
     def coordinates(self, **declared: tuple[str, str]) -> tuple[Moving, ...]: ...
 
@@ -55,7 +56,7 @@ class ReducedBody:
 
     @property
     def row(self) -> tuple[Any, ...]:
-        """Entry of BODIES in the generated module."""
+        """Entry for this body in BODIES of the generated module."""
         return self.name, self.units, len(self.modes), self.entries
 
 
@@ -66,7 +67,7 @@ def declared_body(
     modes: int,
     damping: bool,
 ) -> ReducedBody:
-    """Declare the modes and the entries of the matrices of a body. Raises DeclarationError."""
+    """Declare the modes of a body and the entries of its matrices. Raises DeclarationError."""
     require_plain(name)
     pairs = [pair for pair in interface.values() if isinstance(pair, tuple) and len(pair) == 2]
     units = tuple(unit for _, unit in pairs)
@@ -99,8 +100,8 @@ def declared_body(
 
 
 def _occupied(matrix: str, interface: int, size: int) -> list[tuple[int, int]]:
-    """Entries on and above the diagonal that do not vanish: modes are orthogonal to each other, and their
-    stiffness is not coupled with the interface."""
+    """Entries on and above the diagonal that are not zero by construction: modes are mutually orthogonal, and
+    their stiffness is not coupled with the interface."""
     pairs = [(i, j) for i in range(size) for j in range(i, size)]
     if matrix == "C":
         return pairs

@@ -1,4 +1,4 @@
-"""Checks of a mechanism's statement before the derivation."""
+"""Checks of the statement of a mechanism before the derivation."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Set
@@ -21,7 +21,7 @@ Dimensions = Mapping[sympy.Symbol, Dimension]
 
 @dataclass(frozen=True)
 class _Statement:
-    """A stated expression with its required unit and its forbidden symbols."""
+    """Stated expression with its required unit and its forbidden symbols."""
 
     what: str
     expression: sympy.Expr
@@ -78,7 +78,8 @@ def _require(statement: _Statement, known: Dimensions) -> None:
 
 
 def _require_equations(mechanism: MechanismStatement) -> None:
-    """Raise DeclarationError for a mechanism without results, or with conflicting declarations."""
+    """Raise DeclarationError for a mechanism without equations or outputs, or with conflicting
+    declarations."""
     energies = (mechanism.kinetic, mechanism.potential, mechanism.dissipation, *mechanism.forces)
     moved = any(energy != 0 for energy in energies) and not mechanism.no_drive_torque
     if not (mechanism.declared_coordinates or mechanism.declared_outputs or moved):
@@ -172,7 +173,7 @@ def _period(mechanism: MechanismStatement) -> sympy.Expr:
 
 
 def _expression(what: str, given: Any) -> sympy.Expr:
-    """The given value as an expression. Raises DeclarationError for text."""
+    """Convert the given value to an expression. Raises DeclarationError for text."""
     try:
         expression = sympy.sympify(given, strict=True)
     except sympy.SympifyError:

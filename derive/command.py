@@ -26,7 +26,7 @@ app = typer.Typer(
 
 
 class _Command(UniqueOptions, TyperCommand):
-    """Command that rejects a second value of a single-value option."""
+    """Typer command that rejects a second value of a single-value option."""
 
 
 def run(arguments: Sequence[str]) -> int | None:
@@ -77,7 +77,7 @@ def derive(
 
 
 def _begin(file: str, has_more: bool) -> None:
-    """Write a first mechanism and its case file."""
+    """Write the files of an example mechanism and of its case."""
     if has_more:
         raise UsageError(
             "--new takes one file name and no other arguments; to derive that file, run derive again "
@@ -95,7 +95,7 @@ def _sources(models: list[str], every: bool, out: Path | None) -> list[Source]:
 
 
 def _text(source: Source, report: Callable[[str], object] = lambda _: None) -> str:
-    """Derived text of the generated module; SymPy is imported only here, because its import is slow.
+    """Derived text of the generated module. SymPy is imported here only, because its import is slow.
 
     report: callback for each sentence on terms of the statement that the equations ignore.
     """
@@ -123,7 +123,7 @@ def _write(sources: list[Source]) -> None:
 
 
 def _reported(sources: list[Source]) -> Iterator[Source]:
-    """Sources, one after another, with progress reports."""
+    """Yield sources one after another, with progress reports."""
     with progress.task("mechanisms", len(sources)):
         for source in sources:
             with progress.subtask("mechanisms"), progress.task(source.name):
@@ -135,7 +135,8 @@ def _noted(source: Source, sentence: str) -> None:
 
 
 def _is_stale(source: Source, full: bool) -> bool:
-    """Whether a generated module is out of date; the reason is printed. full: compare every byte."""
+    """Whether a generated module is out of date; the reason is printed. full: whether to compare every
+    byte."""
     present = source.target.read_text("utf-8", errors="replace") if source.target.is_file() else ""
     why = freshness.staleness(present, source.sha256) if present else "it is missing"
     if full:
@@ -243,7 +244,7 @@ F = { value = 0, unit = "N", source = "example" }
 
 
 def new_mechanism(file: str) -> tuple[Path, Path]:
-    """Write a mechanism that derives and solves as it stands, and its case file.
+    """Write a complete example mechanism, which can be derived and solved, and its case file.
 
     Parameters
     ----------
@@ -279,6 +280,6 @@ def new_mechanism(file: str) -> tuple[Path, Path]:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise UnwritableError(
-            f"{path} cannot be written ({reason}); give a place where you may write"
+            f"{path} cannot be written ({reason}); give a path in a writable folder"
         ) from error
     return path, cases

@@ -1,5 +1,5 @@
-"""Declared quantities, conditions and sketches of a mechanism, and the lines of the author's file that state
-them."""
+"""Declared quantities, conditions and sketches of a mechanism, and the source lines at which they are
+stated."""
 
 import keyword
 import os
@@ -38,7 +38,7 @@ def require_plain(name: str) -> None:
 
 
 def require_result(name: str) -> None:
-    """Raise DeclarationError unless the name can be that of an output, an option or a sketched line."""
+    """Raise DeclarationError unless the name is permitted for an output, an option or a sketched line."""
     require_plain(name)
     if name in ARGUMENTS:
         raise DeclarationError(
@@ -48,8 +48,7 @@ def require_result(name: str) -> None:
 
 
 def bound_of(name: str, text: str) -> str:
-    """A bound in the normal form of generated modules, such as "> 0" or "integer, >= 1"; "" if there is no
-    bound.
+    """Bound in the normal form of generated modules, such as "> 0" or "integer, >= 1"; "" without a bound.
 
     Raises DeclarationError.
 
@@ -66,7 +65,7 @@ def bound_of(name: str, text: str) -> str:
 
 
 def scalar(what: str, value: Any) -> Any:
-    """The entry of a 1 by 1 matrix; anything else unchanged. Raises DeclarationError for a larger matrix."""
+    """Entry of a 1 by 1 matrix; any other value unchanged. Raises DeclarationError for a larger matrix."""
     if not isinstance(value, sympy.MatrixBase):
         return value
     if value.shape != (1, 1):
@@ -107,7 +106,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Input:
-    """Declared input: a force, with the displacement along which it acts."""
+    """Declared input: a force, and the displacement along which it acts."""
 
     name: str
     along: Any
@@ -117,7 +116,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Option:
-    """An option of the generated module, with its allowed values."""
+    """Option of the generated module, with its allowed values."""
 
     name: str
     values: tuple[str, ...] | range
@@ -125,13 +124,14 @@ class Option:
 
     @property
     def indicators(self) -> tuple[sympy.Symbol, ...]:
-        """Symbols, one per word of the option: 1 if the word is chosen, 0 otherwise; empty for an option of
-        numbers."""
+        """Symbols, one per word of the option, that are 1 if the word is selected and 0 otherwise. Empty for
+        an option with numbers."""
         words = () if isinstance(self.values, range) else self.values
         return tuple(sympy.Symbol(f"{self.name}_{value}", real=True) for value in words)
 
     def choose(self, **expressions: Any) -> Any:
-        """Select an expression by the chosen word. Raises DeclarationError unless each word has one."""
+        """Expression that depends on the selected word. Raises DeclarationError unless every word has an
+        expression."""
         if set(expressions) != set(self.values):
             raise DeclarationError(
                 f"option {self.name} needs one expression for each of {', '.join(map(str, self.values))}; "
@@ -157,7 +157,7 @@ _MADE = "<string>"
 
 
 def note(lines: dict[Any, int], expression: Any) -> None:
-    """Record the line of the author's file that states an expression."""
+    """Record the source line, in the author's file, at which an expression is stated."""
     frame: Any = sys._getframe(1)
     while frame and (frame.f_code.co_filename.startswith(_HERE) or frame.f_code.co_filename == _MADE):
         frame = frame.f_back
@@ -166,7 +166,7 @@ def note(lines: dict[Any, int], expression: Any) -> None:
 
 
 def line_of(lines: Mapping[Any, int], error: DeriveError) -> int | None:
-    """Recorded line of the expression that an error concerns; None if unknown."""
+    """Recorded source line of the expression that an error concerns; None if it is unknown."""
     about = error.about
     if about is None or not isinstance(about, Hashable):
         return None
@@ -196,7 +196,7 @@ POINTS, CURVE, BEAM = "points", "curve", "beam"
 
 @dataclass(frozen=True)
 class Sketch:
-    """A line through points x, y in the plane of motion, or a curve described by one moving point.
+    """Line through points x, y in the plane of motion, or curve described by one moving point.
 
     kind: POINTS, CURVE for a closed curve, or BEAM for an elastic link.
     """
@@ -212,12 +212,12 @@ class Sketch:
         return [number for point in self.points for number in point]
 
     def at(self, replace: Callable[[Any], Any]) -> sympy.Matrix:
-        """Coordinates of all points as a column in the coherent unit, each transformed by `replace`."""
+        """Coordinates of all points in the coherent unit, as a column. `replace` is applied to each."""
         return sympy.Matrix([replace(number).xreplace({METRE: sympy.S.One}) for number in self.numbers])
 
 
 def sketch_of(name: str, points: Sequence[Any], unit: str, along_beam: set[Any]) -> Sketch:
-    """Sketch declared by its points. along_beam: symbols defined at positions of an elastic link.
+    """Sketch from its points. along_beam: symbols that are defined at positions of an elastic link.
 
     Raises DeclarationError.
     """

@@ -1,4 +1,4 @@
-"""Steps and kinks: the phases where they occur, and existence of tangents at the fundamental motion.
+"""Steps and kinks: the phases at which they occur, and the existence of tangents at the fundamental motion.
 
 The fundamental motion may keep clear of a switch g(φ, q, q̇) of the residual (a clearance), pass it at some
 phases, or lie on it throughout (friction at rest, contact without clearance).
@@ -26,12 +26,12 @@ from derive.switches import (
     Numbers,
     Wrapped,
     arbitrary_points,
-    differ,
     in_order,
     jumps,
     outermost,
-    place_of,
     places,
+    sides_differ,
+    switch_location,
     switches,
 )
 from derive.symbols import PHASE, SPEED, Moving
@@ -48,9 +48,9 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
     for switch in switches(residual, moving):
         at_rest = substituted(switch, resting(moving))
         if vanishes(at_rest):
-            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 throughout it"
+            parts, where = [*residual, *jacobian], f"{short(switch)} is 0 during the whole motion"
         elif PHASE in at_rest.free_symbols:
-            parts, where = [*residual], f"it passes {place_of(switch, [*residual])}"
+            parts, where = [*residual], f"it passes {switch_location(switch, [*residual])}"
         else:
             continue
         if _apart(parts, at_rest, moving):
@@ -70,7 +70,8 @@ def require_tangents(residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Seq
 def open_clearances(
     residual: sympy.Matrix, jacobian: sympy.Matrix, moving: Sequence[Any], signs: Signs
 ) -> Iterator[Condition]:
-    """Conditions on parameters: clearances whose two sides have different slopes must not be exactly zero."""
+    """Conditions on parameters: a clearance must not be exactly zero if the slopes on its two sides
+    differ."""
     rest = resting(moving)
     parts: list[Any] = [*residual, *jacobian]
     values = [substituted(part, rest) for part in parts]
@@ -88,8 +89,8 @@ def open_clearances(
             yield Condition(f"{short(shown)} other than 0", meaning, sympy.Abs(clearance), names)
 
 
-def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
-    """Matrix with all moving symbols zero.
+def at_fundamental_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = None) -> Any:
+    """Matrix with zero substituted for all moving symbols.
 
     At switches that are zero there, both sides have the same value. Singular pieces are assumed inactive, see
     `inactive`.
@@ -106,7 +107,7 @@ def at_desired_motion(matrix: Any, moving: Sequence[Any], signs: Signs | None = 
 
 
 def inactive(parts: Iterable[Any], moving: Sequence[Any], signs: Signs) -> Iterator[Condition]:
-    """Conditions under which pieces that are singular in the fundamental motion are inactive there.
+    """Conditions under which pieces that are singular in the fundamental motion are inactive in it.
 
     No condition is needed where the signs of the parameters guarantee it.
     """
@@ -137,19 +138,20 @@ def vanishes(expression: Any) -> bool:
 
 
 def _apart(parts: Sequence[Any], at_rest: Any, moving: Sequence[Any]) -> bool:
-    """Whether the parts have different values on the two sides of the fundamental motion, at zeros of the
+    """Whether the parts have different values on both sides of the fundamental motion, at zeros of the
     switch."""
     symbols = in_order(*parts, at_rest, *moving)
     numbers, side = Numbers(parts, symbols), _beside(moving)
     other = {symbol: -value for symbol, value in side.items()}
     along = arbitrary_points(symbols) if vanishes(at_rest) else places(at_rest, PHASE, symbols)
     return any(
-        differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place)) for place in along
+        sides_differ(numbers({**place, **side}), numbers({**place, **other}), numbers(place))
+        for place in along
     )
 
 
 def _beside(moving: Sequence[Any]) -> dict[Any, Any]:
-    """State close to the fundamental motion."""
+    """Values of the moving symbols close to the fundamental motion."""
     (point, *_) = arbitrary_points(moving)
     return {symbol: value * BESIDE for symbol, value in point.items()}
 
@@ -200,7 +202,7 @@ def _angles(cosine, sine, rest):
 
 
 class MathPrinter(CasadiPrinter):
-    """Printer for functions of Python's `math`."""
+    """Printer for expressions in functions of Python's `math`."""
 
     def doprint(self, expr: Any, assign_to: Any = None) -> str:
         return super().doprint(expr, assign_to).replace("casadi.", "math.")
@@ -208,7 +210,7 @@ class MathPrinter(CasadiPrinter):
 
 @dataclass(frozen=True)
 class Passage:
-    """Phases at which slope φ + offset equals a target modulo `turn`.
+    """Phases at which slope · φ + offset equals a target modulo `turn`.
 
     targets: text of expressions, or of a call of _angles.
     """
@@ -226,7 +228,7 @@ class Passage:
 
 
 def passages(matrices: Iterable[Any], outputs: Iterable[Any], moving: Iterable[Any]) -> list[Passage]:
-    """Phases of the switches of the matrices, and of those outputs whose switches depend on the phase only.
+    """Phases at which switches of the matrices change, and switches of outputs that depend only on the phase.
 
     Raises UnsupportedExpressionError if the phase of a switch has no closed form.
     """
@@ -251,7 +253,7 @@ def _passages(switch: Any) -> Iterator[Passage]:
 
 
 def _passage(zero: Any, switch: Any) -> Passage:
-    """Phases of the zeros of a function without switches."""
+    """Phases of the zeros of a function that contains no switches."""
     zero = sympy.expand(zero)
     if SPEED not in zero.free_symbols:
         for wrapped in zero.atoms(Wrapped):
@@ -290,8 +292,8 @@ def _unknown(switch: Any) -> UnsupportedExpressionError:
 
 
 def _branches(switch: Any) -> Iterator[Any]:
-    """Variants of a switch: every combination of the branches of the steps, kinks and piecewise functions
-    within it."""
+    """Expressions for all combinations of the branches of the steps, kinks and piecewise functions within a
+    switch."""
     nodes = outermost(switch)
     for chosen in product(*map(_alternatives, nodes)):
         branch = switch.xreplace(dict(zip(nodes, chosen, strict=True)))

@@ -1,4 +1,4 @@
-"""Domains of functions, and the pieces of expressions to which they apply.
+"""Domains of functions, and the pieces of expressions in which they must hold.
 
 A domain is a condition on the argument of a root, quotient or arccosine. Inactive pieces of piecewise
 expressions contribute nothing, even if they are singular: a contact
@@ -25,7 +25,7 @@ Signs = Mapping[Any, Any]
 
 
 class Need(NamedTuple):
-    """Domain of a function: it is real and finite where `margin` satisfies `relation`.
+    """Domain condition of a function: it is real and finite where `margin` satisfies `relation`.
 
     safe: value of the first argument at which the function and its derivatives are finite.
     """
@@ -36,7 +36,7 @@ class Need(NamedTuple):
 
 
 def need(node: Any) -> Need | None:
-    """Domain condition of a function; None if it is finite for every argument."""
+    """Domain condition of a function; None if the function is finite for every argument."""
     if isinstance(node, sympy.Pow):
         return _power(*node.args)
     if not isinstance(node, sympy.Function):
@@ -66,7 +66,7 @@ def _power(base: Any, exponent: Any) -> Need | None:
 
 
 def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
-    """Signs of the speed and of the declared parameters, from their bounds."""
+    """Signs of the speed and of the declared parameters, according to their bounds."""
     signs: dict[Any, Any] = {SPEED: sympy.Dummy(positive=True)}
     for parameter in parameters:
         for clause in filter(None, parameter.bound.split(", ")):
@@ -81,7 +81,7 @@ def signs_of(parameters: Iterable[Any]) -> dict[Any, Any]:
 
 
 def is_met(need: Need, signs: Signs) -> bool:
-    """Whether the signs of the symbols are sufficient to guarantee that a function is real and finite."""
+    """Whether the signs of the symbols imply that a function is real and finite."""
     margin = substituted(sympy.sympify(need.margin), dict(signs))
     if need.relation == NOT_ZERO:
         return bool(margin.is_nonzero)
@@ -89,8 +89,8 @@ def is_met(need: Need, signs: Signs) -> bool:
 
 
 def substituted(part: Any, rest: Mapping[Any, Any]) -> Any:
-    """Expression evaluated at the values `rest` of symbols. Where SymPy cannot compare log(0) or 1/0, their
-    limits are used; the result is NaN if the sign of a limit is unknown."""
+    """Expression evaluated at the values `rest` of symbols. Limits are used for log(0) and 1/0, which SymPy
+    cannot compare; NaN if the sign of a limit is unknown."""
     try:
         return part.xreplace(rest)
     except (TypeError, ValueError):
@@ -110,7 +110,7 @@ def limit(part: Any, rest: Mapping[Any, Any]) -> Any:
 
 
 def rebuilt(part: Any, args: Iterable[Any]) -> Any:
-    """Expression with other arguments; NaN if they cannot be compared."""
+    """Expression with new arguments; NaN if they cannot be compared."""
     try:
         return part.func(*args)
     except (TypeError, ValueError):
@@ -118,7 +118,8 @@ def rebuilt(part: Any, args: Iterable[Any]) -> Any:
 
 
 def gate(factor: Any) -> Any:
-    """Condition under which a factor Heaviside(x), Max(0, x), Min(0, x), or a power of these, is nonzero.
+    """Condition under which a factor Heaviside(x), Max(0, x), Min(0, x), or a power of one of these, is
+    nonzero.
 
     None for other factors.
     """
@@ -133,7 +134,7 @@ def gate(factor: Any) -> Any:
 
 
 def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
-    """Each value of a piecewise function with the condition under which it is active."""
+    """Values of a piecewise function, each with the condition under which it is active."""
     before: list[Any] = []
     for value, condition in pieces:
         yield value, sympy.And(condition, *map(sympy.Not, before))
@@ -141,7 +142,8 @@ def branches(pieces: Iterable[Any]) -> Iterator[tuple[Any, Any]]:
 
 
 def needs(expression: Any) -> list[tuple[Any, Need]]:
-    """Functions of an expression with their domain conditions where their pieces are active, inner first."""
+    """Domain conditions of all functions in an expression, where their pieces are active; inner functions
+    first."""
     collected: dict[Any, tuple[Any, Need]] = {}
     for node, guards in _guarded(expression, ()):
         condition = need(node)
@@ -154,7 +156,7 @@ def needs(expression: Any) -> list[tuple[Any, Need]]:
 
 
 def _guarded(part: Any, guards: tuple[Any, ...]) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """Every subexpression with the conditions under which it is active, arguments before functions."""
+    """All subexpressions with the conditions under which they are active; arguments come before functions."""
     if isinstance(part, sympy.Piecewise):
         for value, condition in branches(part.args):
             yield from _guarded(value, guards if condition == sympy.true else (*guards, condition))
@@ -172,8 +174,8 @@ PIECEWISE = (sympy.Max, sympy.Min, sympy.Piecewise, *STEPS)
 
 
 class Selected(sympy.Function):
-    """Function Selected(condition, value, otherwise): value where the condition holds, else
-    otherwise."""
+    """Function Selected(condition, value, otherwise), which is `value` where the condition holds and
+    `otherwise` elsewhere."""
 
     nargs = 3
     is_real = True
@@ -187,13 +189,13 @@ class Selected(sympy.Function):
 
 
 def guarded(expression: Any, signs: Signs) -> Any:
-    """The expression with pieces that may be singular replaced by selections that are finite on both
-    sides."""
+    """Expression whose possibly singular pieces are replaced by selections that are finite on both sides."""
     return _Selection(signs, True).of(sympy.sympify(expression))
 
 
 def at_rest(expression: Any, rest: Mapping[Any, Any], signs: Signs) -> tuple[Any, list[Any]]:
-    """The expression at values `rest` of the moving symbols, and conditions for inactive singular pieces."""
+    """Expression at the values `rest` of the moving symbols, and conditions under which singular pieces are
+    inactive."""
     conditions: list[Any] = []
 
     def value(part: Any) -> Any:
@@ -224,8 +226,8 @@ def is_finite(expression: Any) -> bool:
 
 
 def margin_of(condition: Any) -> Any:
-    """Expression that is positive where a combination of inequalities holds strictly; None for any other
-    condition."""
+    """Expression that is positive where a combination of inequalities holds strictly; None for other
+    conditions."""
     if isinstance(condition, sympy.And | sympy.Or):
         margins: Sequence[Any] = [margin_of(argument) for argument in condition.args]
         if any(margin is None for margin in margins):
@@ -235,7 +237,7 @@ def margin_of(condition: Any) -> Any:
 
 
 def _may_hold(condition: Any, signs: Signs) -> bool:
-    """Whether the signs of the symbols permit the inequalities to hold strictly."""
+    """Whether the inequalities can hold strictly, given the signs of the symbols."""
     margin = margin_of(condition)
     return margin is not None and not margin.xreplace(dict(signs)).is_nonpositive
 
@@ -306,7 +308,7 @@ class _Selection:
         return None
 
     def _extreme(self, extreme: Any) -> Any:
-        """Selection that makes singular arguments inactive unless they are the extremum."""
+        """Selection that makes singular arguments of Max or Min inactive unless they are the extremum."""
         if not any(map(self._is_singular, extreme.args)):
             return extreme
         value, *others = map(self.of, sorted(extreme.args, key=sympy.default_sort_key))
@@ -317,7 +319,7 @@ class _Selection:
         return value
 
     def _pieces(self, pieces: Sequence[tuple[Any, Any]], stated: Any) -> Any:
-        """Selections for the pieces of a piecewise function, or of its product with a factor."""
+        """Selections for the pieces of a piecewise function, or of the product of one with a factor."""
         if not any(self._is_singular(value) for value, _ in pieces):
             return stated
         values = [self._finite(self.of(value), condition) for value, condition in branches(pieces)]
@@ -327,7 +329,7 @@ class _Selection:
         return result
 
     def _is_singular(self, part: Any) -> bool:
-        """Whether a function in the expression, or a derivative of it, may be singular."""
+        """Whether a function in the expression, or a derivative of a function, may be singular."""
         return self._may_fail(part) or any(map(self._is_singular, part.args))
 
     def _may_fail(self, node: Any) -> bool:

@@ -81,7 +81,7 @@ ACCELERATED = ("phase", "speed", "acceleration", "q", "qd", "qdd", "p")
 
 @dataclass(frozen=True)
 class Equations:
-    """All results of a generated module.
+    """All results that a generated module contains.
 
     residual, outputs: at varying speed; residual is None if `functions` contain it or there are no
     coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
@@ -108,7 +108,7 @@ class Equations:
 
     @property
     def of_states(self) -> dict[str, dict[str, Any]]:
-        """Results at varying speed, by the name of the function and of the result."""
+        """Results at varying speed, by the names of the function and of the result."""
         residual = {} if self.residual is None else {"residual": {"r": self.residual}}
         return {**residual, "outputs": {output.name: output.expression for output in self.outputs}}
 
@@ -126,7 +126,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
             rows = () if mechanism.damping_ratios else [*varying]
             outputs.append(_torque(drive_torque(mechanism, rows)))
         except ImpulseError as error:
-            reason = f"it would hold impulses: {error}"
+            reason = f"it would contain impulses: {error}"
     for declared in mechanism.declared_outputs:
         outputs.append(_in_its_unit(declared, from_fundamental(mechanism, declared.expression)))
     linearised, expressions = linearise(mechanism, r), [output.expression for output in outputs]
@@ -217,12 +217,12 @@ def _require_own_names(body: str) -> None:
 
 
 def _domain(demanded: Sequence[Demand]) -> list[str]:
-    """Lines of the constant DOMAIN; empty without domain conditions."""
+    """Lines of the constant DOMAIN; empty if there are no domain conditions."""
     return tuple_lines("DOMAIN", [literal(tuple(demand[:4])) for demand in demanded]) if demanded else []
 
 
 def _reasons(equations: Equations) -> list[str]:
-    """Lines of the constants NO_DRIVE_TORQUE and NONLINEAR, where they apply."""
+    """Lines of the constants NO_DRIVE_TORQUE and NONLINEAR, if applicable."""
     lines = []
     if equations.no_drive_torque:
         lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
@@ -249,7 +249,7 @@ def equations_text(equations: Sequence[Equation], projection: Projection | None 
 def functions_text(
     mechanism: MechanismStatement, functions: list[GeneratedFunction]
 ) -> tuple[list[str], dict[str, int]]:
-    """Texts of the functions, preceded by those of their loops, and the operations of each."""
+    """Texts of the functions, preceded by those of their loops, and the number of operations of each."""
     orders = loop_orders([matrix for function in functions for matrix in function.matrices])
     loops = {loop.name: loop_text(loop, needed) for loop, needed in orders.items()}
     printed = {function.name: function_text(mechanism, function, orders) for function in functions}
@@ -261,7 +261,7 @@ def functions_text(
 
 
 def _operations(counts: dict[str, int]) -> dict[str, int]:
-    """Numbers of operations of those functions that are evaluated at every phase."""
+    """Numbers of operations of the functions that are evaluated at every phase."""
     evaluated = {name: counts[name] for name in ("linearised", "residual", "outputs") if name in counts}
     return {"linearised": counts["linearised"], "residual": counts["linearised"], **evaluated}
 
@@ -293,7 +293,7 @@ def _functions(mechanism: MechanismStatement, equations: Equations) -> list[Gene
 
 
 def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
-    """Function of the domain conditions, if there are any."""
+    """Generated function of the domain conditions; empty without conditions."""
     if not demanded:
         return []
     doc = "One number for each of DOMAIN, which must satisfy its relation all over the period."
@@ -302,7 +302,7 @@ def domain_functions(demanded: Sequence[Demand]) -> list[GeneratedFunction]:
 
 
 def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
-    """Function of the lines of the sketch, if there are any."""
+    """Generated function of the lines of the sketch; empty without a sketch."""
     if not mechanism.declared_sketches:
         return []
     deflection, still = mechanism.declared_field, {AROUND: 2 * sympy.pi * RUNNING}
@@ -323,7 +323,7 @@ def sketch_functions(mechanism: MechanismStatement) -> list[GeneratedFunction]:
 
 
 def condition_functions(conditions: Sequence[Condition]) -> list[GeneratedFunction]:
-    """Function of the conditions, if there are any."""
+    """Generated function of the conditions; empty without conditions."""
     if not conditions:
         return []
     margins = sympy.Matrix([condition.margin for condition in conditions])
@@ -391,7 +391,7 @@ def constants(
 
 
 def _series(series: type[PeriodicFunction]) -> tuple:
-    """Entry of a series in the constant SERIES.
+    """Entry for a series in the constant SERIES.
 
     It contains name, form, whether the coefficients are those of the derivative, mean, prefixes of both kinds
     of coefficients, and number of harmonics.
@@ -402,7 +402,7 @@ def _series(series: type[PeriodicFunction]) -> tuple:
 
 
 def literal(value: str | float | range | tuple) -> str:
-    """A value as Python source with double quotes."""
+    """Value as Python source with double quotes."""
     if isinstance(value, tuple):
         return "(" + ", ".join(map(literal, value)) + ("," if len(value) == 1 else "") + ")"
     return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

@@ -1,4 +1,4 @@
-"""Equations of motion by Lagrange, and their expansion about the fundamental motion.
+"""Equations of motion by Lagrange's equations, and their expansion about the fundamental motion.
 
 For each coordinate  d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q + ∂R/∂q̇ − Q = 0,  where a force F along y has
 Q = F ∂y/∂q (chapter Eqs. (46)–(54)). The phase is a prescribed coordinate: its row gives the drive torque.
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import sympy
 
 from derive.declarations import Condition
-from derive.discontinuities import at_desired_motion, inactive, open_clearances, require_tangents
+from derive.discontinuities import at_fundamental_motion, inactive, open_clearances, require_tangents
 from derive.domains import Signs, is_finite, signs_of
 from derive.errors import ExpansionError, SingularMassError
 from derive.functions import LoopFunction, PeriodicFunction
@@ -31,7 +31,7 @@ def gathered(entry: sympy.Expr) -> sympy.Expr:
 
 
 def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
-    """Matrices with collected terms, or unchanged if this form has fewer operations.
+    """Matrices with collected terms; unchanged if the original form has fewer operations.
 
     Collecting shortens transmission functions and lengthens kinematics that are written out.
     """
@@ -39,7 +39,7 @@ def simplified(matrices: Sequence[sympy.Matrix]) -> list[sympy.Matrix]:
 
 
 def unshifted(expression: Any) -> Any:
-    """Expand sines and cosines of the phase plus a constant angle.
+    """Expression in which sines and cosines of the phase plus a constant angle are expanded.
 
     The terms of blades or poles at equal angles around a revolution then cancel.
     """
@@ -55,15 +55,15 @@ def _shifted(part: Any) -> bool:
 
 
 def operations(matrices: Sequence[sympy.Matrix]) -> int:
-    """Number of operations of all entries, with common subexpressions counted once."""
+    """Number of operations in all entries; common subexpressions are counted once."""
     common, reduced = sympy.cse(matrices, optimizations="basic", order="canonical")
     entries = [entry for matrix in reduced for entry in matrix]
     return int(sympy.count_ops([expression for _, expression in common] + entries))
 
 
 class Energies(NamedTuple):
-    """Kinetic energy T, potential energy V and Rayleigh's dissipation function R of a mechanism, or per
-    length."""
+    """Kinetic energy T, potential energy V and Rayleigh's dissipation function R of a mechanism, in total or
+    per length."""
 
     kinetic: Any
     potential: Any
@@ -79,7 +79,7 @@ def residuals(mechanism: MechanismStatement) -> sympy.Matrix:
 
 
 def _in_parts(rows: Sequence[Any]) -> sympy.Matrix:
-    """Rows in which the terms at constant speed and those due to an acceleration are simplified
+    """Rows in which terms at constant speed and terms due to an acceleration of the drive are simplified
     separately."""
     matrix = sympy.Matrix(rows)
     return simplified([steady(matrix)])[0] + simplified([accelerated(matrix)])[0]
@@ -94,7 +94,8 @@ def accelerated(expression: Any) -> Any:
 
 
 def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> sympy.Expr:
-    """Torque of the drive, N m, from the row of the phase (chapter Eq. (51)) and those of the coordinates.
+    """Torque of the drive in N m, from the row of the phase (chapter Eq. (51)) and the rows of the
+    coordinates.
 
     The row of a coordinate that adds to the phase, such as the twist of a shaft, is subtracted. It vanishes
     on every motion, and the torque in that shaft remains. Without it, the inertia terms would have an error
@@ -111,7 +112,7 @@ def drive_torque(mechanism: MechanismStatement, residual: Iterable[Any]) -> symp
 
 
 def from_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
-    """The expression with q, q̇, q̈ relative to the fundamental motion, and the phase modulo 2π at steps."""
+    """Expression with q, q̇, q̈ relative to the fundamental motion, and the phase modulo 2π in steps."""
     expression = counted(expression)
     shift: dict[sympy.Basic, sympy.Expr] = {}
     for symbol, motion in mechanism.fundamental_motion.items():
@@ -133,14 +134,15 @@ def _row(mechanism: MechanismStatement, q: Moving) -> sympy.Expr:
 
 
 def equation(energies: Energies, q: Moving, forces: Iterable[Sequence[Any]] = ()) -> sympy.Expr:
-    """d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q + ∂R/∂q̇ − Σ F ∂y/∂q, for forces given as pairs of F and y."""
+    """Lagrange's expression d/dt ∂T/∂q̇ − ∂T/∂q + ∂V/∂q + ∂R/∂q̇ − Σ F ∂y/∂q. forces: pairs of F and y."""
     T, V, R = energies
     work = sympy.Add(*(force * slope(along, q) for force, along in forces))
     return rate(slope(T, q.rate)) - slope(T, q) + slope(V, q) + slope(R, q.rate) - work
 
 
 class Linearised(NamedTuple):
-    """Matrices of the vibration about the fundamental motion, in phase and speed (chapter Eq. (64))."""
+    """Matrices of the vibration about the fundamental motion, as functions of phase and speed (chapter Eq.
+    (64))."""
 
     M: sympy.Matrix
     C: sympy.Matrix
@@ -149,8 +151,8 @@ class Linearised(NamedTuple):
 
 
 def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearised:
-    """Jacobians of the residual with respect to q̈, q̇ and q at the fundamental motion; d is minus the
-    residual there.
+    """Jacobians of the residual with respect to q̈, q̇ and q at the fundamental motion, and d, which is minus
+    the residual there.
 
     Raises ExpansionError if an entry is not finite, SingularMassError if M is singular for all parameters.
     """
@@ -158,16 +160,18 @@ def linearise(mechanism: MechanismStatement, residual: sympy.Matrix) -> Linearis
         none = sympy.zeros(0, 0)
         return Linearised(none, none, none, sympy.zeros(0, 1))
     signs = signs_of(mechanism.declared_parameters)
-    matrices = expanded(residual, [coordinate.symbol for coordinate in mechanism.declared_coordinates], signs)
+    matrices = taylor_expansion(
+        residual, [coordinate.symbol for coordinate in mechanism.declared_coordinates], signs
+    )
     _require_expansion(mechanism, matrices)
     linearised = Linearised(*simplified(matrices))
     _require_inertia(mechanism, linearised.M)
     return linearised
 
 
-def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
-    """First-order Taylor expansion of a residual about the desired motion, in coordinates q, their rates and
-    accelerations; valid away from switches.
+def taylor_expansion(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = None) -> Linearised:
+    """First-order Taylor expansion of a residual about the fundamental motion, in the coordinates q, their
+    rates and accelerations; valid away from switches.
 
     signs: signs of the parameters. Raises ExpansionError if a step or kink in the coordinates leaves no
     tangent.
@@ -175,21 +179,21 @@ def expanded(residual: sympy.Matrix, q: Sequence[Moving], signs: Signs | None = 
     jacobian, moving = _jacobian(residual, q)
     require_tangents(residual, jacobian, moving)
     parts = [jacobian[:, k * len(q) : (k + 1) * len(q)] for k in range(3)] + [-residual]
-    return Linearised(*(unshifted(at_desired_motion(part, moving, signs)) for part in parts))
+    return Linearised(*(unshifted(at_fundamental_motion(part, moving, signs)) for part in parts))
 
 
 def input_matrix(mechanism: MechanismStatement) -> sympy.Matrix:
-    """B (n, r) of the inputs u on the right of the linearised equations: derivatives of the displacements
-    along which they act, at the fundamental motion."""
+    """Matrix B (n, r) of the inputs u on the right-hand side of the linearised equations: derivatives, at the
+    fundamental motion, of the displacements along which the inputs act."""
     q = [coordinate.symbol for coordinate in mechanism.declared_coordinates]
     moving = [each for symbol in q for each in symbol.motion]
     along = [from_fundamental(mechanism, each.along) for each in mechanism.declared_inputs]
     slopes = sympy.Matrix(len(q), len(along), lambda i, j: slope(along[j], q[i]))
-    return unshifted(at_desired_motion(slopes, moving, signs_of(mechanism.declared_parameters)))
+    return unshifted(at_fundamental_motion(slopes, moving, signs_of(mechanism.declared_parameters)))
 
 
 def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Condition]:
-    """Conditions on the parameters under which the expansion exists."""
+    """Conditions on the parameters under which the Taylor expansion exists."""
     if not mechanism.declared_coordinates:
         return []
     jacobian, moving = _jacobian(
@@ -204,7 +208,7 @@ def clearances(mechanism: MechanismStatement, residual: sympy.Matrix) -> list[Co
 
 
 def _jacobian(residual: sympy.Matrix, q: Sequence[Moving]) -> tuple[sympy.Matrix, list[Moving]]:
-    """Derivatives beside switches with respect to q̈, q̇ and q, and these symbols."""
+    """Derivatives, next to switches, with respect to q̈, q̇ and q, and these symbols."""
     qd = [symbol.rate for symbol in q]
     moving = [*(symbol.rate for symbol in qd), *qd, *q]
     return known_real(residual).jacobian(moving).applyfunc(beside), moving
@@ -217,13 +221,13 @@ def _require_expansion(mechanism: MechanismStatement, matrices: Linearised) -> N
             if not is_finite(matrix.row(row)):
                 raise ExpansionError(
                     f"the equation of {name} cannot be linearised: {symbol} is not finite in the "
-                    "fundamental motion; use energies and forces that are smooth there (sqrt(q) is not at "
-                    "q = 0)"
+                    "fundamental motion; use energies and forces that are smooth there (sqrt(q) is not "
+                    "smooth at q = 0)"
                 )
 
 
 def _require_inertia(mechanism: MechanismStatement, M: sympy.Matrix) -> None:
-    """Raise SingularMassError if M is singular at an arbitrary rational point, and so everywhere."""
+    """Raise SingularMassError if M is singular at an arbitrary rational point, and hence everywhere."""
     unknown = sorted(M.atoms(PeriodicFunction, LoopFunction), key=sympy.default_sort_key)
     unknown += sorted(M.free_symbols, key=lambda symbol: symbol.name)
     point = {symbol: sympy.Rational(sympy.prime(i + 5), 7) for i, symbol in enumerate(unknown)}

@@ -1,4 +1,4 @@
-"""A deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
+"""Deflection w(x, t) along an elastic link, and integrals of products of its mode functions.
 
 The author of a mechanism writes energies per length in w, its slope and curvature, their rates and the
 position x, as if these were coordinates at one place, and integrates them over the link.
@@ -32,7 +32,7 @@ Shape = Callable[[Any, Any], Any]
 
 @dataclass(frozen=True)
 class ModalIntegral:
-    """∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1; `equal` for i = j, `different` otherwise."""
+    """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1: `equal` for i = j, `different` otherwise."""
 
     different: sympy.Expr
     equal: sympy.Expr
@@ -43,8 +43,8 @@ class ModalIntegral:
 
 
 def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> ModalIntegral:
-    """∫ ξ^power times the product of the derivatives a and b (with respect to ξ) of modes i and j, for
-    numbers up to `most`.
+    """Integral ∫ ξ^power ψ_i^(a) ψ_j^(b) dξ over 0 … 1, with derivatives of orders a and b with respect to ξ,
+    for mode numbers up to `most`.
 
     Raises UnsupportedExpressionError where the mode functions are of another kind.
     """
@@ -54,14 +54,14 @@ def modal_integral(shape: Shape, a: int, b: int, power: int, most: int) -> Modal
 
 
 def modal_moment(shape: Shape, a: int, power: int, most: int) -> sympy.Expr:
-    """∫ ξ^power ψ_j^(a) dξ over 0 … 1; see `modal_integral`."""
+    """Integral ∫ ξ^power ψ_j^(a) dξ over 0 … 1; see `modal_integral`."""
     return _integral(XI**power * shape(MODE_J, XI).diff(XI, a), (MODE_J,), most)
 
 
 @cache
 def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sympy.Expr:
-    """Integral over 0 … 1, for all mode numbers up to `most` that differ. Cached, because energies and
-    outputs of all fields with the same shape contain the same integrals."""
+    """Integral over 0 … 1 for all distinct mode numbers up to `most`. Cached, because energies and outputs of
+    all fields with the same shape contain the same integrals."""
     numbers = [
         dict(zip(symbols, permutation, strict=True))
         for permutation in permutations(range(1, most + 1), len(symbols))
@@ -75,9 +75,9 @@ def _integral(function: Any, symbols: tuple[sympy.Symbol, ...], most: int) -> sy
 
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
-    """Sum of powers of π and parities, each times a factored quotient of mode numbers. The integral is real:
-    imaginary terms, which cancel with those of the opposite frequency, are omitted, because factoring their
-    sum takes long."""
+    """Sum of powers of π and parities, each multiplied by a factored quotient of mode numbers. The integral
+    is real; imaginary terms cancel with those of the opposite frequency and are omitted, because factoring
+    them is slow."""
     quotients: dict[sympy.Expr, sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(total)):
         imaginary = term.as_coefficient(sympy.I)
@@ -92,7 +92,7 @@ def _factored(total: sympy.Expr) -> sympy.Expr:
 
 
 def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
-    """Coefficients of ξ^p exp(iπtξ) in a function, by p and t."""
+    """Coefficients of ξ^p exp(iπtξ) in a function, in a dictionary by p and t."""
     waves: dict[tuple[int, sympy.Expr], sympy.Expr] = {}
     for term in sympy.Add.make_args(sympy.expand(function.rewrite(sympy.exp))):
         factor, varying = term.as_independent(XI)
@@ -111,7 +111,7 @@ def _waves(function: Any) -> dict[tuple[int, sympy.Expr], sympy.Expr]:
 
 
 def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
-    """∫ ξ^p exp(iπtξ) dξ over 0 … 1."""
+    """Integral ∫ ξ^p exp(iπtξ) dξ over 0 … 1."""
     if half_waves == 0:
         return sympy.Rational(1, power + 1)
     end, slope = _end_value(half_waves), sympy.I * sympy.pi * half_waves
@@ -122,7 +122,7 @@ def _wave(power: int, half_waves: sympy.Expr) -> sympy.Expr:
 
 
 def _end_value(half_waves: Any) -> sympy.Expr:
-    """exp(iπt) for t = ai + bj + c with integers a and b."""
+    """Value of exp(iπt) for t = ai + bj + c with integers a and b."""
     a, b = half_waves.coeff(MODE_I), half_waves.coeff(MODE_J)
     rest = half_waves - a * MODE_I - b * MODE_J
     if not (a.is_Integer and b.is_Integer and rest.is_number):
@@ -131,8 +131,8 @@ def _end_value(half_waves: Any) -> sympy.Expr:
 
 
 def _require_frequency(half_waves: sympy.Expr, numbers: list[dict[sympy.Symbol, int]]) -> None:
-    """Raise an error if the frequency of a wave vanishes for some mode numbers only, for which its formula
-    would be 0/0."""
+    """Raise an error if the frequency of a wave vanishes for some mode numbers only; its formula would be 0/0
+    there."""
     if half_waves == 0:
         return
     for number in numbers:
@@ -153,7 +153,7 @@ def _unsupported(part: sympy.Basic) -> UnsupportedExpressionError:
 
 
 class FieldIntegral(sympy.Function):
-    """∫ density dx over the length of a field; each field has a subclass."""
+    """Integral ∫ density dx over the length of a field. Each field has a subclass."""
 
     nargs = 2
     is_real = True
@@ -168,13 +168,13 @@ class FieldIntegral(sympy.Function):
         return super().free_symbols - self.field.local
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the integral, from those of density and length."""
+        """Dimension of the integral, from the dimensions of density and length."""
         return parts[0] * parts[1]
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length), where the option `modes` is the number of modes.
+    """Deflection w(x, t) = Σ q_k(t) ψ_k(x/length). The option `modes` is the number of modes.
 
     shape: ψ_k as a function of k and xi = x/length.
     """
@@ -195,7 +195,7 @@ class Field:
 
     @cached_property
     def derivatives(self) -> tuple[Moving, Moving, Moving]:
-        """w, w′ and w″, derivatives with respect to x."""
+        """Deflection w and its derivatives w′ and w″ with respect to x."""
         return Moving(self.name), Moving(f"{self.name}_slope"), Moving(f"{self.name}_curvature")
 
     @property
@@ -215,17 +215,17 @@ class Field:
 
     @cached_property
     def shortening(self) -> Any:
-        """u = ½∫w′² from 0 to x: displacement of an inextensible link at x towards its start."""
+        """Displacement u = ½∫w′² (from 0 to x) of an inextensible link at x towards its start."""
         return Moving(f"{self.name}_shortening")
 
     @cached_property
     def total_shortening(self) -> Any:
-        """Displacement u at the end: length of the link minus that of its chord."""
+        """Displacement u at the end, which is the length of the link minus that of its chord."""
         return Moving(f"{self.name}_total_shortening")
 
     @cached_property
     def tension(self) -> Any:
-        """Axial force N of the straight link, derived from the energy terms with the shortening."""
+        """Axial force N of the straight link, from the energy terms that contain the shortening."""
         return Moving(f"{self.name}_tension")
 
     @cached_property
@@ -236,11 +236,11 @@ class Field:
 
     @property
     def symbols(self) -> list[Moving]:
-        """All moving symbols, without their rates."""
+        """All moving symbols, without their rates and accelerations."""
         return [*self.derivatives, self.shortening, self.total_shortening, self.tension, *self.points]
 
     def dimensions(self, length: Dimension, energy: Dimension) -> dict[Any, Dimension]:
-        """Dimensions of `symbols` for these dimensions of length and energy."""
+        """Dimensions of `symbols`, from the dimensions of length and energy."""
         unit = parse(self.unit)
         dimension = {derivative: unit / length**order for order, derivative in enumerate(self.derivatives)}
         dimension |= {self.shortening: length, self.total_shortening: length, self.tension: energy / length}
@@ -262,7 +262,7 @@ class Field:
         return self._integral(sympy.sympify(density), self.length)
 
     def line(self, start: tuple[Any, Any], direction: Any) -> list[tuple[Any, Any]]:
-        """Moving point of the bent link for `sketch`.
+        """Moving point of the bent link, for `sketch`.
 
         Parameters
         ----------
@@ -276,7 +276,7 @@ class Field:
         return [(x + along * c - across * s, y + along * s + across * c)]
 
     def at(self, expression: Any, position: Any) -> Any:
-        """Value of an expression at a position.
+        """Value of an expression at a position along the link.
 
         Parameters
         ----------

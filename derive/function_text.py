@@ -1,4 +1,4 @@
-"""The text of one generated function: inputs, series, common subexpressions, results."""
+"""Text of one generated function: inputs, series, common subexpressions, results."""
 
 import json
 import textwrap
@@ -26,7 +26,7 @@ VECTORS["acceleration"] = ACCELERATION.name
 
 @dataclass(frozen=True)
 class GeneratedFunction:
-    """A function of the generated module: its CasADi inputs and named results.
+    """Function of the generated module, with its CasADi inputs and named results.
 
     definitions: text of the symbols of the results that are not inputs.
     """
@@ -45,7 +45,7 @@ class GeneratedFunction:
 def function_text(
     mechanism: MechanismStatement, function: GeneratedFunction, loops: Mapping[Loop, list[Order]] = NO_LOOPS
 ) -> tuple[str, int]:
-    """Text of one function, and its number of operations with common subexpressions counted once.
+    """Text of one function, and its number of operations; common subexpressions are counted once.
 
     loops: orders of derivatives that the generated function of each loop returns.
     """
@@ -89,7 +89,7 @@ def tuple_lines(name: str, entries: Sequence[str]) -> list[str]:
 
 
 def breaks_text(mechanism: MechanismStatement, passages: Sequence[Passage]) -> str:
-    """Text of the constant BREAKS, or of a function of speed and parameters if the phases depend on them."""
+    """Text of the constant BREAKS, or of a function of speed and parameters if the phases depend on these."""
     symbols = set().union(*(passage.symbols for passage in passages))
     phases = ["0.0", *(passage.text for passage in passages)]
     if not symbols:
@@ -123,7 +123,7 @@ def _varying(steady, added):
 
 
 def varying_text(name: str, given: str, options: Iterable[str]) -> str:
-    """Text of the variant for varying speed of a function of a state.
+    """Text of the variant, for varying speed, of a function of a state.
 
     given: text of the function's parameters; options: names of the module's options.
     """
@@ -163,7 +163,7 @@ def _inputs(mechanism: MechanismStatement, inputs: Sequence[str]) -> list[str]:
 
 
 def in_si(mechanism: MechanismStatement) -> list[str]:
-    """Lines that convert parameters to SI, for those whose unit is not coherent SI."""
+    """Lines that convert parameters to SI, for parameters whose unit is not coherent SI."""
     sizes = {parameter.symbol.name: size(parameter.unit) for parameter in mechanism.declared_parameters}
     return [f"{name} = {factor!r}*{name}" for name, factor in sizes.items() if factor != 1.0]
 
@@ -176,7 +176,7 @@ def _option_line(option: Option) -> str:
 
 
 def _wrapped(names: Sequence[str]) -> str:
-    """Text of a tuple of names, in several lines if it is long."""
+    """Text of a tuple of names, on several lines if it is long."""
     if len(names) < 10:
         return f"({_listed(names)})"
     rows = textwrap.wrap(", ".join(names) + ",", WIDTH - 8)

@@ -24,7 +24,7 @@ Order = tuple[int, ...]
 
 
 class LoopFunction(sympy.Function):
-    """Unknown of a loop as a function: z(x, y) is the unknown, z(x, y, 1, 0) its derivative ∂z/∂x.
+    """Unknown of a loop as a function: z(x, y) is the unknown, z(x, y, 1, 0) is its derivative ∂z/∂x.
 
     Each unknown of each loop has a subclass.
     """
@@ -52,7 +52,7 @@ class LoopFunction(sympy.Function):
         return self.func(*self.arguments, *order)
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension:
-        """Dimension of the derivative, from those of the arguments."""
+        """Dimension of the derivative, from the dimensions of the arguments."""
         dimension = parse(self.unit)
         for part, times in zip(parts, self.order, strict=False):
             dimension /= part**times
@@ -60,7 +60,8 @@ class LoopFunction(sympy.Function):
 
     @property
     def derivatives(self) -> tuple[int, list[tuple[Any, int]]]:
-        """Order of the derivative with respect to the phase, and of those with respect to other arguments."""
+        """Order of the derivative with respect to the phase, and orders with respect to the other
+        arguments."""
         orders = list(zip(self.arguments, self.order, strict=True))
         others = [(argument, times) for argument, times in orders if times and argument != PHASE]
         return sum(times for argument, times in orders if argument == PHASE), others
@@ -83,7 +84,7 @@ def _exponent(times: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A closed loop of links.
+    """Closed loop of rigid links.
 
     unknowns: z, with their units. given: formal arguments, with the actual ones in `arguments`. closure: one
     expression of z, given and parameters per unknown, which vanishes. start: z as expressions of given and
@@ -118,12 +119,12 @@ class Loop:
 
     @property
     def parameters(self) -> list[sympy.Symbol]:
-        """Parameters in the equations of the loop, without its arguments."""
+        """Parameters in the equations of the loop, without the loop's arguments."""
         free: set[Any] = set().union(*(part.free_symbols for part in (*self.closure, *self.start)))
         return sorted(free - {*self.unknowns, *self.given}, key=lambda symbol: symbol.name)
 
     def at(self, arguments: Iterable[sympy.Expr], order: Order | None = None) -> tuple[Any, ...]:
-        """The unknowns, or their derivatives of this order, at the arguments."""
+        """Unknowns, or their derivatives of the given order, at the arguments."""
         return tuple(function(*arguments, *(order or ())) for function in self.functions)
 
     @property
@@ -139,7 +140,7 @@ class Loop:
         )
 
     def derivative(self, order: Order) -> list[Any]:
-        """Derivatives of the unknowns of one order, computed from those of lower orders."""
+        """Derivatives of the unknowns of one order, from those of lower orders."""
         functions = dict(zip(self.unknowns, self.at(self.given), strict=True))
         closed: Any = sympy.Matrix(self.closure).xreplace(functions)
         for symbol, times in zip(self.given, order, strict=True):
@@ -159,24 +160,25 @@ class Loop:
 
 
 def _linear_solution(matrix: Any, right: Any) -> Any:
-    """Solution z of matrix z = right by Cramer's rule, which needs no test for zero pivots."""
+    """Solution z of `matrix` z = `right` by Cramer's rule, which needs no test for zero pivots."""
     return matrix.adjugate() * right / matrix.det(method="berkowitz")
 
 
 def lower_orders(orders: Iterable[Order]) -> list[Order]:
-    """Orders, with all lower orders from which the derivatives follow, lowest first."""
+    """The given orders and all lower orders from which their derivatives follow, lowest first."""
     needed = {lower for order in orders for lower in product(*(range(times + 1) for times in order))}
     return sorted(needed, key=lambda order: (sum(order), order))
 
 
-def at_desired_motion(expression: Any) -> Any:
+def at_fundamental_motion(expression: Any) -> Any:
     """Expression at the fundamental motion, where all moving symbols except the phase are zero."""
     moving = expression.atoms(Moving) - {PHASE}
     return substituted(expression, dict.fromkeys(moving, sympy.S.Zero))
 
 
 def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loop:
-    """Directions of coupler and follower, from crank pin A and pivot C to joint B, in closed form.
+    """Directions of coupler and follower in closed form. A is the crank pin, C the pivot of the follower, and
+    B the joint.
 
     links: angle and length of the crank, lengths of coupler and follower, length and tilt of the ground
     line; those that move are arguments. side: +1 if B lies on the left of the line from A to C, −1 on its
@@ -207,27 +209,27 @@ def four_bar(names: tuple[str, str], links: Mapping[str, Any], side: Any) -> Loo
 
 
 def full_turn(crank: Any, coupler: Any, follower: Any, ground: Any) -> tuple[Any, Any]:
-    """Inequalities that hold if A, B, C form a triangle at every angle of the crank."""
+    """Inequalities that hold if A, B, C form a triangle at every crank angle."""
     crank, coupler, follower, ground = (
-        at_desired_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
+        at_fundamental_motion(sympy.sympify(x)) for x in (crank, coupler, follower, ground)
     )
     reach = ground + crank < coupler + follower
     return reach, sympy.Abs(ground - crank) > sympy.Abs(coupler - follower)
 
 
 class Series(Protocol):
-    """A declared periodic function, as the author of a mechanism uses it."""
+    """Declared periodic function, as used by the author of a mechanism."""
 
     mean: Any
     """Parameter of the mean, if the series has one."""
 
     def __call__(self, angle: Any, /) -> Any:
-        """The function of an angle as an expression."""
+        """Expression for the function at an angle."""
         ...
 
 
 class PeriodicFunction(sympy.Function):
-    """Fourier series as a function: U(φ) is its value, U(φ, k) its k-th derivative.
+    """Fourier series as a function: U(φ) is its value, U(φ, k) is its k-th derivative.
 
     Each declared series has a subclass with the names of its coefficients.
     """

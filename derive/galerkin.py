@@ -1,4 +1,4 @@
-"""Galerkin projection of a deflection on its mode functions, and the text of its generated functions.
+"""Galerkin projection of a deflection onto its mode functions, and the text of the generated functions.
 
 At one place of the link, w, w′ and w″ obey Lagrange's equations of the energies per length as if they were
 coordinates. Their linearised rows are r_a = Σ_b M_ab ẅ_b + C_ab ẇ_b + K_ab w_b − d_a, where a and b count
@@ -17,7 +17,7 @@ from typing import Any
 import sympy
 
 from derive.declarations import RUNNING
-from derive.equations import Energies, equation, expanded, gathered
+from derive.equations import Energies, equation, gathered, taylor_expansion
 from derive.errors import DeclarationError, SingularMassError, UnsupportedExpressionError
 from derive.field import XI, Field, FieldIntegral, ModalIntegral, modal_integral, modal_moment
 from derive.mechanism import MechanismStatement
@@ -32,7 +32,7 @@ ZEROS = {"C": ZERO_MATRIX, "K": ZERO_MATRIX, "d": ZERO_COLUMN}
 
 @dataclass(frozen=True)
 class Moment:
-    """∫ ξ^power ψ_j^(derivative) dξ for each mode j, a column."""
+    """Column of the integrals ∫ ξ^power ψ_j^(derivative) dξ over the modes j."""
 
     derivative: int
     power: int
@@ -41,7 +41,8 @@ class Moment:
 
 @dataclass(frozen=True)
 class Pair:
-    """∫ ξ^power ψ_j^(first) ψ_i^(second) dξ for modes j (row) and i (column), a matrix."""
+    """Matrix of the integrals ∫ ξ^power ψ_j^(first) ψ_i^(second) dξ over the modes j (rows) and i
+    (columns)."""
 
     first: int
     second: int
@@ -51,7 +52,7 @@ class Pair:
 
 @dataclass
 class Projection:
-    """Matrices and drive torque at varying speed: sums of coefficients times integrals of mode functions.
+    """Matrices and drive torque at varying speed, as sums of coefficients times integrals of mode functions.
 
     pairs, moments: symbols of square matrices and of columns. weighted: symbols of the products of a column
     with the amplitudes, whose rates are the products with the rates.
@@ -70,13 +71,13 @@ class Projection:
 
     @property
     def linearised(self) -> dict[str, Any]:
-        """M, C, K, d at constant speed."""
+        """Matrices M, C, K and load d at constant speed."""
         named = {name: steady(part) for name, part in self.varying.items()}
         return {name: part if part != 0 else ZEROS[name] for name, part in named.items()}
 
     @property
     def tensions(self) -> dict[Any, Any]:
-        """Tension at each point at which it is requested."""
+        """Tension at each position at which it is requested."""
         x = self.deflection.position
         return {
             point: self.tension.xreplace({x: position})
@@ -86,7 +87,7 @@ class Projection:
 
 
 def project(mechanism: MechanismStatement, deflection: Field) -> Projection:
-    """Linear equations of the amplitudes, drive torque to their first order, and the tension.
+    """Linear equations of the amplitudes, drive torque to first order in the amplitudes, and tension.
 
     Raises DeclarationError for energies that are not sums of integrals, UnsupportedExpressionError for a
     density that is not a polynomial of x and for mode functions without a closed integral, and
@@ -147,7 +148,7 @@ def _tension(mechanism: MechanismStatement, deflection: Field, whole: Energies, 
 def _project_rows(projection: Projection, density: Energies) -> None:
     deflection = projection.deflection
     rows = sympy.Matrix([equation(density, local) for local in deflection.derivatives])
-    M, C, K, d = expanded(rows, deflection.derivatives)
+    M, C, K, d = taylor_expansion(rows, deflection.derivatives)
     K[1, 1] += projection.tension
     matrices: dict[str, Any] = {"M": M, "C": C, "K": K}
     for name, local in matrices.items():
@@ -163,7 +164,7 @@ def _project_rows(projection: Projection, density: Energies) -> None:
 
 
 def _pair_terms(projection: Projection, coefficient: Any, a: int, b: int) -> Any:
-    """∫ coefficient ψ_j^(a) ψ_i^(b) dx as coefficients times symbols of `pairs`."""
+    """Integral ∫ coefficient ψ_j^(a) ψ_i^(b) dx as coefficients times symbols of `pairs`."""
     deflection, terms = projection.deflection, []
     for power, factor in _powers(coefficient, deflection.position).items():
         integral = modal_integral(deflection.shape, a, b, power, projection.most)
@@ -175,7 +176,7 @@ def _pair_terms(projection: Projection, coefficient: Any, a: int, b: int) -> Any
 
 
 def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
-    """∫ coefficient ψ_j^(a) dx as coefficients times symbols of `moments`."""
+    """Integral ∫ coefficient ψ_j^(a) dx as coefficients times symbols of `moments`."""
     deflection, terms = projection.deflection, []
     for power, factor in _powers(coefficient, deflection.position).items():
         formula = modal_moment(deflection.shape, a, power, projection.most)
@@ -187,11 +188,11 @@ def _moment_terms(projection: Projection, coefficient: Any, a: int) -> Any:
 
 
 def _torque(projection: Projection, density: Energies) -> Any:
-    """Row of the phase, integrated over the link, to first order in the amplitudes."""
+    """Equation of the phase, integrated over the link, to first order in the amplitudes."""
     deflection = projection.deflection
     first = Energies(*(_first_order(each, deflection.derivatives) for each in density))
     M, C, K, d = (
-        row.row(0) for row in expanded(sympy.Matrix([equation(first, PHASE)]), deflection.derivatives)
+        row.row(0) for row in taylor_expansion(sympy.Matrix([equation(first, PHASE)]), deflection.derivatives)
     )
     powers = _powers(-d[0], deflection.position)
     terms = [factor * deflection.length ** (k + 1) / (k + 1) for k, factor in powers.items()]
@@ -206,14 +207,15 @@ def _torque(projection: Projection, density: Energies) -> Any:
 
 
 def _weighted_moment(projection: Projection, moment: sympy.Symbol, times: int) -> Moving:
-    """Symbol of a column times the amplitudes, differentiated `times` times with respect to time."""
+    """Symbol of a column multiplied by the amplitudes, which are differentiated `times` times with respect to
+    time."""
     symbol = Moving(f"{moment.name}_q")
     projection.weighted[symbol] = moment
     return symbol.motion[times]
 
 
 def _first_order(expression: Any, moving: tuple[Moving, ...]) -> Any:
-    """Taylor expansion to first order in coordinates and rates."""
+    """Taylor expansion to first order in coordinates and their rates."""
     symbols = [*moving, *(symbol.rate for symbol in moving)]
     rest = dict.fromkeys(symbols, sympy.S.Zero)
     return sympy.Add(expression.xreplace(rest), *(s * expression.diff(s).xreplace(rest) for s in symbols))
@@ -224,7 +226,7 @@ def _zeroed(moving: list[Moving]) -> Mapping[sympy.Basic, Any]:
 
 
 def _powers(expression: Any, x: sympy.Symbol) -> dict[int, Any]:
-    """Coefficients of a polynomial in x, by power."""
+    """Coefficients of a polynomial in x, in a dictionary by power."""
     factors: dict[int, list[Any]] = {}
     for term in sympy.Add.make_args(sympy.expand(expression)):
         factor, varying = term.as_independent(x, as_Add=False)
@@ -259,7 +261,7 @@ AMPLITUDES = ("coordinates", "rates", "accelerations")
 
 
 def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
-    """Text of each symbol of the projected equations, and of each point of the field."""
+    """Texts that define each symbol of the projected equations, and each point of the field."""
     modes = projection.deflection.modes
     texts = {
         ZERO_MATRIX: f"casadi.DM.zeros({modes}, {modes})",
@@ -276,7 +278,7 @@ def definitions(projection: Projection) -> dict[sympy.Symbol, str]:
 
 
 def along(deflection: Field) -> dict[sympy.Symbol, str]:
-    """Text of the symbols of `Field.line` at the fraction `running` of the length."""
+    """Text that defines the symbols of `Field.line` at the fraction `running` of the length."""
     printer, modes = CasadiPrinter(), deflection.modes
     length = printer.doprint(deflection.length)
     texts = {deflection.position: f"({length})*{RUNNING}"}
@@ -287,7 +289,7 @@ def along(deflection: Field) -> dict[sympy.Symbol, str]:
 
 
 def field_tools(projection: Projection) -> list[str]:
-    """Texts of the functions that the definitions call."""
+    """Texts of the functions that these definitions call."""
     return [
         _modes(projection.deflection),
         *([PAIRS] if projection.pairs else []),

@@ -1,5 +1,5 @@
-"""Mechanism files by name (models/NAME/mechanism.py, in the folder next to this package) or by path, without
-imports."""
+"""Mechanism files, found by name (models/NAME/mechanism.py in the folder next to this package) or by path,
+and run without being imported."""
 
 import difflib
 import keyword
@@ -28,7 +28,7 @@ BEAM_ELEMENTS = "beam_elements"
 
 @dataclass(frozen=True)
 class Source:
-    """The file of a mechanism, the name of its generated module and its path."""
+    """File of a mechanism, with the name and path of its generated module."""
 
     name: str
     path: Path
@@ -49,7 +49,7 @@ class Source:
 
     @property
     def cases(self) -> Path:
-        """Path of the case file, which may be missing."""
+        """Path of the case file; the file may be missing."""
         return (
             self.path.with_suffix(".toml")
             if self.argument.endswith(".py")
@@ -58,7 +58,7 @@ class Source:
 
     @property
     def command(self) -> str:
-        """The argument in the banner, independent of the folder."""
+        """Argument stated in the banner, independent of the folder."""
         return self.path.name if self.argument.endswith(".py") else self.name
 
     @property
@@ -79,7 +79,7 @@ def names() -> list[str]:
 
 
 def find(model: str, out: Path | None = None) -> Source:
-    """Source for a name, or for a path that ends in .py. Raises UnknownMechanismError."""
+    """Source from a name, or from a path that ends in .py. Raises UnknownMechanismError."""
     path = Path(model)
     if model.endswith(".py"):
         if not _is_file(path):
@@ -101,7 +101,7 @@ def find(model: str, out: Path | None = None) -> Source:
 
 
 def _is_file(path: Path) -> bool:
-    """Whether the file exists; False for names that the file system rejects."""
+    """Whether the file exists. False for names that the file system does not permit."""
     try:
         return path.is_file()
     except OSError:
@@ -143,7 +143,7 @@ def load(source: Source) -> "MechanismStatement":
 
 @contextmanager
 def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
-    """Prefix messages of errors raised in this context with the mechanism's file, and the line if known."""
+    """Context manager that prefixes messages of errors with the mechanism's file and, if known, the line."""
     from derive.declarations import line_of
 
     try:
@@ -155,7 +155,7 @@ def located(source: Source, stated: "MechanismStatement") -> Iterator[None]:
 
 
 def _run(source: Source) -> object:
-    """Return value of the function `mechanism` of the file."""
+    """Run the file. Returns the value of its function `mechanism`."""
     namespace: dict[str, object] = {"__name__": source.name, "__file__": str(source.path)}
     try:
         exec(compile(source.text, str(source.path), "exec"), namespace)
@@ -177,7 +177,7 @@ def _run(source: Source) -> object:
 
 
 def _hint(error: BaseException, namespace: dict[str, object]) -> str:
-    """Remedy for numeric functions applied to symbols."""
+    """Remedy for numeric functions that were applied to symbols."""
     foreign = [
         name
         for name, value in namespace.items()
@@ -190,7 +190,7 @@ def _hint(error: BaseException, namespace: dict[str, object]) -> str:
 
 
 def _line(error: BaseException, path: Path) -> str:
-    """Line of the mechanism file that raised an exception, such as ", line 12"."""
+    """Line of the mechanism file that raised an exception, as text such as ", line 12"."""
     if isinstance(error, SyntaxError):
         return f", line {error.lineno}"
     lines = [

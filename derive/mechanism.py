@@ -96,8 +96,8 @@ class MechanismStatement(Quantities):
             return
         if not isinstance(condition, StrictLessThan | StrictGreaterThan) or not meaning:
             raise DeclarationError(
-                f"require({condition}, {meaning!r}): give an inequality with < or > between expressions "
-                "of parameters, and what is wrong where it does not hold"
+                f"require({condition}, {meaning!r}): give an inequality with < or > between expressions of "
+                "parameters, and a text that states what is wrong if it does not hold"
             )
         text = re.sub(r"Abs\(([^()]*)\)", r"|\1|", str(condition))
         greater: Any = condition.gts
@@ -192,8 +192,8 @@ class MechanismStatement(Quantities):
         if not len(equations) == len(guess) == len(symbols) > 0 or not given or iterations < 1:
             raise DeclarationError(
                 f"loop of {', '.join(unknowns) or 'nothing'} has {len(equations)} equations, {len(guess)} "
-                f"guesses, {len(given)} arguments and {iterations} iterations; give an equation and a guess "
-                "for each unknown, and one or more of each"
+                f"guesses, {len(given)} arguments and {iterations} iterations; give one equation and one "
+                "guess per unknown, and at least one unknown, one argument and one iteration"
             )
         arguments = tuple(map(sympy.sympify, driven_by))
         loop = Loop(symbols, tuple(unknowns.values()), given, arguments, equations, guess, iterations)
@@ -368,8 +368,8 @@ class MechanismStatement(Quantities):
 
     @property
     def damping_ratios(self) -> tuple[sympy.Expr, ...]:
-        """Damping ratios of the modes in order of increasing frequency, the last one for all higher modes;
-        empty if all are 0.
+        """Damping ratios of the modes in order of increasing frequency. The last one applies to all higher
+        modes. Empty if all are 0.
 
         Raises DeclarationError.
         """
@@ -381,12 +381,13 @@ class MechanismStatement(Quantities):
             expressions = ()
         if not expressions or not all(isinstance(expression, sympy.Expr) for expression in expressions):
             raise DeclarationError(
-                f"damping_ratio is {stated!r}; give a number or an expression, or one a mode in a list"
+                f"damping_ratio is {stated!r}; give a number or an expression, or a list with one per mode"
             )
         return expressions if any(expression != 0 for expression in expressions) else ()
 
     def decline_drive_torque(self, reason: str) -> None:
-        """Remove the drive torque from the outputs, with the reason why the energies do not give it."""
+        """Remove the drive torque from the outputs, with the reason why it does not follow from the
+        energies."""
         self.no_drive_torque = reason
 
     def _loop(self, loop: Loop) -> tuple[Any, ...]:

@@ -1,4 +1,5 @@
-"""Python text of expressions in CasADi symbols, and of calls of generated functions for series and loops."""
+"""Python text of expressions in CasADi symbols, and of calls of the generated functions for series and
+loops."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence, Set
@@ -47,7 +48,8 @@ NODES = (
 
 
 class CasadiPrinter(AbstractPythonCodePrinter):
-    """Printer with `casadi.` or `math.` before each function; rational numbers are printed as divisions.
+    """Printer that writes `casadi.` or `math.` before each function. Rational numbers are printed as
+    divisions.
 
     Raises UnsupportedExpressionError where an expression has no counterpart.
     """
@@ -163,7 +165,7 @@ def series_calls(
 
 
 def series_operations(values: Mapping[PeriodicFunction, sympy.Symbol]) -> int:
-    """Number of operations of the recurrences that evaluate series, including trigonometric calls."""
+    """Number of operations of the recurrences that evaluate series, trigonometric calls included."""
     arguments = {(type(value), value.args[0]) for value in values}
     harmonics = [len(series.first) for series, _ in arguments]
     return sum(2 + 6 * count for count in harmonics) + sum(5 * len(value.first) for value in values)
@@ -256,8 +258,8 @@ def _inner_first(call: tuple[tuple[str, tuple[Any, ...]], Loop]) -> tuple[int, A
 
 
 def _newton(loop: Loop, formal: dict[sympy.Symbol, sympy.Symbol], taken: Set[str]) -> tuple[list[str], int]:
-    """Lines of Newton's method, with a fixed number of steps so that the function can be differentiated and
-    mapped, and the number of operations."""
+    """Lines of Newton's method, and the number of operations. The number of iterations is fixed, so that the
+    function can be differentiated and mapped."""
     following = [sympy.Symbol(f"{symbol.name}_new", real=True) for symbol in loop.unknowns]
     step = [value.xreplace(formal) for value in loop.newton_step]
     lines, count = _lines(list(zip(following, step, strict=True)), taken)

@@ -1,4 +1,4 @@
-"""The public classes by which a user states a mechanism; `solve.load` accepts them."""
+"""Public classes in which a user states a mechanism; `solve.load` accepts them."""
 
 from collections.abc import Iterator
 
@@ -105,7 +105,7 @@ def _derived(mechanism: MechanismStatement, statement: str) -> str:
 
 
 def _statement(mechanism: MechanismStatement) -> Iterator[str]:
-    """Parts of the complete statement as text, with all digits of numbers."""
+    """Complete statement as texts, with all digits of numbers."""
     yield repr(mechanism)
     if mechanism.declared_field:
         yield sympy.srepr(mechanism.declared_field.shape(*sympy.symbols("k xi")))

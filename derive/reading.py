@@ -1,4 +1,4 @@
-"""The linearised equations in the form of the literature, and their MathML.
+"""Linearised equations in the form of the literature, and their MathML.
 
 Entries of the matrices are listed one by one; repeated long subexpressions have names.
 """
@@ -59,7 +59,7 @@ def read(mechanism: MechanismStatement, linearised: Mapping[str, Any]) -> list[E
 
 
 def _each(part: Any, change: Callable[[Any], Any]) -> Any:
-    """`change` applied to each entry of a matrix, or to an expression."""
+    """Apply `change` to each entry of a matrix, or to an expression."""
     return part.applyfunc(change) if isinstance(part, sympy.MatrixBase) else change(part)
 
 
@@ -98,7 +98,8 @@ def _entries(name: str, matrix: Any) -> Iterator[Equation]:
 
 
 def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Equation], dict[Any, Any]]:
-    """Repeated sums and roots with names that indicate their units, and the substitution by these names."""
+    """Named sums and roots that occur repeatedly, with names that indicate their units, and the substitution
+    by these names."""
     known, taken = dimensions(mechanism), mechanism.names()
     repeated = _repeated(parts)
     named: list[Equation] = []
@@ -118,7 +119,7 @@ def _named(mechanism: MechanismStatement, parts: Iterable[Any]) -> tuple[list[Eq
 
 
 def _shorter(expression: Any) -> Any:
-    """Shorter one of an expression and its expansion, in which named subexpressions may cancel."""
+    """Shorter form: the expression or its expansion, in which named subexpressions may cancel."""
     if sympy.count_ops(expression) > _LONG:
         return expression
     return min(expression, sympy.expand(expression), key=sympy.count_ops)
@@ -132,8 +133,8 @@ def _symbols(dimension: Dimension) -> Iterator[sympy.Symbol]:
 
 
 def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
-    """Sums and square roots that occur at least twice and are not short, inner ones first, each with the
-    forms in which it occurs: its factors and powers."""
+    """Sums and square roots that occur at least twice and are not short, inner ones first. Each is listed
+    with the forms in which it occurs (factors and powers)."""
     times: dict[Any, int] = {}
     forms: dict[Any, dict[Any, tuple[Any, Any]]] = {}
     for expression in parts:
@@ -151,7 +152,7 @@ def _repeated(parts: Iterable[Any]) -> dict[Any, dict[Any, tuple[Any, Any]]]:
 
 
 def _base(part: Any) -> tuple[Any, Any, Any]:
-    """Base of a subexpression that may be named, with its factor and power; None for others."""
+    """Base of a subexpression that may be named, with its factor and power; None if it may not be named."""
     base, factor, power = sympy.S.Zero, sympy.S.One, sympy.S.One
     if isinstance(part, sympy.Pow) and isinstance(part.exp, sympy.Rational) and part.exp.q == 2:
         base, power = sympy.sqrt(part.base), sympy.Integer(part.exp.p)
@@ -168,7 +169,7 @@ _PRIMES = ("", "&#x2032;", "&#x2033;", "&#x2034;")
 
 
 def mathml(equations: Iterable[Equation], projection: Projection | None = None) -> tuple[str, ...]:
-    """`<math>` elements in ASCII; integrals of mode functions from a projection."""
+    """`<math>` elements in ASCII. With a projection, they contain integrals of mode functions."""
     names = {PHASE: "<mi>&#x3C6;</mi>", SPEED: "<mi>&#x3A9;</mi>"}
     printer = _Printer(names | (_integrals(projection) if projection else {}))
     return tuple(

@@ -58,7 +58,7 @@ def equations(
 
 
 def _numbered(listed: Iterable[Equation], numbers: Mapping[sympy.Symbol, float]) -> Iterator[Equation]:
-    """Equations with numbers of six digits; named subexpressions that have a numerical value are inserted."""
+    """Equations with numbers of six digits. Named subexpressions with a numerical value are substituted."""
     values = dict(numbers)
     if not numbers:
         yield from listed
@@ -86,7 +86,7 @@ def _defaults(mechanism: MechanismStatement) -> dict[sympy.Symbol, float]:
 
 
 def _comments(mechanism: MechanismStatement, numbers: Mapping[sympy.Symbol, float]) -> list[str]:
-    """Explanations of the symbols that the mechanism does not declare."""
+    """Comments that explain the symbols which the mechanism does not declare."""
     if mechanism.declared_field:
         vector = r"\psi: mode functions of \xi = x/l, integrals from 0 to 1; row i, column j"
     else:
@@ -148,7 +148,7 @@ def _lines(equation: Equation, names: Mapping[sympy.Symbol, str]) -> list[str]:
 
 
 def _folded(text: str, width: int, depth: int = 0) -> list[str]:
-    """Lines broken before + and −, outside brackets where possible."""
+    """Lines broken before + and −, if possible outside brackets."""
     if len(text) <= width:
         return [text]
     if depth > _DEEPEST:
@@ -163,7 +163,7 @@ def _folded(text: str, width: int, depth: int = 0) -> list[str]:
 
 
 def _terms(text: str, depth: int) -> list[str]:
-    """Parts of the text, split before each + and − between spaces that is enclosed by at most `depth`
+    """Parts of a text, split before each + and − that is between spaces and enclosed in at most `depth`
     brackets."""
     inside, start, terms = 0, 0, []
     for at, letter in enumerate(text):
@@ -196,7 +196,7 @@ def _mode(number: str, derivative: int) -> str:
 
 
 def elements() -> str:
-    """LaTeX of the mass and stiffness matrices of the beam elements' families, for unit length."""
+    """LaTeX of the mass and stiffness matrices of the element families, for unit length."""
     lines = []
     for family in FAMILIES:
         lines.append(f"% {family.name}: mass over rho A L, stiffness for unit length")
@@ -236,7 +236,7 @@ def case_numbers(path: Path, case: str, mechanism: MechanismStatement) -> dict[s
 
 
 def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
-    """Parameters of an entry with their values."""
+    """Names and values of the parameters in an entry of a case file."""
     kinds = {"unit": str, "values": list, "count": int}
     if not isinstance(entry, dict) or not all(
         isinstance(entry[key], kind) for key, kind in kinds.items() if key in entry
@@ -251,9 +251,9 @@ def _members(name: str, entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _cause(error: Exception) -> str:
-    """Cause of an unreadable case file."""
+    """Reason why a case file cannot be read."""
     if isinstance(error, OSError):
         return (error.strerror or "no access").lower()
     if isinstance(error, KeyError):
         return f"it has no {error}"
-    return str(error) if isinstance(error, ValueError) else "a table is missing in it"
+    return str(error) if isinstance(error, ValueError) else "it lacks a table"

@@ -1,4 +1,4 @@
-"""Statement of a plane structure of slender beams by its links and joints, which may move with the phase."""
+"""Statement of a plane structure of slender beams by links and joints, which may move with the phase."""
 
 import difflib
 from collections.abc import Iterator, Set
@@ -44,7 +44,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Link:
-    """A straight uniform beam from joint `start` to joint `end`, at an `angle` to the x axis."""
+    """Straight uniform beam from joint `start` to joint `end`, at an `angle` to the x axis."""
 
     name: str
     start: str
@@ -56,7 +56,7 @@ class Link:
 
     @property
     def properties(self) -> dict[str, tuple[sympy.Expr, str]]:
-        """Expression and unit, by name, of the link's properties in the generated module."""
+        """Properties of the link in the generated module, as expression and unit by name."""
         section = self.section
         return {
             "angle": (self.angle, "rad"),
@@ -157,12 +157,12 @@ class StructureStatement(MechanismStatement):
         self.supported.append(joint)
 
     def clamp(self, joint: str, *links: str) -> None:
-        """Fix the position of a joint and the directions of all its links, or of the named ones."""
+        """Fix the position of a joint and the directions of all its links, or of the named links."""
         self.support(joint)
         self.clamped += [(joint, name) for name in self._links_at(joint, links)]
 
     def weld(self, joint: str, *links: str) -> None:
-        """Connect the links of a joint, or the named ones, rigidly to each other."""
+        """Connect all links of a joint, or the named links, rigidly to each other."""
         self.welded.append((joint, self._links_at(joint, links)))
 
     def spring(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
@@ -182,12 +182,13 @@ class StructureStatement(MechanismStatement):
         self.declared_springs.append(self._elastic(joint, links, x, y, turn))
 
     def dashpot(self, joint: str, *links: str, x: Any = 0, y: Any = 0, turn: Any = 0) -> None:
-        """Add dashpots to a joint, as `spring`: along x and y (N s/m) and for rotations (N m s/rad)."""
+        """Add dashpots to a joint, with arguments as in `spring`: along x and y (N s/m) and for rotations (N
+        m s/rad)."""
         self.declared_dashpots.append(self._elastic(joint, links, x, y, turn))
 
     def to_ground(self, declared: list[Elastic]) -> dict[str, sympy.Expr]:
-        """Springs or dashpots by degree of freedom. Raises DeclarationError for a degree of freedom that is
-        fixed rigidly."""
+        """Springs or dashpots by degree of freedom. Raises DeclarationError for a degree of freedom with a
+        rigid support."""
         by_freedom: dict[str, Any] = {}
         for elastic in declared:
             links = {name: self.rotation(self.links[name], elastic.joint) for name in elastic.links}
@@ -198,7 +199,8 @@ class StructureStatement(MechanismStatement):
             for freedom, axis, value in (part for part in acting if part[2] != 0):
                 if not freedom:
                     raise DeclarationError(
-                        f"joint {elastic.joint} is supported rigidly and elastically ({axis}); remove one"
+                        f"joint {elastic.joint} is supported rigidly and elastically ({axis}); remove one "
+                        "of the supports"
                     )
                 by_freedom[f"{freedom}_{axis}"] = by_freedom.get(f"{freedom}_{axis}", 0) + value
         return by_freedom
@@ -225,7 +227,7 @@ class StructureStatement(MechanismStatement):
         return any(PHASE in link.angle.free_symbols for link in self.declared_links)
 
     def numbers(self) -> Iterator[tuple[str, sympy.Expr, str, Set[sympy.Symbol]]]:
-        """Description, expression, unit and forbidden symbols of every expression of the statement."""
+        """Description, expression, unit and forbidden symbols of every stated expression."""
         fixed = {PHASE, SPEED}
         for link in self.declared_links:
             for name, (expression, unit) in link.properties.items():
@@ -288,7 +290,7 @@ class StructureStatement(MechanismStatement):
         there = [link.name for link in self.declared_links if joint in (link.start, link.end)]
         for name in chosen:
             if name not in there:
-                raise DeclarationError(f"no link {name} at joint {joint}; there: {', '.join(there)}")
+                raise DeclarationError(f"joint {joint} has no link {name}; its links: {', '.join(there)}")
         return tuple(chosen or there)
 
     def _require_joint(self, joint: str) -> None:

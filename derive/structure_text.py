@@ -25,7 +25,7 @@ from derive.structure import ELEMENT_NAMES, Link, StructureStatement
 
 
 class Observed(NamedTuple):
-    """An output with its kind, link, and position on the link, from 0 at the start to 1."""
+    """Output with its kind, link, and position on the link, from 0 at the start to 1 at the end."""
 
     output: Output
     kind: str
@@ -34,7 +34,7 @@ class Observed(NamedTuple):
 
 
 def observed(structure: StructureStatement) -> list[Observed]:
-    """Outputs of a moving structure; none for a structure at rest.
+    """Outputs of a moving structure; empty for a structure at rest.
 
     Each link has the stresses and the deflection at its midpoint; a link clamped at one end has the
     deflection of its tip instead, and the stresses at its root too. Further outputs are the
@@ -65,7 +65,7 @@ def _of_link(structure: StructureStatement, link: Link) -> Iterator[Observed]:
 
 
 def _of_joint(structure: StructureStatement, joint: str) -> Iterator[Observed]:
-    """Force on the last link of a joint, and the moment of a clamp."""
+    """Outputs of a joint: the force on its last link, and the moment of a clamp."""
     links = [each for each in structure.declared_links if joint in (each.start, each.end)]
     link = links[-1]
     place = float(joint == link.end)

@@ -1,5 +1,5 @@
 """Functions with switches (steps, kinks, pieces): derivatives next to the switches, and discontinuities at
-them.
+the switches.
 
 The derivative of a discontinuity is an impulse, which matrices and forces cannot contain. Derivatives are
 therefore taken beside the switches, and a discontinuous function raises an error.
@@ -127,8 +127,7 @@ STEPPING = (sympy.Piecewise, sympy.Heaviside, sympy.sign, sympy.Abs, sympy.Max, 
 
 
 def switches(expression: Any, by: Iterable[Any]) -> list[Any]:
-    """Switches of an expression: expressions in some of the symbols `by` at whose zeros it has a step or
-    kink."""
+    """Switches of an expression: expressions in the symbols `by` at whose zeros it has a step or kink."""
     moving, zeros = set(by), set()
     for node in sympy.preorder_traversal(expression):
         zeros |= {g for g in _switching(node) if g.free_symbols & moving and -g not in zeros}
@@ -153,8 +152,8 @@ def _whole_turns(node: Wrapped) -> Any:
     return sympy.sin(sympy.pi * angle / turn)
 
 
-def place_of(switch: Any, expressions: Iterable[Any]) -> str:
-    """Text of the location of a switch of expressions."""
+def switch_location(switch: Any, expressions: Iterable[Any]) -> str:
+    """Text that locates a switch in the given expressions."""
     for node in set().union(*(expression.atoms(Wrapped) for expression in expressions)):
         if _whole_turns(node) in (switch, -switch):
             angle, turn = node.args
@@ -177,7 +176,7 @@ def slope(expression: Any, by: Any) -> Any:
 
 
 def known_real(expression: Any) -> Any:
-    """Expression with moduli and signs of possibly complex arguments replaced by Max and Heaviside.
+    """Expression in which moduli and signs of possibly complex arguments are replaced by Max and Heaviside.
 
     SymPy differentiates these.
     """
@@ -190,7 +189,7 @@ def known_real(expression: Any) -> Any:
 
 
 def beside(derivative: Any) -> Any:
-    """Derivative without terms that vanish next to the switches; powers of a step are replaced by the
+    """Derivative without the terms that vanish next to the switches. Powers of a step are replaced by the
     step."""
     if not derivative.has(sympy.DiracDelta, sympy.Heaviside):
         return derivative
@@ -207,7 +206,7 @@ def require_no_jump(expression: Any, by: Sequence[Any]) -> None:
         moving = next(symbol for symbol in by if symbol in switch.free_symbols)
         if jumps([expression], switch, moving):
             raise ImpulseError(
-                f"{short(expression)} is discontinuous where {place_of(switch, [expression])}, so its "
+                f"{short(expression)} is discontinuous where {switch_location(switch, [expression])}, so its "
                 f"derivative with respect to {moving} is an impulse there; V and forces may be discontinuous "
                 "in the phase; T and displacements, and V as a function of coordinates, may only have kinks",
                 switch,
@@ -224,32 +223,31 @@ def jumps(expressions: Sequence[Any], switch: Any, moving: Any) -> bool:
             return values({**place, moving: place[moving] + side})
 
     return any(
-        differ(*(at(place, side) for side in (-BESIDE, BESIDE, -_AWAY, _AWAY)))
+        sides_differ(*(at(place, side) for side in (-BESIDE, BESIDE, -_AWAY, _AWAY)))
         for place in places(switch, moving, symbols)
     )
 
 
 def places(switch: Any, moving: Any, symbols: Sequence[Any]) -> Iterator[dict[Any, Any]]:
-    """Values of all symbols at points where the switch is zero, found by varying one symbol."""
+    """Values of all symbols at zeros of the switch, found by varying one symbol at a time."""
     for point, roots in zip(arbitrary_points(symbols), _roots(switch, moving), strict=True):
         for root in roots:
             yield {**point, moving: root}
 
 
 def in_order(*expressions: Any) -> list[Any]:
-    """Symbols of expressions, ordered by length of the name and name."""
+    """Symbols of expressions, sorted by length of the name, then alphabetically."""
     symbols = set().union(*(expression.free_symbols for expression in expressions))
     return sorted(symbols, key=lambda symbol: (len(symbol.name), symbol.name))
 
 
 class Numbers:
-    """Values of expressions; None if one is undefined."""
+    """Function that evaluates expressions numerically; None if a value is undefined."""
 
     def __init__(self, expressions: Iterable[Any], symbols: Sequence[Any], exact: bool = True):
-        """exact: whether values are computed to `_DIGITS` digits; otherwise in floating point, which is
-        faster."""
+        """exact: whether values are computed to `_DIGITS` digits, or in floating point, which is faster."""
         self._symbols, self._kind = symbols, mpmath.mpf if exact else float
-        replaced = [_stood_in(sympy.sympify(expression)) for expression in expressions]
+        replaced = [_replace_own_functions(sympy.sympify(expression)) for expression in expressions]
         self._undefined = any(value.has(sympy.zoo, sympy.nan) for value in replaced)
         if self._undefined:
             return
@@ -258,7 +256,7 @@ class Numbers:
         self._function = sympy.lambdify(symbols, replaced, modules, dummify=True)
 
     def __call__(self, point: Mapping[Any, Any]) -> list[Any] | None:
-        """Values at a point of all symbols."""
+        """Values of the expressions at a point, which gives values of all symbols."""
         if self._undefined:
             return None
         with mpmath.workdps(_DIGITS):
@@ -268,12 +266,12 @@ class Numbers:
                 return None
 
 
-def differ(one: list[Any] | None, other: list[Any] | None, *alike: list[Any] | None) -> bool:
-    """Whether values on the two sides of a switch differ, relative to the largest of these and of further
-    values."""
+def sides_differ(one: list[Any] | None, other: list[Any] | None, *further: list[Any] | None) -> bool:
+    """Whether values on the two sides of a switch sides_differ, relative to the largest of these and of
+    `further` values."""
     if one is None or other is None:
         return False
-    size = max(abs(x) for numbers in (one, other, *alike) for x in numbers or [0])
+    size = max(abs(x) for numbers in (one, other, *further) for x in numbers or [0])
     return any(abs(a - b) > _JUMP * size for a, b in zip(one, other, strict=True))
 
 
@@ -291,7 +289,7 @@ def arbitrary_points(symbols: Sequence[Any]) -> list[dict[Any, Any]]:
 
 @lru_cache(maxsize=256)
 def _roots(switch: Any, moving: Any) -> list[list[Any]]:
-    """Zeros along a symbol, for each of the arbitrary points."""
+    """Zeros of a switch in one symbol, for each of the arbitrary points."""
     return [list(_along(switch, point, moving)) for point in arbitrary_points(in_order(switch))]
 
 
@@ -309,7 +307,7 @@ def _along(switch: Any, point: Mapping[Any, Any], moving: Any) -> Iterator[Any]:
 
 
 class _Sign:
-    """The sign of a switch along a symbol."""
+    """Sign of a switch as a function of one symbol."""
 
     def __init__(self, switch: Any, point: Mapping[Any, Any], moving: Any, exact: bool = True):
         symbols = in_order(switch)
@@ -320,7 +318,7 @@ class _Sign:
         return None if value is None or value[0].imag != 0 else (value[0] > 0) - (value[0] < 0)
 
     def narrowed(self, low: Any, high: Any, halvings: int) -> tuple[Any, Any]:
-        """Interval that contains the sign change, after halvings."""
+        """Interval that contains the change of sign, after a number of halvings."""
         first = self(low)
         for _ in range(halvings):
             middle = (low + high) / 2
@@ -328,15 +326,15 @@ class _Sign:
         return low, high
 
 
-def is_own(part: Any) -> bool:
-    """Whether an expression is a function defined by derive: a series, or the unknown of a loop."""
+def is_derive_function(part: Any) -> bool:
+    """Whether an expression is a function that derive defines: a series, or the unknown of a loop."""
     foreign = isinstance(part, Wrapped) or type(part).__module__.startswith("sympy.")
     return isinstance(part, sympy.Function) and not foreign
 
 
-def _stood_in(expression: Any) -> Any:
-    """Expression with series and unknowns of loops replaced by sines, as stand-ins for numerical
-    evaluation."""
+def _replace_own_functions(expression: Any) -> Any:
+    """Expression in which sines replace series and unknowns of loops, so that it can be evaluated
+    numerically."""
     return expression.replace(
-        is_own, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))
+        is_derive_function, lambda part: sympy.sin(sympy.Add(*part.args) + len(type(part).__name__))
     )

@@ -7,12 +7,12 @@ import sympy
 from sympy.core.relational import Relational
 
 from derive.errors import DeclarationError
-from derive.switches import STEPPING, Wrapped, is_own, slope, wrapped
+from derive.switches import STEPPING, Wrapped, is_derive_function, slope, wrapped
 from derive.units import short
 
 
 class Moving(sympy.Symbol):
-    """A real symbol that varies with time, such as a coordinate q1 with its rate q1d."""
+    """Real symbol that varies with time, such as a coordinate q1 with its rate q1d."""
 
     def __new__(cls, name: str) -> "Moving":
         return super().__new__(cls, name, real=True)
@@ -28,7 +28,7 @@ class Moving(sympy.Symbol):
 
 
 class Phase(Moving):
-    """The phase φ = Ωt of the drive, rad; its rate is the constant speed Ω."""
+    """Phase φ = Ωt of the drive in rad. Its rate is the constant speed Ω."""
 
     @property
     def rate(self) -> Any:
@@ -43,7 +43,7 @@ PHASE = Phase("phase")
 
 
 def rate(expression: Any) -> Any:
-    """Total time derivative through phase, speed, coordinates and their rates.
+    """Total time derivative, through phase, speed, coordinates and their rates.
 
     Parameters
     ----------
@@ -79,13 +79,12 @@ def rate(expression: Any) -> Any:
 
 
 def steady(expression: Any) -> Any:
-    """An expression or matrix at constant speed."""
+    """Expression or matrix at constant speed."""
     return expression.xreplace({ACCELERATION: sympy.S.Zero})
 
 
 def counted(expression: Any) -> Any:
-    """Expression in which steps, kinks and pieces that depend on the phase itself contain the phase modulo
-    2π.
+    """Expression with the phase modulo 2π in those steps, kinks and pieces that depend on the phase itself.
 
     Periodic functions of the phase stay. Raises DeclarationError if coordinates shift the phase there.
     """
@@ -116,20 +115,27 @@ def _whole_phase(expression: Any) -> bool:
 def _wrapped(expression: Any) -> Any:
     if expression == PHASE:
         return wrapped(PHASE)
-    if isinstance(expression, Wrapped) or is_own(expression) or _repeats(expression) or not expression.args:
+    if (
+        isinstance(expression, Wrapped)
+        or is_derive_function(expression)
+        or _repeats(expression)
+        or not expression.args
+    ):
         return expression
     return expression.func(*map(_wrapped, expression.args))
 
 
 def _repeats(expression: Any) -> bool:
-    """Whether the value of a sine or cosine repeats after 2π in the phase."""
+    """Whether a sine or cosine has the period 2π in the phase."""
     turning = isinstance(expression, sympy.sin | sympy.cos | sympy.tan)
     return turning and bool(sympy.diff(expression.args[0], PHASE).is_Integer)
 
 
 def _parts(expression: Any) -> tuple[Any, ...]:
     """Arguments of an expression; empty for periodic functions."""
-    repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_own(expression)
+    repeats = isinstance(expression, Wrapped | sympy.sin | sympy.cos | sympy.tan) or is_derive_function(
+        expression
+    )
     return () if repeats else expression.args
 
 
@@ -139,7 +145,8 @@ def primed(order: int) -> str:
 
 
 def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
-    """A symbol of this name, with underscores appended while it is in `taken`, to which it is added."""
+    """Symbol with this name, to which underscores are appended while the name is in `taken`. The final name
+    is added to `taken`."""
     while name in taken:
         name += "_"
     taken.add(name)
@@ -147,6 +154,6 @@ def unused_symbol(name: str, taken: set[str]) -> sympy.Symbol:
 
 
 def nesting(expression: sympy.Basic, functions: type[sympy.Function]) -> int:
-    """Largest nesting depth of these functions."""
+    """Largest nesting depth of the given functions."""
     applied = expression.atoms(functions)
     return 1 + max(nesting(part, functions) for each in applied for part in each.args) if applied else 0

@@ -72,7 +72,7 @@ _COMPUTED = re.compile(r"(\*\*|\^)\s*(?!-?\d{1,2}(\.\d{1,2})?(?!\d|\.|\*\*|\^))"
 
 @runtime_checkable
 class Composed(Protocol):
-    """A function whose dimension follows from those of its arguments."""
+    """Function whose dimension follows from the dimensions of its arguments."""
 
     def dimension_from(self, parts: list[Dimension]) -> Dimension: ...
 
@@ -83,7 +83,8 @@ def parse(text: str) -> Dimension:
 
 
 def size(text: str) -> float:
-    """Size of a unit in the coherent unit of its kind: 0.001 for "mm". Raises UnitError."""
+    """Size of a unit relative to the coherent SI unit of the same dimension, such as 0.001 for "mm". Raises
+    UnitError."""
     return 1.0 if _coherent(text) else _known_to_pint(text)[1]
 
 
@@ -97,7 +98,7 @@ def require_coherent(what: str, text: str) -> None:
 
 
 def _coherent(text: str) -> Dimension | None:
-    """Dimension of a coherent unit of SI, read from left to right; None for any other."""
+    """Dimension of a coherent SI unit, read from left to right; None for other units."""
     dimension = ONE
     for sign, factor in re.findall(r"\s*(/?)\s*([^\s/]*)", text.strip())[:-1] or [("", text)]:
         name, _, power = factor.partition("^")
@@ -117,7 +118,7 @@ def _known_to_pint(text: str) -> tuple[Dimension, float]:
         units = registry.parse_units(text)
         zero, one = (registry.Quantity(x, units).to_base_units().magnitude for x in (0.0, 1.0))
     except Exception:
-        raise UnitError(f'{refused}; write it such as "N m/rad", "kg m^2" or "kN/mm"') from None
+        raise UnitError(f'{refused}; write it as in "N m/rad", "kg m^2" or "kN/mm"') from None
     powers = dict(registry.get_dimensionality(units))
     exponents = [Fraction(powers.pop(kind, 0)).limit_denominator(60) for kind in _KINDS]
     if powers or zero != 0 or not text.strip():
@@ -142,8 +143,8 @@ def require(what: str, expression: sympy.Expr, unit: str, known: Mapping[sympy.S
 
 
 def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Dimension of an expression, determined from its subexpressions. Raises UnitError, which names terms
-    that cannot be added."""
+    """Dimension of an expression, from its subexpressions. Raises UnitError, which names terms that cannot be
+    added."""
     if isinstance(expression, sympy.Symbol):
         return known[expression]
     if isinstance(expression, sympy.Piecewise):
@@ -171,7 +172,8 @@ def dimension_of(what: str, expression: sympy.Basic, known: Mapping[sympy.Symbol
 
 
 def _pieces(what: str, expression: sympy.Piecewise, known: Mapping[sympy.Symbol, Dimension]) -> Dimension:
-    """Common dimension of the pieces; the sides of each condition must have a common dimension too."""
+    """Common dimension of the pieces of a piecewise function. Both sides of each condition must also have a
+    common dimension."""
     compared, given = expression.atoms(Relational), [argument.args[0] for argument in expression.args]
     pieces = sympy.Tuple(*given)
     *_, common = (
@@ -197,7 +199,7 @@ def _power(what: str, expression: sympy.Pow, parts: list[Dimension]) -> Dimensio
 
 
 def _common(what: str, expression: sympy.Basic, parts: list[Dimension]) -> Dimension:
-    """Common dimension of added or compared parts; 0 has any dimension."""
+    """Common dimension of parts that are added or compared. Zero has any dimension."""
     pairs = [pair for pair in zip(expression.args, parts, strict=True) if pair[0] != 0]
     for argument, part in pairs:
         if part != pairs[0][1]:

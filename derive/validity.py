@@ -1,4 +1,4 @@
-"""Limits of the generated equations: domains of the motion, and terms that the linearisation ignores.
+"""Limits of the generated equations: domains of the motion, and terms that the linearisation neglects.
 
 Roots and arccosines may cancel in the equations, which are then real where the motion is not.
 """
@@ -14,7 +14,7 @@ from derive.declarations import Condition
 from derive.domains import POSITIVE, Need, is_met, need, needs, signs_of
 from derive.equations import from_fundamental
 from derive.errors import DeclarationError
-from derive.functions import LoopFunction, PeriodicFunction, at_desired_motion
+from derive.functions import LoopFunction, PeriodicFunction, at_fundamental_motion
 from derive.mechanism import MechanismStatement
 from derive.switches import outermost, switches
 from derive.symbols import PHASE, SPEED, counted, steady
@@ -22,7 +22,7 @@ from derive.units import cut, short
 
 
 class Demand(NamedTuple):
-    """Domain condition of a function in the mechanism, `margin` must satisfy `relation`, and its text."""
+    """Domain condition of a function in the mechanism (`margin` must satisfy `relation`), and its text."""
 
     what: str
     function: str
@@ -32,7 +32,7 @@ class Demand(NamedTuple):
 
 
 def demands(mechanism: MechanismStatement) -> list[Demand]:
-    """Domain conditions that the signs of the parameters do not guarantee.
+    """Domain conditions that the signs of the parameters do not imply.
 
     Raises DeclarationError if one can never hold.
     """
@@ -41,7 +41,7 @@ def demands(mechanism: MechanismStatement) -> list[Demand]:
     for what, expression, motion in _stated(mechanism):
         # A factor that vanishes in the fundamental motion does not restrict the domain.
         for node, condition in needs(_about_fundamental(mechanism, expression)):
-            needed = condition._replace(margin=at_desired_motion(condition.margin))
+            needed = condition._replace(margin=at_fundamental_motion(condition.margin))
             if is_met(needed, signs) or not needed.margin.free_symbols <= known:
                 continue
             if needed.margin.is_number and motion:
@@ -66,7 +66,9 @@ def conditions(mechanism: MechanismStatement) -> list[Condition]:
 
 def _conditions(mechanism: MechanismStatement) -> Iterator[Condition]:
     for condition in mechanism.conditions:
-        yield replace(condition, margin=at_desired_motion(_about_fundamental(mechanism, condition.margin)))
+        yield replace(
+            condition, margin=at_fundamental_motion(_about_fundamental(mechanism, condition.margin))
+        )
 
 
 def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
@@ -75,8 +77,8 @@ def _about_fundamental(mechanism: MechanismStatement, expression: Any) -> Any:
 
 
 def _stated(mechanism: MechanismStatement) -> Iterator[tuple[str, Any, bool]]:
-    """Descriptions and expressions that are evaluated along the fundamental motion, and whether each
-    expression is a motion."""
+    """Descriptions and expressions that are evaluated along the fundamental motion, with a flag for each
+    expression that is a motion."""
     for symbol, motion in mechanism.fundamental_motion.items():
         yield f"the fundamental motion of {symbol}", motion, True
     for name in ("kinetic", "potential"):
@@ -93,7 +95,7 @@ def _known(mechanism: MechanismStatement) -> set[Any]:
 
 
 class _Printer(StrPrinter):
-    """Printer of moduli as |x|."""
+    """Printer that writes moduli as |x|."""
 
     def _print_Abs(self, expr: sympy.Abs) -> str:
         return f"|{self._print(expr.args[0])}|"
@@ -111,15 +113,15 @@ def _sentence(node: Any) -> str:
 
 
 def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
-    """Sentences, one for each parameter, series and function of coordinates that M, C, K and d do not
-    contain."""
+    """Sentences, one for each parameter, series and function of coordinates that is missing from M, C, K and
+    d."""
     kept = _names(mechanism, linearised)
     lost = [name for name in _names(mechanism, residual) if name not in kept]
     return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
 
 
 def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:
-    """Sentences, one for each parameter and series in the energies that no result contains."""
+    """Sentences, one for each parameter and series of the energies that no result contains."""
     used = _names(mechanism, results)
     return [_idle(name) for name in _names(mechanism, _energies(mechanism)) if name not in used]
 
@@ -131,7 +133,7 @@ def _energies(mechanism: MechanismStatement) -> list[Any]:
 
 
 def _ignored(name: str) -> str:
-    return f"{name} is in the energies but not in the linearised equations; the linear answer ignores it"
+    return f"{name} is in the energies but not in the linearised equations; linear results ignore it"
 
 
 def _idle(name: str) -> str:
@@ -140,8 +142,8 @@ def _idle(name: str) -> str:
 
 def _one_sided(function: Any) -> str:
     return (
-        f"{short(function)} is in the energies; the linear answer uses its slope at the fundamental "
-        "motion and ignores steps and kinks that the vibration passes"
+        f"{short(function)} is in the energies; linear results use its slope at the fundamental motion and "
+        "ignore steps and kinks that the vibration passes"
     )
 
 

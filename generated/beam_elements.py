@@ -5,10 +5,10 @@ Renew with: python -m derive beam_elements
 Check with: python -m derive --check beam_elements
 """
 
-MECHANISM_SHA256 = "cfed58b9cb526eb1209859ef4cfb92c66e64438f8fe0c66b85e695b5fc99d943"
-DERIVE_SHA256 = "ab0177665eda450755145d86836182e130eea96af0306c11c02156f77b5e1fb2"
+MECHANISM_SHA256 = "3ba7f53008a4943032b8ae8f0f05e1487d28676dc7bd5ba5a4c894d133d14ae7"
+DERIVE_SHA256 = "b150ea391e42077905bfdff33e3ec04b52a5a2c26ec41ab8d0416908438c0ee4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "6a55fff3bdcf4117a80f884d451d7c4434603959c33e6534be1f030e206aba30"
+FILE_SHA256 = "f347d329eec0a9785d2c47020d5766ec1ea9b7b5e625b752f57117c1d7d385d8"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

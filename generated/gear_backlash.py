@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "42b123cc365018b2a899d73b102ef144cab91ae313f15744009fc291f11e761f"
-DERIVE_SHA256 = "ab0177665eda450755145d86836182e130eea96af0306c11c02156f77b5e1fb2"
+DERIVE_SHA256 = "b150ea391e42077905bfdff33e3ec04b52a5a2c26ec41ab8d0416908438c0ee4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "d2517e980683fa037445229cb1c01cdb76ae02b149bd861e4e4c973869b0b1a6"
+FILE_SHA256 = "1fde91d31dfd87b2d74dc3bd2acf24037052736cedd7989793c90596e3e96375"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -55,8 +55,8 @@ PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 61, "residual": 47, "outputs": 70}
 NO_DRIVE_TORQUE = "the rotation of the gears is not in the model"
 NONLINEAR = (
-    "Max(0, q + F/k) is in the energies; the linear answer uses its slope at the fundamental motion and ignores steps and kinks that the vibration passes",
-    "Min(0, q + F/k + 2*b) is in the energies; the linear answer uses its slope at the fundamental motion and ignores steps and kinks that the vibration passes",
+    "Max(0, q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Min(0, q + F/k + 2*b) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
 )
 
 

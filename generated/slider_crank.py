@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "32ced66cd0860eef6432196a38563ca2df89526baa5fcc4e6240e234e9ee27f7"
-DERIVE_SHA256 = "ab0177665eda450755145d86836182e130eea96af0306c11c02156f77b5e1fb2"
+DERIVE_SHA256 = "b150ea391e42077905bfdff33e3ec04b52a5a2c26ec41ab8d0416908438c0ee4"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "50b67f87557a26e743d0ebccf62a99057503638c7deda62eef7fb6eeaa6d97f7"
+FILE_SHA256 = "ab8994ba022069408e58e5eede5bdd093d715b40ab8bb40f6aa9114302cc8f81"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
@@ -57,8 +57,8 @@ DOMAIN = (
     ("the displacement of a force", "sqrt(L**2 - r**2*sin(phase)**2)", "L**2 - r**2*sin(phase)**2", ">= 0"),
 )
 NONLINEAR = (
-    "Max(0, -q + F/k) is in the energies; the linear answer uses its slope at the fundamental motion and ignores steps and kinks that the vibration passes",
-    "Min(0, -q + F/k + g) is in the energies; the linear answer uses its slope at the fundamental motion and ignores steps and kinks that the vibration passes",
+    "Max(0, -q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
+    "Min(0, -q + F/k + g) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
 )
 
 

@@ -1,4 +1,4 @@
-"""Trigonometric interpolation of periodic functions, and derivatives from extrapolated differences."""
+"""Trigonometric interpolation of periodic functions, and derivatives by extrapolated differences."""
 
 import math
 from collections.abc import Callable
@@ -62,8 +62,8 @@ class Trigonometric:
         return (waves.view(float) @ self._amplitudes).reshape(len(waves), *self._shape)
 
     def at(self, phase: Any, cos: Callable[[Any], Any], sin: Callable[[Any], Any]) -> list[Any]:
-        """Values at a symbolic phase, without the harmonics that are only round-off in every entry: entries
-        may have different units."""
+        """Values at a symbolic phase. Harmonics that are round-off in every entry are omitted; entries may
+        have different units."""
         cosines, sines = self._amplitudes[::2], self._amplitudes[1::2]
         sizes = np.maximum(np.abs(cosines), np.abs(sines))
         significant = (sizes > EPS * sizes.max(axis=0)).any(axis=1)
@@ -84,7 +84,7 @@ def _exponentials(phase: Array, frequencies: Array) -> Array:
 
 
 def interpolated(function: Callable[[Array], Array], period: float) -> Callable[[Array], Array]:
-    """Trigonometric interpolant, exact up to round-off, of a function of phases (m,) with values (m, …).
+    """Trigonometric interpolant, exact to round-off, of a function with values (m, …) at phases (m,).
 
     Returns the function itself if it is not smooth enough.
     """
@@ -109,8 +109,8 @@ def _resolved_harmonics(spectrum: Array) -> int:
 
 
 def slope(function: Callable[[float], Array], x: float, largest_step: float | None = None) -> Array:
-    """Derivative of a smooth function of a number by central differences, extrapolated to vanishing steps
-    (L. F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
+    """Derivative of a smooth function of one variable, by central differences extrapolated to zero step (L.
+    F. Richardson, Phil. Trans. R. Soc. A 210 (1911) 307-357).
 
     It serves assembled matrices, for which there is no automatic differentiation. Without a largest step, x
     must not be 0.
@@ -121,8 +121,8 @@ def slope(function: Callable[[float], Array], x: float, largest_step: float | No
 def slopes(
     function: Callable[[float], Array], x: float, largest_step: float | None = None
 ) -> tuple[Array, Array]:
-    """Derivative as in `slope`, and an extrapolation without the smallest step, which has a larger truncation
-    error and less round-off. The difference between the two estimates the error."""
+    """Derivative as from `slope`, and a second value extrapolated without the smallest step, which has a
+    larger truncation error and less round-off. The difference of the two values is an error estimate."""
     largest = _RELATIVE_STEP * abs(x) if largest_step is None else largest_step
     steps = [largest / 2**level for level in range(_LEVELS)]
     estimates = [(function(x + step) - function(x - step)) / (2 * step) for step in steps]

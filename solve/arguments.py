@@ -66,14 +66,14 @@ def first_is(
 
 
 def unique_names(names: str | Iterable[str]) -> tuple[str, ...]:
-    """Names without repetitions, in their order; a single string is one name."""
+    """Names without repetitions, in their order. A string is a single name."""
     return tuple(dict.fromkeys((names,) if isinstance(names, str) else names))
 
 
 def require_integer(
     name: str, value: object, least: int = 1, hint: str = "", error: type[SolveError] = ValueOutOfBoundsError
 ) -> None:
-    """Raise `error` unless the value is an integer >= `least`. hint: addition to the message."""
+    """Raise `error` unless the value is an integer >= `least`. hint: appended to the message."""
     if isinstance(value, bool) or not (isinstance(value, int | np.integer) and value >= least):
         raise error(f"{name} is {value!r}; allowed: whole numbers of at least {least}{hint}")
 
@@ -85,8 +85,8 @@ def require_steps(steps: object, least: int = 1) -> None:
 
 @contextmanager
 def limited(limit: float | None) -> Iterator[None]:
-    """Context with a limit on the number of values in memory at once; None keeps the current limit. Raises
-    ValueOutOfBoundsError outside 1 … 1e15."""
+    """Context manager that limits the number of values in memory at once; None keeps the current limit.
+    Raises ValueOutOfBoundsError outside 1 … 1e15."""
     if limit is not None and not 1 <= limit <= 1e15:
         raise ValueOutOfBoundsError(f"limit is {limit:g}; allowed: 1 … 1e15 numbers, such as {MOST}")
     token = _numbers_limit.set(_numbers_limit.get() if limit is None else limit)
@@ -97,7 +97,7 @@ def limited(limit: float | None) -> Iterator[None]:
 
 
 def most_numbers() -> float:
-    """Limit on the number of values in memory at once."""
+    """Maximum number of values in memory at once."""
     return _numbers_limit.get()
 
 

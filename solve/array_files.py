@@ -15,7 +15,7 @@ _LARGEST = 5000
 
 
 def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
-    """Arrays of a file by name, as they are stored.
+    """Arrays of a file by name, in the form in which they are stored.
 
     ending: the only allowed one; by default any of `ENDINGS`. Raises FileError.
     """
@@ -31,11 +31,11 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
     except PermissionError:
         raise FileError(f"'{file}' cannot be read; its permissions do not allow it") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
-        raise FileError(f"'{file}' cannot be read: it is damaged or no {kind} file") from None
+        raise FileError(f"'{file}' cannot be read: it is damaged, or is not a {kind} file") from None
 
 
 def require_file(path: str | Path) -> None:
-    """Raise FileError without a file at the path."""
+    """Raise FileError if there is no file at the path."""
     if not Path(path).is_file():
         raise FileError(f"there is no file '{path}'; give the path of a file that exists")
 

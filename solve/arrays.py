@@ -1,4 +1,5 @@
-"""Array type and small array operations: NumPy, float64 unless a docstring states complex."""
+"""Array type and small array operations. Arrays are NumPy arrays of float64 unless a docstring states
+complex."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import reduce
@@ -19,7 +20,7 @@ EPS = float(np.finfo(float).eps)
 
 
 def covers_all(selection: Array, count: int) -> bool:
-    """Whether positions (k,), or a mask, select all of `count` points in their order, so that no copy is
+    """Whether indices (k,), or a mask, select all of `count` points in their order, so that no copy is
     needed."""
     if len(selection) != count:
         return False
@@ -38,7 +39,7 @@ def unique_integers(numbers: Array) -> list[int]:
 
 
 def others(count: int, positions: Sequence[int]) -> Array:
-    """Positions (k,) from 0 to before `count`, except the given ones.
+    """Indices (k,) from 0 to `count` - 1 that are not among the given ones.
 
     >>> others(4, [1]).tolist()
     [0, 2, 3]
@@ -51,7 +52,7 @@ def others(count: int, positions: Sequence[int]) -> Array:
 
 
 def runs(flags: Array) -> Array:
-    """First and last positions (r, 2) of runs of true values among flags (k,).
+    """First and last index (r, 2) of each run of true values among flags (k,).
 
     >>> runs(np.array([True, False, True, True])).tolist()
     [[0, 0], [2, 3]]
@@ -66,7 +67,7 @@ slow for many rows."""
 
 
 def across(operation: np.ufunc, values: Array, axis: int = -1) -> Array:
-    """`operation.reduce` over a short axis, fast for many rows as well."""
+    """Result of `operation.reduce` over a short axis, fast for many rows too."""
     if len(values) < _MANY_ROWS:
         return operation.reduce(values, axis=axis)
     return reduce(operation, np.moveaxis(values, axis, 0))
@@ -83,7 +84,7 @@ def solved(A: Array, b: Array) -> Array:
 
 
 class Recent:
-    """Function of phases, with array values, that caches its latest results up to a number of bytes.
+    """Array-valued function of phases whose latest results are cached, up to a number of bytes.
 
     The next solution uses the phases of the same grid. Cached values must not be modified.
     """
@@ -108,7 +109,7 @@ class Recent:
 
 
 class Latest(Generic[Value]):
-    """Function of phases (m,) that caches its last value, because successive speeds use the same grid.
+    """Function of phases (m,) whose last value is cached, because successive speeds use the same grid.
 
     The value must not be modified.
     """
@@ -125,7 +126,7 @@ class Latest(Generic[Value]):
 
 
 class LazyMapping(Mapping[str, Array]):
-    """Values by name, each computed on access."""
+    """Mapping of names to values, each computed on access."""
 
     def __init__(self, names: Sequence[str], value: Callable[[str], Array]):
         self._names, self._value = names, value
@@ -143,7 +144,7 @@ class LazyMapping(Mapping[str, Array]):
 
 
 def symmetric_of(triangle: Array) -> Array:
-    """Symmetric matrices (k, N, N) from their upper triangles by rows (N (N + 1) / 2, k)."""
+    """Symmetric matrices (k, N, N) from their upper triangles (N (N + 1) / 2, k), stored by rows."""
     N = int(np.sqrt(2 * len(triangle)))
     rows, columns = np.triu_indices(N)
     X = np.empty((triangle.shape[1], N, N))

@@ -46,13 +46,13 @@ class Limit(NamedTuple):
 
     @classmethod
     def finite(cls, name: str) -> "Limit":
-        """Limit of a quantity that must be finite."""
+        """Limit that requires a quantity to be finite."""
         text = f"{name} is not finite at some phases, so it has no statistics"
         return cls(name, lambda values: ~np.isfinite(values.max - values.min), lambda _: text)
 
 
 class ModeShape(NamedTuple):
-    """Mode with its frequency (rad/s), scaled so that its largest displacement is 1.
+    """Mode shape with its frequency (rad/s), scaled so that its largest displacement is 1.
 
     places and displacements: x, y along each link, (points, 2), in m and relative to the
     largest displacement. transverse: displacements across each link, (points,). modal_mass: kg.
@@ -66,8 +66,8 @@ class ModeShape(NamedTuple):
 
 
 class DrawnLink(NamedTuple):
-    """Name of a link and the supports of its start and end: "pinned" or "clamped" to the ground, "joined" to
-    other links by a pin, or "" if welded to them or free."""
+    """Name of a link, and supports of its start and end: "pinned" or "clamped" to the ground, "joined" to
+    other links by a pin, or "" if welded to other links or free."""
 
     name: str
     ends: tuple[str, str]
@@ -103,9 +103,9 @@ class Integrator(Protocol):
     def nodes(self) -> Array: ...
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """q, v, a (3, n, k) over a period, both ends included, from the state (q, v) (2n,) at the phase
-        `start`. The speed changes linearly in time to `last`; by default it is constant. Raises
-        TransientError where the integration fails."""
+        """Integrate q, v, a (3, n, k) over a period, including both ends, from the state (q, v) (2n,) at the
+        phase `start`. The speed changes linearly in time to `last` (default: constant speed). Raises
+        TransientError if the integration fails."""
         ...
 
 
@@ -122,8 +122,8 @@ class Dependence(Protocol):
 
     @property
     def less_accurate(self) -> "Dependence":
-        """Derivatives from differences of lower order, for error estimates; the object itself if derivatives
-        are exact."""
+        """Derivatives by differences of lower order, for error estimates; the object itself if its
+        derivatives are exact."""
         ...
 
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
@@ -131,21 +131,22 @@ class Dependence(Protocol):
         ...
 
     def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
-        """Sums (r, c) of the derivatives of `residual` over phases and rows, with weights (k, n, c)."""
+        """Sums (r, c), over phases and rows with weights (k, n, c), of the derivatives that `residual`
+        returns."""
         ...
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
-        """Derivatives of the sum, weighted by (k, 3, n, n), of the entries of M, C and K, which are the
-        derivatives of the residual with respect to the states: derivatives with respect to θ (r,), and to the
-        states (k, 3, n), 0 for linear equations."""
+        """Derivatives of the sum of the entries of M, C and K, weighted by (k, 3, n, n). (M, C and K are the
+        derivatives of the residual with respect to the states.) Returns derivatives with respect to θ
+        (r,), and to the states (k, 3, n), which are 0 for linear equations."""
         ...
 
     def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
-        """Partial derivatives of an output with respect to θ (k, r) and to the states (k, 3, n)."""
+        """Partial derivatives of an output: with respect to θ (k, r), and to the states (k, 3, n)."""
         ...
 
     def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
-        """Total derivatives (k, r) of an output, for states with the derivatives `moved` (k, 3, n, r)."""
+        """Total derivatives (k, r) of an output. moved (k, 3, n, r): derivatives of the states."""
         ...
 
 
@@ -162,8 +163,8 @@ class ParameterDerivatives(Protocol):
         ...
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to parameters, or the "speed". compiled: optional compiled evaluation of
-        formulas. Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to the named parameters, or the "speed". compiled: compiled evaluation of
+        formulas, if available. Raises UnknownNameError, NoDerivativeError."""
         ...
 
 
@@ -175,11 +176,11 @@ class Structure(Protocol):
         ...
 
     def mode_shapes(self, position: float, frequencies: Array) -> list[ModeShape]:
-        """Mode shapes of the links at the lowest frequencies (k,) of a position."""
+        """Mode shapes of the links at a position, for the lowest frequencies (k,)."""
         ...
 
     def pinned_frequencies(self) -> dict[str, float]:
-        """Lowest bending frequency (rad/s) of each link alone, pinned at both ends."""
+        """Lowest bending frequency (rad/s) of each separate link, pinned at both ends."""
         ...
 
 
@@ -201,7 +202,7 @@ class Motion(Protocol):
     def nodes(self) -> Array: ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        """q or its derivative with respect to the phase at phases (k,) of any period: (n, k)."""
+        """q (n, k), or its derivative with respect to the phase, at phases (k,) of any period."""
         ...
 
 
@@ -230,8 +231,8 @@ class Reduction(Protocol):
     def enriched(self) -> Any: ...
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array) -> Any:
-        """State with all coordinates, whose `q` has the shape (full_coordinates, k), at phases (k,), from q,
-        q̇, q̈ (n, k)."""
+        """State in all coordinates at phases (k,), from q, q̇, q̈ (n, k). Its `q` has the shape
+        (full_coordinates, k)."""
         ...
 
 

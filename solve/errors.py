@@ -23,25 +23,25 @@ class UnknownNameError(SolveError):
 
 
 def require_name(kind: str, given: str, allowed: Collection[str]) -> None:
-    """Raise UnknownNameError unless the name is among those allowed."""
+    """Raise UnknownNameError unless `given` is among the allowed names."""
     if given not in allowed:
         raise UnknownNameError(kind, given, allowed)
 
 
 class ValueOutOfBoundsError(SolveError):
-    """Value outside the bounds of its parameter, option or setting, NaN and infinity included."""
+    """Value (possibly NaN or infinite) outside the bounds of its parameter, option or setting."""
 
 
 class UnitError(SolveError):
-    """Missing unit, or unit of another dimension."""
+    """Missing unit, or unit of the wrong dimension."""
 
 
 class MissingValueError(SolveError):
-    """Missing value that the case does not state: a parameter or the speed."""
+    """Missing value of a parameter or of the speed, which the case does not specify either."""
 
 
 class CaseFileError(SolveError):
-    """Case file that is not TOML, or has an invalid key or entry."""
+    """Case file that is not valid TOML, or has an invalid key or entry."""
 
 
 class ModelFileError(SolveError):
@@ -53,7 +53,7 @@ class MatricesError(SolveError):
 
 
 class DesiredMotionError(SolveError):
-    """The fundamental motion, or an expression evaluated along it, is not real and finite at some phases."""
+    """Fundamental motion, or expression evaluated along it, that is not real and finite at some phases."""
 
 
 class StructureError(SolveError):
@@ -61,19 +61,19 @@ class StructureError(SolveError):
 
 
 class NoMotionError(SolveError):
-    """Request that requires motion, for a model at rest."""
+    """Request that requires motion, for a model without motion."""
 
 
 class NoVibrationError(SolveError):
-    """Request for a vibration of a mechanism without coordinates."""
+    """Request for a vibration, for a mechanism without coordinates."""
 
 
 class NoLoadError(SolveError):
-    """Request for the vibration of a system without load, which is zero."""
+    """Request for the vibration of a system without load; the vibration is zero."""
 
 
 class NoSketchError(SolveError):
-    """Request for a drawing of a system without a sketch."""
+    """Request for a drawing, for a system without a sketch."""
 
 
 class StepsError(SolveError):
@@ -81,11 +81,11 @@ class StepsError(SolveError):
 
 
 class ResonanceError(SolveError):
-    """Singular I - Φ: with a multiplier at +1, no or no unique periodic solution exists."""
+    """Singular I - Φ: because of a multiplier +1, a periodic solution does not exist or is not unique."""
 
 
 class UnbalancedLoadError(SolveError):
-    """Load with a nonzero mean along an undamped rigid-body mode: no periodic vibration exists."""
+    """Load with a nonzero mean along an undamped rigid-body mode; a periodic vibration does not exist."""
 
 
 class LinearModelError(SolveError):
@@ -93,7 +93,7 @@ class LinearModelError(SolveError):
 
 
 class NoDerivativeError(SolveError):
-    """Quantity or system without the requested derivative."""
+    """Quantity or system for which the requested derivative does not exist."""
 
 
 class NoOrbitError(SolveError):
@@ -101,7 +101,8 @@ class NoOrbitError(SolveError):
 
 
 class ControlError(SolveError):
-    """Feedback that does not exist: no inputs, or no stabilising solution of the Riccati equation."""
+    """Feedback that does not exist, because of missing inputs or because the Riccati equation has no
+    stabilising solution."""
 
 
 class TransientError(SolveError):
@@ -109,11 +110,11 @@ class TransientError(SolveError):
 
 
 class NoResultError(SolveError):
-    """Failure of all points of a study."""
+    """Study in which every point failed."""
 
 
 class WorkersError(SolveError):
-    """Workers that are unreachable or have terminated early."""
+    """Workers that cannot be reached, or that ended before their work was done."""
 
 
 class MissingLibraryError(SolveError):
@@ -121,7 +122,7 @@ class MissingLibraryError(SolveError):
 
     @classmethod
     def of_extra(cls, what: str, library: str, extra: str) -> Self:
-        """Error for a library that `what` requires and an extra of this package installs."""
+        """Exception for a library that `what` requires and that an extra of this package installs."""
         return cls(f'{what} needs {library}; install it with: pip install "parametric-vibration[{extra}]"')
 
 
@@ -130,7 +131,7 @@ class FileError(SolveError):
 
 
 class ResultKindError(FileError):
-    """File with a result class whose module is not imported."""
+    """File whose result class belongs to a module that is not imported."""
 
     def __init__(self, kind: str, what: str = "it"):
         super().__init__(
@@ -145,7 +146,7 @@ class ReopenedError(SolveError):
 
 
 def cause(error: Exception) -> str:
-    """Reason why a file cannot be read.
+    """Short reason why a file cannot be read.
 
     >>> cause(FileNotFoundError(2, "No such file or directory"))
     'no such file or directory'

@@ -1,4 +1,4 @@
-"""Systems with coordinates that have no second derivatives: ẋ = A(Ωt)x + b(Ωt), and mixed ones.
+"""Systems with coordinates that have no second derivatives: ẋ = A(Ωt)x + b(Ωt), and mixed systems.
 
 As a special case of M q̈ + C q̇ + K q = d, first-order coordinates are the last ones, and their columns of M
 are zero. A system ẋ = A x + b has M = 0, C = 1, K = -A and d = b."""
@@ -123,8 +123,8 @@ class FirstOrderSystem(PeriodicSystem):
         return made.from_interpolant(samples)
 
     def equations_at(self, phase: Array, speed: float) -> list[Array]:
-        """A (m, N, N) and b (m, N) at phases (m,); if inputs or outputs are named, B (m, N, r), C (m, y, N)
-        and D (m, y, r) too.
+        """Matrices A (m, N, N) and b (m, N) at phases (m,). If inputs or outputs are named, also B (m, N, r),
+        C (m, y, N) and D (m, y, r).
 
         Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
         """
@@ -157,7 +157,7 @@ class FirstOrderSystem(PeriodicSystem):
         return dict(zip(self.outputs, values, strict=True))
 
     def checked(self, speed: float) -> None:
-        """Raise MatricesError unless the matrices have their shapes and are periodic."""
+        """Raise MatricesError unless the matrices have the required shapes and are periodic."""
         phase = checked_phases(self.period, self.breaks)
         N, r, y = map(len, (self.states, self.inputs, self.outputs))
         sizes = {"A": (4, N, N), "b": (4, N), "B": (4, N, r), "C": (4, y, N), "D": (4, y, r)}
@@ -167,7 +167,7 @@ class FirstOrderSystem(PeriodicSystem):
 
 
 class MixedSystem(PeriodicSystem):
-    """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt) whose z has coordinates and first-order states.
+    """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt), where z consists of coordinates and first-order states.
 
     States are filters, actuators, inflow or other quantities without inertia: their columns of M are zero.
 
@@ -255,8 +255,8 @@ class MixedSystem(PeriodicSystem):
         return entries[:, used], numbers[used]
 
     def checked(self, speed: float) -> None:
-        """Raise MatricesError unless the matrices have their shapes, are periodic, and determine the highest
-        derivatives."""
+        """Raise MatricesError unless the matrices have the required shapes, are periodic, and determine the
+        highest derivatives."""
         n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}

@@ -1,4 +1,4 @@
-"""Labels of a system: names, parameter values, units and meanings, as results show them."""
+"""Names, parameter values, units and meanings of a system, as results display them."""
 
 from collections.abc import Iterable, Mapping
 from functools import cached_property
@@ -81,7 +81,7 @@ class Labels:
         return 2 * self.n - self.first_order
 
     def shown_in(self, speed: float) -> Self:
-        """Copy of the system whose display unit is the unit of a given speed, if it has one."""
+        """Copy of the system with the unit of the given speed as display unit, if the speed has one."""
         unit = unit_given(speed, self.speed_unit)
         if unit == self.speed_unit:
             return self
@@ -93,7 +93,7 @@ class Labels:
         return copied
 
     def _agrees_with(self, other: Self) -> bool:
-        """Whether the attributes equal those of another system, except the unit and cached values."""
+        """Whether all attributes except the unit and cached values equal those of another system."""
         return all(
             vars(self).get(name) is value
             for name, value in vars(other).items()
@@ -102,7 +102,7 @@ class Labels:
 
     @cached_property
     def _by_speed_unit(self) -> dict[ShownUnit, Self]:
-        """Copies by display unit, so that their cached values are reused."""
+        """Copies of the system by display unit, stored so that their cached values are reused."""
         return {self.speed_unit: self}
 
     def unit_of(self, name: str) -> ShownUnit:
@@ -120,8 +120,8 @@ class Labels:
         return in_unit(value, unit or "1", name)
 
     def bounds_in_own_unit(self, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
-        """Lower and upper bound of a parameter in its declared unit, which must contain its value. Raises
-        UnknownNameError, UnitError, ValueOutOfBoundsError."""
+        """Lower and upper bound of a parameter in its declared unit. The bounds must contain the parameter's
+        value. Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
         require_name(f"parameter of {self.name}", name, self.parameters)
         low, high = (self.in_own_unit(name, end) for end in ends)
         value = float(self.parameters[name])
@@ -133,8 +133,8 @@ class Labels:
         return low, high
 
     def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
-        """Names of coordinates and outputs without repetitions, all names if `names` is None; a string counts
-        as one name. Raises UnknownNameError."""
+        """Names of coordinates and outputs without repetitions; all of them if `names` is None. A string is a
+        single name. Raises UnknownNameError."""
         allowed = (*self.coordinates, *self.outputs)
         names = unique_names(allowed if names is None else names)
         for name in names:
@@ -142,23 +142,23 @@ class Labels:
         return names
 
     def parts(self, quantity: str) -> tuple[str, ...]:
-        """Coordinates or outputs of a quantity: the quantity itself, or the quantities of which it is the
-        largest. Raises UnknownNameError."""
+        """Coordinates or outputs that belong to a quantity: the quantity itself, or the members of a group
+        whose maximum it denotes. Raises UnknownNameError."""
         allowed = (*self.coordinates, *self.outputs, *self.largest_of)
         require_name(f"coordinate or output of {self.name}", quantity, allowed)
         return self.largest_of.get(quantity, (quantity,))
 
     def speed_or_usual(self, speed: float | str | None) -> float:
-        """Ω in rad/s from a speed (rad/s, or a text with unit), by default that of the case. Raises
-        MissingValueError if neither is given, UnitError, ValueOutOfBoundsError."""
+        """Ω in rad/s from a speed (rad/s, or a text with unit); by default the speed of the case. Raises
+        MissingValueError without either, UnitError, ValueOutOfBoundsError."""
         chosen = self.case_speed if speed is None else speed
         if chosen is None:
             where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"
-            raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
+            raise MissingValueError(f'{where} states no speed; give a speed, such as --speed "600 rpm"')
         return speed_in_si(chosen)
 
 
 def require_vibration(system: Labels) -> None:
-    """Raise NoVibrationError for a rigid mechanism."""
+    """Raise NoVibrationError for a mechanism without coordinates."""
     if not system.vibrates:
         system.require_motion()

@@ -1,4 +1,4 @@
-"""Loading of models by name, by the path of a mechanism file, or from a mechanism in memory."""
+"""Loading of models by name, from a mechanism file, or from a mechanism in memory."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -20,13 +20,14 @@ from solve.model.setup import Setup
 
 
 class Derivable(Protocol):
-    """Object that generates its code, such as a `derive.Mechanism`."""
+    """Object that generates its code, such as a `derive.Mechanism` (protocol)."""
 
     def code(self) -> str: ...
 
 
 class RigidModel(Model):
-    """Mechanism without coordinates: its motion is prescribed, its outputs follow from phase and speed."""
+    """Mechanism without coordinates. Its motion is prescribed, and its outputs are functions of phase and
+    speed."""
 
     vibrates = False
 
@@ -188,8 +189,8 @@ def case_numbers(
 def missing_parameters(
     model: str, case: str | None, cases: str | None, parameters: Mapping[str, float | str]
 ) -> list[str]:
-    """Parameters of a model to which neither its case nor `parameters` gives a value. Raises as `load`
-    does."""
+    """Parameters of a model that have no value, neither in its case nor in `parameters`. Raises the
+    exceptions of `load`."""
     unset = dict.fromkeys(parameter_units(model), math.nan)
     _, chosen = _module_and_case(model, case, cases, parameters, unset)
     return [name for name in unset if chosen.parameters[name] is math.nan]

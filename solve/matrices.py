@@ -24,7 +24,8 @@ _SINGULAR = 0.1 / EPS
 
 
 def real_arrays(arrays: Sequence[Array], symbols: str, kind: str) -> list[Array]:
-    """Arrays of floats, one per symbol. Raises MatricesError."""
+    """Arrays of floats, one per symbol. Raises MatricesError for values that are not arrays of real
+    numbers."""
     try:
         pairs = zip(arrays, symbols, strict=True)
         return [np.asarray(array).astype(float, casting="same_kind", copy=False) for array, _ in pairs]
@@ -45,8 +46,8 @@ def require_finite_entries(arrays: Sequence[Array], symbols: str, phase: Array) 
 
 
 def require_shapes(arrays: Mapping[str, Array], shapes: Mapping[str, tuple[int, ...]], names: str) -> None:
-    """Raise MatricesError unless arrays at some phases have the shapes (m, …) by their symbols. names: names
-    of the coordinates, for the message."""
+    """Raise MatricesError unless arrays at m phases have the shapes (m, …) of their symbols. names: names of
+    the coordinates, for the message."""
     for symbol, array in arrays.items():
         if array.shape != shapes[symbol]:
             raise MatricesError(
@@ -62,8 +63,8 @@ def split_entries(entries: Array, n: int) -> Matrices:
 
 
 def leading(M: Array, C: Array, first_order: int) -> Array:
-    """Matrices (…, n, n) of the highest derivatives: columns of M, and of C for the last `first_order`
-    coordinates, which have no second derivatives.
+    """Coefficient matrices (…, n, n) of the highest derivatives: columns of M, and columns of C for the last
+    `first_order` coordinates, which have no second derivatives.
 
     >>> leading(np.diag([2.0, 0.0]), np.diag([5.0, 3.0]), 1).tolist()
     [[2.0, 0.0], [0.0, 3.0]]
@@ -74,8 +75,8 @@ def leading(M: Array, C: Array, first_order: int) -> Array:
 
 
 def by_rates(M: Array, C: Array, K: Array, first_order: int) -> tuple[Array, Array, Array]:
-    """M, C and K (…, n, n) with the last `first_order` coordinates replaced by their rates: the columns of C
-    become those of M, and the columns of K those of C.
+    """Matrices M, C and K (…, n, n) for the rates of the last `first_order` coordinates as unknowns: for
+    these coordinates, columns of C become columns of M, and columns of K become columns of C.
 
     λ²M + λC + K has the eigenvalues of the given matrices, and a zero for each of these coordinates.
     """
@@ -93,7 +94,7 @@ def inertia_units(M: Array) -> Array:
 
 
 def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
-    """Entries (P, k, 3n² + n) for derivatives with respect to time, converted in place to derivatives with
+    """Convert entries (P, k, 3n² + n) in place from derivatives with respect to time to derivatives with
     respect to the phase."""
     entries[:, :, : n**2] *= (speeds**2)[:, None, None]
     entries[:, :, n**2 : 2 * n**2] *= speeds[:, None, None]
@@ -101,7 +102,7 @@ def by_the_phase(entries: Array, speeds: Array, n: int) -> Array:
 
 
 def checked_phases(period: float, breaks: Sequence[float]) -> Array:
-    """Four phases of a period, inside it if there are breaks."""
+    """Four phases of a period at which periodicity is checked; inside the period if there are breaks."""
     phase, inset = np.array([0.0, 0.281, 0.618, 1.0]) * period, SAME_PHASE * period
     if breaks:
         phase[[0, -1]] += [inset, -inset]
@@ -114,14 +115,14 @@ def jumps_at_zero(period: float, breaks: Sequence[float]) -> bool:
 
 
 def with_neighbours(phase: Array, later: Array, period: float) -> Array:
-    """Phases (3k,): the given ones (k,), those about a period later, and neighbours of the given ones at a
-    distance of the round-off of the period."""
+    """Phases (3k,): the given phases (k,), the phases about one period later, and neighbours of the given
+    phases at a distance of the round-off of the period."""
     distance = np.maximum(np.abs(later - phase - period), 8 * EPS * period)
     return np.concatenate((phase, later, phase + distance))
 
 
 def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
-    """Symbols of the matrices that differ between phases and phases a period later, with the differences.
+    """Symbols of those matrices that differ between phases and phases one period later, with the differences.
 
     matrices: Ω²M, ΩC, K and d at the phases of `with_neighbours`. Differences count beyond 1e-9 of the size
     of a matrix, beyond the round-off of the whole equation (a load that cancels is zero up to that), and
@@ -138,7 +139,7 @@ def changes(matrices: Matrices, speed: float) -> list[tuple[str, float]]:
 
 
 def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
-    """Changes (n, n) and (n,) of M, C, K (m, n, n) and d (m, n) that are negligible, as in `changes`."""
+    """Negligible changes (n, n) and (n,) of M, C, K (m, n, n) and d (m, n), as used in `changes`."""
     rates = speed**2, speed, 1.0, 1.0
     allowed = _negligible([rate * array for rate, array in zip(rates, matrices, strict=True)])
     M, C, K, d = (array / rate for rate, array in zip(rates, allowed, strict=True))
@@ -146,8 +147,8 @@ def negligible_changes(matrices: Matrices, speed: float) -> Matrices:
 
 
 def _negligible(matrices: Sequence[Array]) -> list[Array]:
-    """Negligible changes of M, C, K and d, converted to the same unit: 1e-9 of their size plus the round-off
-    of the entire equation."""
+    """Negligible changes of M, C, K and d in a common unit: 1e-9 of their size plus the round-off of the
+    whole equation."""
     inertia = np.abs(np.einsum("kii->ki", matrices[0])).max(axis=0)
     unit = 1 / np.sqrt(np.where(inertia > 0, inertia, 1.0))
     scales = [unit[:, None] * unit] * 3 + [unit]
@@ -160,7 +161,7 @@ def _negligible(matrices: Sequence[Array]) -> list[Array]:
 
 def require_inertia(M: Array, states: Sequence[str] = ()) -> None:
     """Raise MatricesError if one of the matrices (k, n, n) is singular. states: names of first-order
-    coordinates, whose columns are those of C."""
+    coordinates, whose columns are taken from C."""
     diagonal = np.sqrt(np.abs(np.einsum("kii->ki", M)))
     diagonal[diagonal == 0.0] = 1.0
     scaled = M / (diagonal[:, :, None] * diagonal[:, None, :])

@@ -128,12 +128,12 @@ class Samples:
 
     @property
     def significant(self) -> Array:
-        """Harmonics (h,) above 0 that are not round-off in some entry."""
+        """Numbers (h,) of the harmonics above 0 that exceed round-off in some entry."""
         return np.flatnonzero(self.envelope[1:] > _SIGNIFICANT) + 1
 
     def decay(self, first: float, last: float) -> float:
-        """Ratio, at most 1, of the amplitude of a harmonic to that of a lower one, extrapolated from the
-        quarters of the resolved harmonics.
+        """Ratio, at most 1, of the amplitudes of two harmonics, the higher divided by the lower one,
+        extrapolated from the quarters of the resolved harmonics.
 
         Amplitudes of smooth functions fall geometrically. If their logarithms fall more slowly in the last
         quarter, as for kinks and jumps, they are assumed to fall with a power of the harmonic.
@@ -154,8 +154,8 @@ class Samples:
         return math.exp(min(slope, 0.0) * (last - first) / (most / 4))
 
     def shifted(self) -> "Samples":
-        """Samples with all entries shifted by the amplitude that is aliased to the mean, extrapolated from
-        the last quarter of the harmonics."""
+        """Samples with all entries shifted by the amplitude that aliases to the mean, extrapolated from the
+        last quarter of the harmonics."""
         most = len(self.envelope) - 1
         ratio = self.decay(3 / 4 * most, self.azimuths)
         arrays = []
@@ -166,18 +166,18 @@ class Samples:
 
     @property
     def spacing(self) -> int:
-        """Greatest common divisor of the significant harmonics, 1 without any."""
+        """Greatest common divisor of the numbers of the significant harmonics; 1 without significant
+        harmonics."""
         return max(1, math.gcd(*self.significant.tolist()))
 
     @property
     def ends(self) -> bool:
-        """Whether the harmonics end within the resolved ones: the next multiple of their spacing is resolved
-        and zero."""
+        """Whether all harmonics are resolved: the next multiple of their spacing is resolved and zero."""
         last = int(self.significant.max(initial=0))
         return last == 0 or last + self.spacing <= self.resolved
 
     def thinned(self, stride: int) -> "Samples":
-        """Samples at every second or third of uniform azimuths."""
+        """Samples at every second or third of the uniform azimuths."""
         arrays = [array[::stride] for array in self.arrays]
         if self.azimuths % stride == 0:
             return Samples(tuple(arrays), self.period, self.azimuths // stride)
@@ -185,10 +185,9 @@ class Samples:
         return self._fitted(azimuths, arrays, (len(azimuths) - 1) // 2, self.period)
 
     def truncated(self, harmonics: int) -> "Samples":
-        """Samples of the interpolants without higher harmonics; if azimuths are not uniform, of interpolants
-        through fewer azimuths, whose errors are of the same kind, because higher harmonics are aliased to all
-        lower ones.
-        """
+        """Samples of the interpolants without higher harmonics. If azimuths are not uniform, interpolants
+        through fewer azimuths are used; their errors are of the same kind, because higher harmonics alias
+        to all lower ones."""
         if self.given is not None:
             azimuths, arrays = self.given
             if not harmonics:
@@ -240,9 +239,9 @@ def _checked_azimuths(phases: Sequence[float] | Array, count: int, period: float
 
 
 def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
-    """Matrix (2H+1, k) from samples at azimuths (k,) to values of the fitted series of H harmonics at uniform
-    phases, and the amplification of errors. H is the largest number, at most `most`, for which the fit is
-    well conditioned."""
+    """Matrix (2H+1, k) that maps samples at azimuths (k,) to values, at uniform phases, of the fitted series
+    with H harmonics; and the amplification of errors. H is the largest number, at most `most`, for which
+    the fit is well conditioned."""
     for harmonics in range(most, 0, -1):
         design = _waves(azimuths, harmonics, period)
         singular = np.linalg.svd(design, compute_uv=False)
@@ -258,7 +257,7 @@ def _fit(azimuths: Array, most: int, period: float) -> tuple[Array, float]:
 
 
 def _waves(phase: Array, harmonics: int, period: float) -> Array:
-    """1, cosines and sines (m, 2H+1) at phases (m,)."""
+    """Values (m, 2H+1) of 1 and of the cosines and sines at phases (m,)."""
     angles = np.outer(phase, np.arange(1, harmonics + 1)) * (2 * math.pi / period)
     return np.concatenate((np.ones((len(phase), 1)), np.cos(angles), np.sin(angles)), axis=1)
 
@@ -271,7 +270,7 @@ def sampled(
 
 
 def checked_period(period: float) -> float:
-    """Checked period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
+    """Return the period. Raises ValueOutOfBoundsError unless it is a finite phase > 0."""
     if isinstance(period, str) or not (math.isfinite(period) and period > 0):
         raise ValueOutOfBoundsError(f"period is {period!r}; allowed: a finite phase > 0, such as 2π")
     return float(period)

@@ -148,8 +148,8 @@ def floquet(
 
 
 def request(steps: int | None, rtol: float, engine: str, orbit: bool) -> SolveRequest:
-    """Request for the solution of points by engine COMPILED or NUMPY, and the methods that check results of
-    other methods. Raises ValueOutOfBoundsError."""
+    """Request for the solution of points by engine COMPILED or NUMPY, and the methods that check the results
+    of other methods. Raises ValueOutOfBoundsError."""
     return SolveRequest(orbit, checked_rtol(rtol), steps, engine, Radau(), auto)
 
 
@@ -160,7 +160,8 @@ def _solve(
     solve_request: SolveRequest,
     all_multipliers: bool,
 ) -> tuple[Certified, Spectrum]:
-    """Certified solution of a point, and its multipliers, each to the tolerance if `all_multipliers`."""
+    """Certified solution of a point, and its multipliers. With `all_multipliers`, each multiplier meets the
+    tolerance."""
     rule = chosen(method)
     system.checked(omega)
     point = OnePoint(system, omega)

@@ -134,8 +134,9 @@ class PeriodicSystem(Labels):
         period: float = 2 * math.pi,
         phases: Sequence[float] | Array | None = None,
     ) -> Self:
-        """Create a system from samples at azimuths of the period, between which the matrices are their
-        trigonometric interpolant. Results state its error, and how many azimuths suffice.
+        """Create a system from samples at azimuths of the period. Between them the matrices are given by the
+        trigonometric interpolant. Results state the interpolation error, and the number of azimuths that
+        is sufficient.
 
         Parameters
         ----------
@@ -175,7 +176,7 @@ class PeriodicSystem(Labels):
         return made
 
     def at(self, phase: Array, speed: float) -> Matrices:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
+        """M, C, K (m, n, n) and d (m, n) at phases (m,). Derivatives are with respect to time.
 
         Raises MatricesError if the function returns no real arrays, or NaN or infinite entries.
         """
@@ -183,12 +184,13 @@ class PeriodicSystem(Labels):
         return M, C, K, d
 
     def input_matrix(self, phase: Array, speed: float) -> Array:
-        """B (m, n, r) of the inputs on the right of the equations, at phases (m,). Raises MatricesError."""
+        """Matrix B (m, n, r) of the inputs on the right-hand side of the equations, at phases (m,). Raises
+        MatricesError."""
         return self._checked_inputs(self._called(phase, speed, self._symbols, "M, C, K", "d")[4:], phase)
 
     def _checked_inputs(self, arrays: Sequence[Array], phase: Array) -> Array:
-        """B (m, n, r), the only array, or no columns without inputs. Raises MatricesError for another
-        shape."""
+        """Matrix B (m, n, r) from its array, or a matrix without columns if there are no inputs. Raises
+        MatricesError for another shape."""
         shape = len(phase), self.n, len(self.inputs)
         B = arrays[0] if arrays else np.zeros(shape)
         if B.shape != shape:
@@ -217,39 +219,39 @@ class PeriodicSystem(Labels):
         return arrays
 
     def in_phase(self, phase: Array, speed: float) -> Matrices:
-        """Ω²M, ΩC, K (m, n, n) and d (m, n), for derivatives with respect to the phase. Raises as `at`
-        does."""
+        """Ω²M, ΩC, K (m, n, n) and d (m, n). Derivatives are with respect to the phase. Raises the exceptions
+        of `at`."""
         M, C, K, d = self.at(phase, speed)
         return speed**2 * M, speed * C, K, d
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        """Outputs (k,) by name at phases (k,), a speed in rad/s, a number or (k,), and states q, q̇, q̈ (n,
-        k), derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
+        """Outputs (k,) by name at phases (k,), a speed in rad/s (a number or (k,)), and states q, q̇, q̈ (n,
+        k). Derivatives are with respect to time. acceleration: Ω̇ in rad/s²."""
         return {}
 
     def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
-        """Outputs as C code in which the parameters `varied` are inputs; None if unavailable."""
+        """C code of the outputs, with the parameters `varied` as inputs; None if unavailable."""
         return None
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
-        """Warnings about the equations at a speed (rad/s), for any solution. linear: whether the linearised
-        equations are solved."""
+        """Warnings about the equations at a speed (rad/s), independent of the solution. linear: whether the
+        linearised equations are solved."""
         return list(self.equation_warnings)
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
-        """Coordinates and outputs with bounds on a valid solution."""
+        """Coordinates and outputs whose values have bounds in a valid solution."""
         return ()
 
     def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
-        """Limits of these quantities within which a solution is valid. linear: whether the linearised
+        """Limits of the given quantities within which a solution is valid. linear: whether the linearised
         equations are solved."""
         return [Limit.finite(name) for name in quantities]
 
     def judged(self, figures: Mapping[str, Statistics], linear: bool = True) -> list[str]:
-        """Warnings about the limits that a solution with these statistics by quantity exceeds. linear: as in
+        """Warnings about limits exceeded by a solution with these statistics (by quantity). linear: see
         `limits`."""
         pairs = ((limit, figures[limit.quantity]) for limit in self.limits(figures, linear))
         return [limit.message(values) for limit, values in pairs if limit.exceeded(values)]
@@ -257,7 +259,7 @@ class PeriodicSystem(Labels):
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """System with some parameters and options changed. Raises UnknownNameError."""
+        """System with changed parameters or options. Raises UnknownNameError."""
         for name in (*(parameters or {}), *(options or {})):
             require_name(f"parameter or option of {self.name}", name, [])
         return self
@@ -266,19 +268,19 @@ class PeriodicSystem(Labels):
         """Raise ValueOutOfBoundsError for values outside the bounds of their parameters."""
 
     def require_desired_motion(self, speeds: Array) -> None:
-        """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,),
+        """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,) in
         rad/s."""
 
     def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        """Lines of the sketch by name: points x + iy (points, k) for q (n, k) at phases (k,). fineness:
-        fraction of the usual points of curves. Raises NoSketchError without a sketch."""
+        """Lines of the sketch by name, as points x + iy (points, k) for q (n, k) at phases (k,). fineness:
+        fraction of the usual number of points of curves. Raises NoSketchError without a sketch."""
         raise NoSketchError(
             f"{self.name} declares no lines to draw; add mechanism.sketch(name, points) to its file "
             "and derive it again, see docs/motion.md"
         )
 
     def entries(self, phase: Array, speed: float) -> Array:
-        """Ω²M, ΩC, K by rows and d, concatenated (m, 3n² + n), for derivatives with respect to the phase."""
+        """Entries (m, 3n² + n) of Ω²M, ΩC, K by rows and d. Derivatives are with respect to the phase."""
         entries = np.concatenate([array.reshape(len(phase), -1) for array in self.at(phase, speed)], axis=1)
         entries[:, : self.n**2] *= speed**2
         entries[:, self.n**2 : 2 * self.n**2] *= speed
@@ -290,12 +292,13 @@ class PeriodicSystem(Labels):
         return self.entries(phase, speed), np.arange(3 * self.n**2 + self.n)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
-        speeds (P,), and the entry of each term (R,), ascending; None if unavailable."""
+        """Decomposition of the entries into products: terms (k, R), which depend on the phase; their
+        coefficients (P, R) at speeds (P,); and the entry (R,), ascending, of each term. None if
+        unavailable."""
         return None
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
-        """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+        """Entries (P, k, 3n² + n) at speeds (P,); NaN at speeds without matrices."""
         entries = np.full((len(speeds), len(phase), 3 * self.n**2 + self.n), np.nan)
         for rows, speed in zip(entries, speeds, strict=True):
             try:
@@ -306,7 +309,8 @@ class PeriodicSystem(Labels):
         return entries
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> "PeriodicSystem":
-        """Linearise the equations of motion r(φ, Ω, q, q̇, q̈) = 0 about a motion q_k, with its period.
+        """Linearise the equations of motion r(φ, Ω, q, q̇, q̈) = 0 about a motion q_k. The period is that of
+        the motion.
 
         M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that the periodic
         solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
@@ -319,36 +323,38 @@ class PeriodicSystem(Labels):
         )
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> "PeriodicSystem":
-        """System as from `along`, whose breaks include the phases at which the motion passes switches at a
-        speed in rad/s."""
+        """As `along`. The breaks include the events of the motion, which are the phases at which it passes
+        switches, at a speed in rad/s."""
         return self.along(motion, compiled)
 
     def event_normals(self, motion: Motion, speed: float) -> Array:
-        """Derivatives (k, 1 + 2n) with respect to phase, q and dq/dφ of the switches that a motion passes at
-        its events, at a speed in rad/s."""
+        """Derivatives (k, 1 + 2n), with respect to phase, q and dq/dφ, of the switching function that
+        vanishes at each event of a motion at a speed in rad/s."""
         return np.zeros((0, 1 + 2 * self.n))
 
     def meet(self, events: Events) -> None:
-        """Add the phases at which the motion passes switches to the breaks."""
+        """Add the events of a motion, at which it passes switches, to the breaks."""
         self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
-        """Bounds (k, n) on the round-off in the load d of equations linearised about a motion, at phases
-        (k,), in units of the machine precision; terms of the load may cancel. Zero without a bound."""
+        """Bounds (k, n) on the round-off in the load d at phases (k,), in units of the machine precision, for
+        equations linearised about a motion, where terms of the load may cancel. Zero if no bound is
+        available."""
         return np.zeros((len(phase), self.n))
 
     def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        """M, C, K (m, n, n) and d (m, n), for derivatives with respect to time, at speeds (m,) in rad/s that
-        change by an acceleration in rad/s². Raises TransientError if these are unavailable."""
+        """M, C, K (m, n, n) and d (m, n), with derivatives with respect to time, at speeds (m,) in rad/s
+        while the speed changes at an acceleration in rad/s². Raises TransientError if they are
+        unavailable."""
         raise TransientError(
             f"{self.name} is stated for constant speeds only; for varying speeds, state it as a "
             "mechanism and derive it"
         )
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
-        """Integrator of the equations of motion, period after period from any state, with `count` states per
-        period. sizes (n,): sizes of the coordinates, to which rtol is relative. Raises TransientError for
-        systems without generated code."""
+        """Integrator of the equations of motion over successive periods from any state, with `count` states
+        per period. sizes (n,): sizes of the coordinates, to which rtol is relative. Raises TransientError
+        for systems without generated code."""
         raise TransientError(
             f"{self.name} has no generated equations of motion that can be integrated in time; state "
             "it as a mechanism and derive it"
@@ -356,12 +362,12 @@ class PeriodicSystem(Labels):
 
     @property
     def nonlinear(self) -> bool:
-        """Whether there are nonlinear equations, which `along` linearises."""
+        """Whether the system has nonlinear equations, which `along` linearises."""
         return False
 
     def many_points(self, names: Sequence[str]) -> Any:
-        """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if each
-        point requires a system of its own."""
+        """Vectorised evaluation, `ModelPoints`, at points with different values of the named parameters; None
+        if a separate system is required for each point."""
         return None
 
     @property
@@ -376,11 +382,12 @@ class PeriodicSystem(Labels):
 
     @property
     def most_frequencies(self) -> int:
-        """Maximum number of natural frequencies that can be computed."""
+        """Largest number of natural frequencies that can be computed."""
         return self.freedoms
 
     def checked(self, speed: float) -> None:
-        """Raise MatricesError unless the matrices have their shapes, are periodic, and M is regular."""
+        """Raise MatricesError unless the matrices have the required shapes and are periodic, and M is
+        regular."""
         n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
@@ -389,7 +396,7 @@ class PeriodicSystem(Labels):
         require_inertia(matrices["M"])
 
     def _require_periodicity(self, phase: Array, speed: float, symbols: str) -> None:
-        """Raise MatricesError unless M, C, K and d, with these symbols in messages, are periodic."""
+        """Raise MatricesError unless M, C, K and d are periodic. symbols: their names in messages."""
         if jumps_at_zero(self.period, self.breaks):
             return
         ends = self.in_phase(with_neighbours(phase[:1], phase[-1:], self.period), speed)
@@ -401,10 +408,12 @@ class PeriodicSystem(Labels):
 
 
 def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) -> None:
-    """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from others."""
+    """Raise ValueOutOfBoundsError unless names are texts that differ from each other and from `others`."""
     texts = not isinstance(names, str) and all(isinstance(name, str) for name in names)
     if not texts or len({*others, *names}) != len(others) + len(names):
-        raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
+        raise ValueOutOfBoundsError(
+            f"{kind} are {names!r}; give a list of texts that differ from each other and from all other names"
+        )
 
 
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
@@ -428,7 +437,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
 
 
 def require_load(system: PeriodicSystem, speed: float) -> None:
-    """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
+    """Raise NoLoadError if d is zero over the whole period, so that there is no periodic vibration."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
         raise NoLoadError(f"{system.name} has no load: its periodic vibration is zero at every speed")

@@ -1,4 +1,4 @@
-"""Thread control: BLAS threads for small matrices, interruptible long calls, and symbolic operations."""
+"""Control of threads: BLAS threads for small matrices, interruptible calls, and symbolic operations."""
 
 import atexit
 import sys
@@ -22,7 +22,7 @@ _active_calls: list[Any] = []
 
 @contextmanager
 def one_thread(coordinates: int) -> Iterator[None]:
-    """Context in which BLAS uses one thread if a system with this number of coordinates is small.
+    """Context manager in which BLAS uses one thread if a system with this number of coordinates is small.
 
     For small matrices, threads of BLAS wait longer than they work. The previous number of threads is restored
     at the end of the last of overlapping calls from any thread."""
@@ -59,8 +59,8 @@ def _libraries(loaded: tuple[bool, ...]) -> Any:
 
 
 def interruptible(work: Callable[[], Value]) -> Value:
-    """Result of `work`, run in a separate thread while the current one waits, so that an interruption takes
-    effect before a long LAPACK call returns.
+    """Result of `work`, which runs in a separate thread while the current one waits, so that an interruption
+    takes effect before a long LAPACK call returns.
 
     After an interruption the call continues in the background. A regular exit of the process waits for it,
     because the libraries in use must not be unloaded earlier."""

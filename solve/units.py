@@ -1,4 +1,4 @@
-"""Conversion of values with units: speeds, and parameters given in other units."""
+"""Conversion of values with units: speeds, and parameters in other units."""
 
 import math
 import re
@@ -47,7 +47,7 @@ class ShownUnit(NamedTuple):
     size: float
 
     def of(self, values: Any) -> Any:
-        """Numbers in SI units, converted to the display unit."""
+        """Convert numbers from SI units to the display unit."""
         return values / self.size
 
     @property
@@ -60,7 +60,7 @@ class ShownUnit(NamedTuple):
         return ShownUnit("rad/s²" if self.name == RAD_PER_S.name else f"{self.name}/s", self.size)
 
     def text(self, value: float, form: str = ".6g") -> str:
-        """Text of a number in SI units, converted, with the unit.
+        """Text of a number in SI units, converted to the display unit, with the unit.
 
         >>> RPM.text(math.pi)
         '30 rpm'
@@ -68,7 +68,7 @@ class ShownUnit(NamedTuple):
         return f"{self.of(value):{form}} {self.name}".removesuffix(" 1").rstrip()
 
     def span(self, low: float, high: float, word: str = "to", form: str = ".6g") -> str:
-        """Text of a range of two numbers in SI units, with more digits if both would look the same.
+        """Text of a range between two numbers in SI units, with more digits if both would look the same.
 
         >>> RPM.span(math.pi, 2 * math.pi), RPM.span(math.pi, 1.00001 * math.pi)
         ('30 to 60 rpm', '30 to 30.0003 rpm')
@@ -78,8 +78,8 @@ class ShownUnit(NamedTuple):
         return f"{self.of(low):{form}} {word} {self.text(high, form)}"
 
     def spans(self, ranges: Iterable[tuple[float, float]]) -> str:
-        """Text of ranges of numbers in SI units, at most a few; a range with equal ends is written as one
-        number.
+        """Text of several ranges of numbers in SI units, of which a few are listed. A range with equal ends
+        is written as one number.
 
         >>> RPM.spans([(math.pi, 2 * math.pi), (3 * math.pi, 3 * math.pi)])
         'from 30 to 60 rpm, at 90 rpm'
@@ -103,7 +103,7 @@ choice."""
 
 
 class GivenSpeed(float):
-    """Speed in rad/s with the unit in which it was given; None for a number without unit."""
+    """Speed in rad/s, with the unit in which it was given (None for a number without unit)."""
 
     __slots__ = ("unit",)
     unit: ShownUnit | None
@@ -127,12 +127,12 @@ def raised(unit: str) -> str:
 
 
 def unit_given(speed: float, otherwise: ShownUnit = RPM) -> ShownUnit:
-    """Unit in which a speed was given; `otherwise` if it was given without unit."""
+    """Unit in which a speed was given; `otherwise` if it had no unit."""
     return getattr(speed, "unit", None) or otherwise
 
 
 def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
-    """Ω in rad/s, with its unit, from a float in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
+    """Ω in rad/s, with its unit, from a number in rad/s or a text such as "600 rpm", "62.8 rad/s", "10 Hz".
 
     Raises UnitError for a text without a unit of rotation, ValueOutOfBoundsError unless finite and > 0, or,
     with `zero`, ≥ 0.
@@ -165,8 +165,8 @@ def require_size_of_number(what: str, value: float) -> None:
 
 
 def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed]:
-    """Speeds in rad/s from a number in rad/s, a text with unit, a sequence of these, or one text with
-    several speeds, such as "1:3:3 rad/s".
+    """Speeds in rad/s from a number in rad/s, a text with unit, a sequence of these, or one text with several
+    speeds, such as "1:3:3 rad/s".
 
     Raises UnitError, ValueOutOfBoundsError.
 
@@ -188,8 +188,8 @@ def speeds_given(speeds: float | str | Iterable[float | str]) -> list[GivenSpeed
 
 
 def speeds_between(speeds: float | str | Iterable[float | str], what: str) -> list[GivenSpeed]:
-    """Distinct speeds in rad/s, ascending. Raises ValueOutOfBoundsError for fewer than two. what: what
-    requires two speeds, for the message."""
+    """Distinct speeds in rad/s in ascending order. Raises ValueOutOfBoundsError for fewer than two. what:
+    name, in the message, of the calculation that requires two speeds."""
     distinct = sorted(set(speeds_given(speeds)))
     if len(distinct) < 2:
         raise ValueOutOfBoundsError(f"{what} need at least two speeds; give a range such as '100:900:81 rpm'")
@@ -227,7 +227,9 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
     if isinstance(speeds, str):
         *numbers, unit = apart(speeds).split() or [""]
         if not numbers and all(map(is_number, unit.split(":"))):
-            raise UnitError(f"speeds are {speeds!r}; they have no unit, write them like '{unit} rpm'")
+            raise UnitError(
+                f"speeds are {speeds!r}, without a unit; write them with one, such as '{unit} rpm'"
+            )
         ends = numbers[0].split(":") if len(numbers) == 1 else []
         if not all(map(is_number, ends)):
             raise UnitError(usage)
@@ -247,7 +249,7 @@ def ramp_in_si(speeds: str | Sequence[float | str]) -> tuple[float, float]:
 
 
 def evenly(text: str, name: str) -> list[float] | list[str]:
-    """Values from A to B, both included, as N numbers from a text "A:B:N", or as texts from "A:B:N unit".
+    """Values from A to B, both included: N numbers from a text "A:B:N", or texts from "A:B:N unit".
 
     name: quantity in messages. Raises ValueOutOfBoundsError.
 
@@ -286,7 +288,7 @@ def in_unit(value: float | str, unit: str, name: str) -> float:
 
 
 def apart(text: str) -> str:
-    """Text with a space inserted between a number and its unit.
+    """Text with a space between a number and its unit.
 
     >>> apart("30mm"), apart("1e3 rpm"), apart("1e3N/m^2")
     ('30 mm', '1e3 rpm', '1e3 N/m^2')
@@ -305,7 +307,7 @@ def quantity(text: str) -> float | str:
 
 
 def spaced(low: float, high: float, count: int) -> list[float]:
-    """Equidistant numbers from `low` to `high`, both included. Raises ValueOutOfBoundsError beyond the memory
+    """Equidistant numbers from `low` to `high`, both included. Raises ValueOutOfBoundsError above the memory
     limit."""
     require_size("values in one range", count, NUMBERS_A_POINT)
     return [*(low + (high - low) * i / (count - 1) for i in range(count - 1)), high]
@@ -338,7 +340,7 @@ def with_unit(text: str, unit: str) -> float:
 
 @lru_cache
 def conversion(given: str, unit: str) -> float:
-    """Size of the unit `given` in `unit`; one hertz is one revolution per second.
+    """Size of the unit `given`, expressed in `unit`. One hertz is one revolution per second.
 
     Raises UnitError for units of different dimensions, with different zeros (degC), or ambiguous between
     revolutions and radians (1/min).
@@ -380,7 +382,7 @@ def _registry() -> "pint.UnitRegistry":
 def checked_tolerance(
     tolerance: float, name: str = "tolerance", least: float = 1e-15, example: str = "1e-9"
 ) -> float:
-    """Validated tolerance. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
+    """Return the tolerance. Raises ValueOutOfBoundsError unless it is at least `least` and below 1."""
     if not (isinstance(tolerance, Real) and least <= tolerance < 1):
         raise ValueOutOfBoundsError(
             f"{name} is {tolerance}; allowed: {least:g} up to (not including) 1, such as {example}"
@@ -389,5 +391,5 @@ def checked_tolerance(
 
 
 def checked_rtol(rtol: float) -> float:
-    """Validated relative tolerance. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
+    """Return the relative tolerance. Raises ValueOutOfBoundsError unless it is at least 1e-14 and below 1."""
     return checked_tolerance(rtol, "rtol", 1e-14, "1e-8")

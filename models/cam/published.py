@@ -14,7 +14,7 @@ HARMONICS = 12
 
 
 def transmission(angle: Array, p: Mapping[str, float]) -> tuple[Array, Array, Array]:
-    """U′, U″, U‴ of Eq. (65) at an array of angles (rad), term by term."""
+    """Derivatives U′, U″, U‴ of Eq. (65) at an array of angles (rad), summed term by term."""
     first, second, third = np.zeros_like(angle), np.zeros_like(angle), np.zeros_like(angle)
     for k in range(1, HARMONICS + 1):
         a, b = p[f"a{k}"], p[f"b{k}"]

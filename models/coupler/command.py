@@ -1,4 +1,4 @@
-"""`python -m models.coupler`: figure of the vibrating coupler at several crank positions."""
+"""Command `python -m models.coupler`: figure of the vibrating coupler at several crank positions."""
 
 import sys
 from typing import Annotated

@@ -30,7 +30,7 @@ _LABELS = 0.8
 
 
 class BentCoupler(NamedTuple):
-    """The mechanism at k crank angles, with positions x + iy (m).
+    """Mechanism at k crank angles, with positions x + iy (m).
 
     phase (k,): rad. joints (4, k): crank pivot, crank pin, joint B, follower pivot. deflection (stations, k):
     m. line (stations, k): the coupler with magnified deflection.
@@ -43,7 +43,7 @@ class BentCoupler(NamedTuple):
 
 
 def checked_positions(positions: int) -> int:
-    """The number of positions. Raises ValueOutOfBoundsError."""
+    """Return the number of positions. Raises ValueOutOfBoundsError."""
     if not 1 <= positions <= MOST_POSITIONS:
         raise ValueOutOfBoundsError(
             f"--positions is {positions}; allowed: 1 … {MOST_POSITIONS} crank positions, such as 8"
@@ -52,7 +52,7 @@ def checked_positions(positions: int) -> int:
 
 
 def checked_magnification(magnification: float) -> float:
-    """Checked magnification. Raises ValueOutOfBoundsError."""
+    """Return the magnification. Raises ValueOutOfBoundsError."""
     if not (math.isfinite(magnification) and magnification > 0):
         raise ValueOutOfBoundsError(
             f"--magnification is {magnification:g}; allowed: a number > 0, such as 100, or leave it out"
@@ -61,7 +61,7 @@ def checked_magnification(magnification: float) -> float:
 
 
 def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> BentCoupler:
-    """The mechanism at phases (k,) of the crank.
+    """Mechanism with deflected coupler at crank angles (k,).
 
     The joints are those of the rigid linkage, as the shortening of the chord is of second order.
     """
@@ -74,14 +74,15 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
 
 
 def round_magnification(model: Model, orbit: Orbit) -> float:
-    """Largest of 1, 2, 5, 10, 20, … with a drawn deflection up to a fifth of the length; at least 1."""
+    """Largest of 1, 2, 5, 10, 20, … for which the drawn deflection is at most a fifth of the length; at least
+    1."""
     turn = np.linspace(0.0, orbit.system.period, SAMPLES)
     largest = float(np.abs(bent(model, orbit, turn, 1.0).deflection).max())
     return rounded(_DRAWN * model.parameters["l3"] / largest if largest else 1.0)
 
 
 def coupler_figure(model: Model, orbit: Orbit, positions: int, magnification: float | None = None) -> Figure:
-    """Figure with one panel per crank position, equidistant.
+    """Figure with one panel per crank position; the positions are equidistant.
 
     Rigid links are thin, the deformed coupler is thick, its chord dashed. Each title contains the crank angle
     and the deflection w at midspan, the main title the magnification, which is automatic by default. Raises

@@ -56,7 +56,7 @@ BRANCHES = {"open": 1.0, "crossed": -1.0}
 
 
 class Misprint(Enum):
-    """A wrong entry of the paper: its equation, the printed and the correct form."""
+    """Misprint of the paper: equation, printed form and correct form."""
 
     AXIAL_DRAG_SIGN = "(27): + c_x l2 Ω sin(Ωt − φ3)/EI in f3; true: −"
     END_FORCE = "(28): f2 l²/3 in f4; true: f2 l²/2"
@@ -73,7 +73,7 @@ AS_PRINTED = frozenset(Misprint) - {Misprint.CENTRIFUGAL_SIGN, Misprint.EVEN_SUM
 
 
 class LinkAngles(NamedTuple):
-    """Angles (rad) of coupler and follower with their first and second derivatives with respect to time, each
+    """Angles (rad) of coupler and follower, with first and second derivatives with respect to time, each
     (m,)."""
 
     phi3: Array
@@ -85,7 +85,8 @@ class LinkAngles(NamedTuple):
 
 
 class LoadFunctions(NamedTuple):
-    """The paper's f0 … f4, each (m,): the load is f0 + f1 x, the axial force EI (f4 + f3 x − f2 x²/2)."""
+    """Functions f0 … f4 of the paper, each (m,). The load is f0 + f1 x, the axial force is EI (f4 + f3 x − f2
+    x²/2)."""
 
     f0: Array
     f1: Array
@@ -95,14 +96,14 @@ class LoadFunctions(NamedTuple):
 
 
 class LinkageCannotTurnError(ValueError):
-    """The crank of the given four-bar linkage cannot make a full turn."""
+    """Raised if the crank of the given four-bar linkage cannot make a full turn."""
 
 
 def link_angles(
     phase: ArrayLike, speed: float, parameters: Mapping[str, float], branch: str = "open"
 ) -> LinkAngles:
-    """Angles of the rigid linkage from the loop equation (22) in closed form, at phases (m,) in rad and
-    constant speed in rad/s.
+    """Angles of the rigid linkage at phases (m,) in rad and a constant speed in rad/s, from the loop equation
+    (22) in closed form.
 
     Raises `LinkageCannotTurnError` where the loop opens at some crank angle.
     """
@@ -140,7 +141,7 @@ def load_functions(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> LoadFunctions:
-    """f0 … f4 of (24)–(28) in 1/m³, 1/m⁴, 1/m⁴, 1/m³, 1/m²; EI f4 is the axial force at A, tension
+    """Functions f0 … f4 of (24)–(28), in 1/m³, 1/m⁴, 1/m⁴, 1/m³, 1/m². EI f4 is the axial force at A, tension
     positive."""
     p, length, EI = parameters, parameters["l3"], parameters["E"] * parameters["I"]
     mu, rim = p["rho"] * p["A"], p["l2"] * speed
@@ -170,7 +171,8 @@ def paper_matrices(
     branch: str = "open",
     misprints: frozenset[Misprint] = CORRECTED,
 ) -> tuple[Array, Array, Array, Array]:
-    """M, B, C (m, n, n) and h (m, n) of (33)–(37): M q″ + B q′ + C q = h, all divided by EI as in the paper.
+    """M, B, C (m, n, n) and h (m, n) of (33)–(37) in M q″ + B q′ + C q = h, all divided by EI as in the
+    paper.
 
     `phase` (m,) in rad, `speed` in rad/s, `modes` = n; q in m, derivatives with respect to time.
     """
@@ -188,7 +190,7 @@ def paper_matrices(
 
 
 def _stiffness(loads: LoadFunctions, modes: int, length: float, misprints: frozenset[Misprint]) -> Array:
-    """C (m, n, n) of (37) with (34)."""
+    """Matrix C (m, n, n) of (37) with (34)."""
     f2, f3, f4 = (f[:, None, None] for f in loads[2:])
     j, i = np.ogrid[1 : modes + 1, 1 : modes + 1]
     gap = np.where(i == j, 1, i - j)

@@ -1,1 +1,1 @@
-"""The four-bar linkage of the thesis: its rigid motion, classes, joint forces and pictures."""
+"""Four-bar linkage of the thesis: rigid motion, classes, joint forces and pictures."""

@@ -87,22 +87,23 @@ def classify(linkage: Linkage) -> BarkerClass:
 
 
 def satisfies_grashof(linkage: Linkage) -> bool:
-    """Whether s + l <= p + q: at least one link can turn fully against the others (thesis 3.4)."""
+    """Whether s + l <= p + q, so that at least one link can rotate fully relative to the others (thesis
+    3.4)."""
     return classify(linkage).category != "non-Grashof"
 
 
 def solution_space(linkage: Linkage) -> tuple[float, float, float]:
-    """Coordinates λ2, λ3, λ4 in Barker's solution space."""
+    """Coordinates λ2, λ3, λ4 of the linkage in Barker's solution space."""
     return linkage.L2 / linkage.L1, linkage.L3 / linkage.L1, linkage.L4 / linkage.L1
 
 
 def base_plane(linkage: Linkage) -> float:
-    """Distance λ from the origin of the base plane λ2 + λ3 + λ4 = √3 λ of the linkage."""
+    """Distance λ of the origin from the base plane λ2 + λ3 + λ4 = √3 λ that contains the linkage."""
     return sum(solution_space(linkage)) / math.sqrt(3)
 
 
 def mobility(links: int = 4, single: int = 4, double: int = 0) -> int:
-    """Degrees of freedom 3(k - 1) - 2 j1 - j2 of a plane mechanism by Kutzbach (thesis 3.2).
+    """Degrees of freedom 3(k - 1) - 2 j1 - j2 of a plane mechanism by Kutzbach's formula (thesis 3.2).
 
     links: number including the ground; single, double: numbers of joints with one and two degrees of freedom.
 

@@ -38,7 +38,8 @@ _ROUNDED = 0.01
 
 
 class Band(NamedTuple):
-    """Range of speeds (rad/s) with a ratio below 1 at the mechanism's own L4, and its quietest speed."""
+    """Range of speeds (rad/s) with a stress ratio below 1 for the mechanism's own L4, and its quietest
+    speed."""
 
     start: float
     end: float
@@ -47,7 +48,7 @@ class Band(NamedTuple):
 
 
 class Peak(NamedTuple):
-    """Critical speed (rad/s) at the mechanism's own L4, with the stress ratio and the link of the largest
+    """Critical speed (rad/s) for the mechanism's own L4, with the stress ratio and the link of the largest
     stress."""
 
     speed: float
@@ -56,7 +57,7 @@ class Peak(NamedTuple):
 
 
 class QuietSpeed(NamedTuple):
-    """A quiet speed (rad/s) above a critical speed (`peak`, rad/s).
+    """Quiet speed (rad/s) above a critical speed (`peak`, rad/s).
 
     needed, fixed: ratio on the way there when L4 changes and returns, and when L4 is fixed.
     """
@@ -68,14 +69,15 @@ class QuietSpeed(NamedTuple):
 
 
 class DampingEffect(NamedTuple):
-    """Relative change of the largest stress of each link per relative change of ζ, at a speed (rad/s)."""
+    """Relative change of each link's largest stress per relative change of ζ, at a speed (rad/s)."""
 
     speed: float
     sensitivity: Mapping[str, float]
 
 
 class NeededRatios(NamedTuple):
-    """Smallest possible value of the largest stress ratio on a path from the lowest speed to each speed (P,).
+    """Smallest attainable value of the largest stress ratio on a path from the lowest speed to each speed
+    (P,).
 
     L4 keeps the mechanism's own length (`fixed`), ends at any length (`moving`), or ends at the mechanism's
     own length (`returning`).
@@ -88,7 +90,7 @@ class NeededRatios(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """Speeds that a four-bar linkage can reach with given allowable stresses.
+    """Speeds that a four-bar linkage can reach within given allowable stresses.
 
     peaks: critical speeds at the mechanism's own L4. quiet: bands there; the first begins at rest, the others
     lie above critical speeds that exceed the allowable stress. quiet_of: bands of each link alone.
@@ -105,18 +107,18 @@ class Design:
 
     @property
     def limiting(self) -> list[Peak]:
-        """Critical speeds that exceed the allowable stress."""
+        """Critical speeds at which the stress exceeds the allowable one."""
         return [peak for peak in self.peaks if peak.ratio > 1]
 
     @property
     def rate(self) -> float:
-        """Largest change of L4 with speed (m per rad/s): its whole range within a tenth of the range of
-        speeds. A choice.."""
+        """Largest change of L4 with speed (m per rad/s), a choice: L4 covers its whole range within a tenth
+        of the range of speeds."""
         return float((self.map.L4[-1] - self.map.L4[0]) / (0.1 * self.map.speeds[-1]))
 
 
 def designed(stresses: DesignMap) -> Design:
-    """Design that follows from a map of stresses."""
+    """Design from a map of stresses."""
     needed, peaks = _needed(stresses), _peaks(stresses)
     own_ratio = stresses.ratios[:, stresses.own]
     return Design(
@@ -155,7 +157,8 @@ def _vertex(speeds: Array, ratio: Array) -> tuple[float, float]:
 
 
 def quiet_bands(speeds: Array, ratio: Array) -> list[Band]:
-    """Bands, among ascending speeds (P,), with a stress ratio (P,) below 1; the first begins at rest."""
+    """Bands of neighbouring speeds, among ascending speeds (P,), with a stress ratio (P,) below 1. The first
+    begins at rest."""
     edges = [0.0]
     for at in np.flatnonzero((ratio[:-1] <= 1) != (ratio[1:] <= 1)):
         fraction = math.log(ratio[at]) / (math.log(ratio[at]) - math.log(ratio[at + 1]))
@@ -183,7 +186,7 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
-    """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) at the mechanism's own L4."""
+    """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) for the mechanism's own L4."""
     zeta, own_L4 = stresses.model.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
@@ -216,17 +219,19 @@ def default_target(design: Design) -> float:
 
 
 def least_ratio(until: DesignMap, rate: float, returns: bool) -> float:
-    """Smallest ratio of a plan to the last speed of a map, with L4 changing by up to `rate` (m per rad/s)."""
+    """Smallest attainable ratio of a plan up to the last speed of a map, with L4 changing by at most `rate`
+    (m per rad/s)."""
     return least_cap(until.speeds, until.L4, until.ratio, until.own, rate, returns)
 
 
 def least_ratio_at_any_rate(until: DesignMap) -> float:
-    """Smallest ratio without return of L4 if L4 may also change at constant speed."""
+    """Smallest attainable ratio without return of L4 to its own value, if L4 may also change at constant
+    speed."""
     return float(arrival(until.ratio)[-1].min())
 
 
 def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
-    """Plan from the lowest to the last speed of a map; None if none exists."""
+    """Plan from the lowest to the last speed of a map; None if no plan exists."""
     best = least_ratio(until, rate, returns)
     if best > 1:
         return None
@@ -237,8 +242,8 @@ def plan_to_last(until: DesignMap, rate: float, returns: bool) -> Plan | None:
 
 
 def ratios_along(until: DesignMap, plan: Plan) -> Array:
-    """Stress ratios (k, links) of steady motion along a plan at the speeds (k,) of a map that ends at its
-    target."""
+    """Stress ratios (k, links) of steady motion along a plan, at those speeds (k,) of a map that are below
+    the target."""
     rows = zip(plan(until.speeds), until.stress, strict=True)
     stress = [[np.interp(L4, until.L4, of_link) for of_link in row.T] for L4, row in rows]
     return np.array(stress) / until.allowable
@@ -254,7 +259,7 @@ for _kind in (Band, DampingEffect, Design, NeededRatios, Peak, QuietSpeed, Plan,
 @serializable
 @dataclass(frozen=True)
 class Trial:
-    """A simulated run-up; ratio (turns, links): ratio of the largest to the allowable stress in each
+    """Simulated run-up. ratio (turns, links): ratio of the largest to the allowable stress in each
     revolution."""
 
     run_up: RunUp
@@ -318,8 +323,8 @@ class Outcome(Serializable):
         first = self.trials[0]
         outcome = "stays below" if first.worst < 1 else "exceeds"
         return (
-            f"a plan exists to {target}, {ends}; simulated within {first.run_up.duration:g} s "
-            f"its stress {outcome} the allowable one, at most {first.worst:.4g} of it"
+            f"a plan exists to {target}, {ends}; in a simulated run-up of {first.run_up.duration:g} s the "
+            f"stress {outcome} the allowable one (largest ratio {first.worst:.4g})"
         )
 
     @property

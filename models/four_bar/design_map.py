@@ -1,5 +1,4 @@
-"""Map of the design method: ratio of stress to allowable stress for speeds and ground lengths L4 (thesis
-7.5).
+"""Map of the design method: ratio of stress to allowable stress over speed and ground length L4 (thesis 7.5).
 
 Ratios are those of stress to allowable stress; without a link, the largest ratio of all links.
 """
@@ -31,12 +30,12 @@ _MOST_HALVINGS = 8
 
 
 class DesignError(SolveError):
-    """The mechanism does not permit this length or speed, whatever the stress."""
+    """Raised if the mechanism does not permit a length or speed, independent of the stress."""
 
 
 @dataclass(frozen=True)
 class DesignMap(Serializable):
-    """Steady stresses of a four-bar at P ascending speeds (rad/s) and g ground links L4 (m).
+    """Steady stresses of a four-bar linkage at P ascending speeds (rad/s) and g ground lengths L4 (m).
 
     The mechanism's own L4 is one of them. allowable (links,): Pa. stress (P, g, links): largest |stress| over
     a revolution, Pa. error (P,) and radius_bound (P,): as in `Peaks`, the latter for the worst L4.
@@ -69,30 +68,31 @@ class DesignMap(Serializable):
 
     @cached_property
     def ratios(self) -> Array:
-        """Ratio of stress to allowable stress of each link (P, g, links)."""
+        """Ratio of stress to allowable stress (P, g, links) of each link."""
         return self.stress / self.allowable
 
     @cached_property
     def ratio(self) -> Array:
-        """Largest ratio of all links (P, g)."""
+        """Largest ratio (P, g) over all links."""
         return self.ratios.max(axis=2)
 
     @property
     def own_ratio(self) -> Array:
-        """Largest ratio (P,) at the mechanism's own L4."""
+        """Largest ratio (P,) for the mechanism's own L4."""
         return self.ratio[:, self.own]
 
     def worst_link(self, speed: float) -> str:
-        """Link with the largest ratio at a speed of the map, at the mechanism's own L4."""
+        """Link with the largest ratio at a speed of the map, for the mechanism's own L4."""
         at = int(np.searchsorted(self.speeds, speed))
         return self.links[int(self.ratios[at, self.own].argmax())]
 
     def error_until(self, target: float) -> float:
-        """Relative error of the stresses up to a speed, at and between the points of the map."""
+        """Relative error of the stresses for speeds up to the target, at and between the points of the
+        map."""
         return max(self.interpolation_error, float(np.nanmax(self.error[self.speeds <= target])))
 
     def until(self, target: float) -> "DesignMap":
-        """The map up to a speed, which becomes its last one."""
+        """Map that ends at the target speed."""
         below = int(np.count_nonzero(self.speeds < target * (1 - 1e-9)))
         if target in self.speeds:
             last = {name: getattr(self, name)[below : below + 1] for name in _BY_SPEED}
@@ -113,7 +113,7 @@ def design_map(
     lengths: tuple[float, float],
     count: int = 48,
 ) -> DesignMap:
-    """Map of a mechanism over L4 between two lengths (m), for allowable stresses (Pa) by link.
+    """Map of a mechanism over L4 between two lengths (m), with allowable stresses (Pa) by link.
 
     speeds: initial ones; intervals are halved until the interpolation meets the tolerance. count: number of
     lengths besides the mechanism's own. Raises DesignError for impossible lengths or speeds.
@@ -139,7 +139,7 @@ def design_map(
 
 
 def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> None:
-    """Raise DesignError if there is no damping, or if L4 cannot vary about the mechanism's own value."""
+    """Raise DesignError if the model has no damping, or if L4 cannot vary about the mechanism's own value."""
     low, high = lengths
     if model.parameters["zeta"] <= 0:
         raise DesignError("zeta is 0: undamped critical speeds have no finite stress; set zeta > 0")
@@ -154,7 +154,7 @@ def _require_possible(model: StructureModel, lengths: tuple[float, float]) -> No
 
 
 def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]:
-    """Values of those fields of a map that depend on the speed, at speeds (P,)."""
+    """Values, at speeds (P,), of those fields of a map that depend on the speed."""
     peaks = stress_map.peaks(speeds, L4)
     return {
         "speeds": speeds,
@@ -165,7 +165,7 @@ def _solved(stress_map: StressMap, speeds: Array, L4: Array) -> dict[str, Array]
 
 
 def _refined(stresses: DesignMap) -> DesignMap:
-    """The map with speed intervals bisected until the interpolation meets the tolerance or a limit of the
+    """Map whose speed intervals are bisected until the interpolation meets the tolerance or a limit of
     refinement is reached."""
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
@@ -189,8 +189,8 @@ def _refined(stresses: DesignMap) -> DesignMap:
 
 
 def allowed_lengths(linkage: Linkage) -> tuple[float, float]:
-    """Smallest and largest L4 (m) with which the crank turns fully and the transmission angle is advisable
-    (thesis 3.3).
+    """Smallest and largest L4 (m) for which the crank rotates fully and the transmission angle is in the
+    advised range (thesis 3.3).
 
     Raises DesignError if there is none.
     """

@@ -1,4 +1,4 @@
-"""Correction of models with few elements per link by the dynamic stiffness at the lowest frequency (thesis
+"""Correction of models with few elements per link, by the dynamic stiffness at the lowest frequency (thesis
 7.4.1).
 
 At every position M and K of the cubic elements are replaced by the exact ones at the lowest frequency ω1:
@@ -62,7 +62,7 @@ class Corrected(PeriodicSystem):
 
     @cached_property
     def lowest(self) -> Callable[[Array], Array]:
-        """ω1 (m,) in rad/s of the exact links at phases (m,)."""
+        """Lowest frequency ω1 (m,) in rad/s with exact links, at phases (m,)."""
         return interpolated(
             lambda phase: exact_frequencies(self._exact.at_positions(phase), 1)[:, 0], self.period
         )
@@ -75,7 +75,7 @@ class Corrected(PeriodicSystem):
         return M, self._damping(phase), K, d[..., 0]
 
     def _at_lowest(self, phase: Array) -> tuple[Array, Array, Array, Array]:
-        """ω1² (m, 1, 1), and D, M and K (m, n, n) at ω1."""
+        """Values ω1² (m, 1, 1), and D, M and K (m, n, n) at ω1."""
         positions, omega = self._exact.at_positions(phase), self.lowest(phase)
         indices, squared = np.arange(len(omega)), (omega**2)[:, None, None]
         D, M = positions.dynamic_stiffness(indices, omega), positions.dynamic_mass(indices, omega)
@@ -83,7 +83,7 @@ class Corrected(PeriodicSystem):
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Damping matrix with the damping ratio ζ of every mode at every position."""
+        """Damping matrix for which every mode at every position has the damping ratio ζ."""
 
         def at_positions(phase: Array) -> Array:
             _, _, M, K = self._at_lowest(phase)

@@ -36,7 +36,8 @@ choice."""
 
 @dataclass(frozen=True)
 class Body:
-    """Mass (kg), centre of mass X + iY (m) in the link's frame, moment of inertia J about it (kg m²)."""
+    """Mass (kg), centre of mass X + iY (m) in the link's frame, and moment of inertia J about the centre of
+    mass (kg m²)."""
 
     mass: float
     centre: complex
@@ -44,7 +45,7 @@ class Body:
 
     @classmethod
     def bar(cls, mass: float, length: float) -> "Body":
-        """A uniform slender bar along its link."""
+        """Uniform slender bar along a link."""
         return cls(mass, length / 2, mass * length**2 / 12)
 
     def with_mass(self, mass: float, point: complex) -> "Body":
@@ -59,7 +60,7 @@ class Body:
 
 @dataclass(frozen=True)
 class JointForces:
-    """Forces (N, complex) in the joints O, A, B, C and the torque (N m) that drives the crank."""
+    """Forces (N, complex) in the joints O, A, B, C, and drive torque (N m) on the crank."""
 
     F01: Plane
     F12: Plane
@@ -108,7 +109,7 @@ def joint_forces(motion: Motion, bodies: Sequence[Body], load: ArrayLike = 0.0) 
 
 
 def kinetic_energy(motion: Motion, bodies: Sequence[Body]) -> Array:
-    """Kinetic energy T (J) of all links."""
+    """Kinetic energy T (J) of all moving links."""
     energy = np.zeros(motion.t.shape[1:])
     for link, body in enumerate(bodies, start=1):
         velocity = np.abs(motion.velocity(link, body.centre))
@@ -130,7 +131,7 @@ def inertial_power(motion: Motion, bodies: Sequence[Body]) -> Array:
 def internal_forces(
     motion: Motion, forces: JointForces, link: int, density: float, at: Array
 ) -> tuple[Plane, Array]:
-    """Internal forces of a link in equilibrium with its joint forces, torque and inertia (thesis 3.7).
+    """Internal forces of a link in equilibrium with its joint forces, torque and inertia forces (thesis 3.7).
 
     Returns N + iQ, axial force (tension positive) and shear in N, and the bending moment in N m, both (k, …),
     on the part from the first joint to the distances `at` (k,) in m. density: mass per length, kg/m.
@@ -150,7 +151,7 @@ def internal_forces(
 def greatest_stress(
     motion: Motion, forces: JointForces, parameters: Mapping[str, float], link: int, at: Array
 ) -> Array:
-    """Larger modulus of the axial stress of both surfaces, |N|/A + |M| h/(2I), (k, …) in Pa.
+    """Larger modulus of the axial stresses at both surfaces, |N|/A + |M| h/(2I), (k, …) in Pa.
 
     at: distances (k,) in m from the first joint.
     """

@@ -33,7 +33,7 @@ OUTSIDE_ADVISED = "outside {:g}°–{:g}°".format(*map(math.degrees, ADVISED))
 
 
 class LinkageError(SolveError):
-    """A linkage that cannot be assembled, or not at the given crank angle."""
+    """Raised for a linkage that cannot be assembled, at all or at the given crank angle."""
 
 
 class Extremes(NamedTuple):
@@ -61,7 +61,7 @@ class Linkage:
 
     @classmethod
     def of(cls, parameters: Mapping[str, float], branch: str) -> "Linkage":
-        """Linkage with the lengths from the parameters of a model."""
+        """Linkage with lengths from the parameters of a model."""
         return cls(*(parameters[name] for name in _LENGTHS), branch=branch)
 
     def __post_init__(self) -> None:
@@ -86,12 +86,13 @@ class Linkage:
 
     @property
     def turns_fully(self) -> bool:
-        """Whether the crank can turn fully, so that coupler and follower are never in line."""
+        """Whether the crank can rotate fully, so that coupler and follower are never in line."""
         return not any(self._stops)
 
     @property
     def crank_range(self) -> tuple[float, float]:
-        """Smallest and largest |t1| within 0 … π at which the linkage closes; 0 and π for a full revolution.
+        """Smallest and largest |t1| within 0 … π at which the linkage closes; 0 and π if the crank can rotate
+        fully.
 
         At any other end coupler and follower are in line and the crank turns back.
         """
@@ -103,14 +104,15 @@ class Linkage:
 
     @property
     def _stops(self) -> tuple[bool, bool]:
-        """Whether coupler and follower are in line: folded at the smallest |t1|, stretched at the largest."""
+        """Whether coupler and follower are in line at the ends of the crank's range: folded at the smallest
+        |t1|, stretched at the largest."""
         L1, L2, L3, L4 = self.lengths
         fold_gap, stretch_gap = abs(L1 - L4) - abs(L2 - L3), (L2 + L3) - (L1 + L4)
         return fold_gap <= self.slack, stretch_gap <= self.slack
 
     @property
     def slack(self) -> float:
-        """Difference (m) up to which two sums of lengths count as equal, far above their relative round-off
+        """Difference (m) below which two sums of lengths count as equal; far above their relative round-off
         of 1e-16."""
         return 1e-12 * sum(self.lengths)
 
@@ -148,7 +150,7 @@ class Linkage:
         return np.angle(self._coupler_to_follower(np.asarray(t1, dtype=float)))
 
     def transmission_extremes(self) -> Extremes:
-        """Extremes of γ over a revolution, at t1 = 0 and π (thesis (3.10)).
+        """Extremes of γ over a revolution, which occur at t1 = 0 and π (thesis (3.10)).
 
         Raises LinkageError for a crank that cannot turn fully.
         """
@@ -157,8 +159,8 @@ class Linkage:
         return Extremes(float(least), 0.0, float(greatest), math.pi)
 
     def mechanical_advantage(self, t1: ArrayLike) -> Array:
-        """Mechanical advantage T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), with the angle β from coupler to crank;
-        infinite at dead points.
+        """Mechanical advantage T3/T1 = ω1/ω3 = L3 sin γ/(L1 sin β), where β is the angle from coupler to
+        crank; infinite at dead points.
 
         T1 drives the crank, and the follower delivers T3, without friction and inertia. The sign is positive
         if both rotate in the same direction. Thesis (3.1) prints L4 sin β for L1 sin β.
@@ -189,7 +191,7 @@ class Linkage:
         return Motion(self, np.stack((t1, *map(np.angle, directions[1:]))), omega, alpha)
 
     def _coupler_to_follower(self, t1: Array) -> Plane:
-        """exp(iγ), where γ is the angle at B in the triangle ABC."""
+        """Complex unit exp(iγ), where γ is the angle at B in the triangle ABC."""
         L2, L3 = self.L2, self.L3
         d = np.abs(self.L4 - self.L1 * np.exp(1j * t1))
         stretch, fold = L2 + L3 - d, d - abs(L2 - L3)
@@ -209,7 +211,7 @@ class Linkage:
 
 @dataclass(frozen=True)
 class Motion:
-    """Angles t, angular velocities omega and accelerations alpha of links 1, 2, 3: arrays (3, …) over the
+    """Angles t, angular velocities omega and accelerations alpha of links 1, 2, 3, as arrays (3, …) over the
     crank angles.
 
     A point of a link is the complex number X + iY (m) in the link's frame: X along it from its first
@@ -223,7 +225,7 @@ class Motion:
     alpha: Array
 
     def position(self, link: int, point: complex | Plane = 0.0) -> Plane:
-        """Position x + iy (m) of a point of a link; thesis 3.6 for points of the coupler."""
+        """Position x + iy (m) of a point of a link; see thesis 3.6 for points of the coupler."""
         first = {1: 0.0, 2: self._crank_pin, 3: self.linkage.L4}[link]
         return first + point * self.direction(link)
 
@@ -242,7 +244,7 @@ class Motion:
         return first + rate * point * self.direction(link)
 
     def direction(self, link: int) -> Plane:
-        """exp(it), the direction of a link's x axis."""
+        """Complex unit exp(it) in the direction of a link's x axis."""
         return np.exp(1j * self.t[link - 1])
 
     @property
@@ -274,24 +276,24 @@ def rates(
 
 
 def _components(first: Any, second: Any, vector: Any) -> tuple[Array, Array]:
-    """Real a, b with a·first + b·second = vector in the plane."""
+    """Real a and b with a·first + b·second = vector in the plane."""
     area = np.imag(np.conj(first) * second)
     return np.imag(np.conj(vector) * second) / area, np.imag(np.conj(first) * vector) / area
 
 
 def _angle_opposite(a: float, b: float, opposite: float) -> float:
-    """Angle between the sides a and b of a triangle."""
+    """Angle of a triangle between the sides a and b, opposite to the third side."""
     cosine = (a**2 + b**2 - opposite**2) / (2 * a * b)
     return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 def within_advised(least: float, greatest: float) -> bool:
-    """Whether a range of transmission angles is within the advised one."""
+    """Whether a range of transmission angles lies within the advised range."""
     return ADVISED[0] <= least and greatest <= ADVISED[1]
 
 
 def transmission_warnings(linkage: Linkage) -> list[str]:
-    """Warning if the transmission angle leaves the advised range; otherwise empty.
+    """Warning if the transmission angle leaves the advised range; empty otherwise.
 
     A crank that cannot turn fully always has one: coupler and follower are in line at its ends.
     """

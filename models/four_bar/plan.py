@@ -25,7 +25,8 @@ Both are above the round-off of the linear program and below any change of pract
 
 @dataclass(frozen=True)
 class Plan:
-    """Piecewise linear L4 (m) over ascending speeds (rad/s), constant below the first and above the last.
+    """Piecewise linear L4 (m) over ascending speeds (rad/s); constant below the first and above the last
+    speed.
 
     lead (rad/s): corners are rounded by the mean of L4 from each speed to `lead` above it. The velocity of
     the pivot is then continuous, and it is at rest at the last speed.
@@ -63,7 +64,7 @@ class Plan:
 
 
 def arrival(ratio: Array) -> Array:
-    """Smallest possible maximum ratio on a path from the lowest speed to each point (P, g) of the map.
+    """Smallest attainable maximum ratio on a path from the lowest speed to each point (P, g) of the map.
 
     On a path L4 may change at constant speed, and the speed does not decrease.
     """
@@ -79,7 +80,7 @@ def arrival(ratio: Array) -> Array:
 
 
 def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Array, Array] | None:
-    """Smallest and largest L4 (P,) at every speed between which the ratio does not exceed the cap; None if
+    """Smallest and largest L4 (P,) at every speed, between which the ratio does not exceed the cap; None if
     there is no such corridor.
 
     Each range overlaps the next, and the last contains the length with index `final`, if given. None if no
@@ -102,7 +103,8 @@ def corridor(L4: Array, ratio: Array, cap: float, final: int | None) -> tuple[Ar
 
 
 def _reached_below(ratio: Array, cap: float) -> Array | None:
-    """Mask (P, g) of the lengths reachable below the cap; None if a speed is not reachable."""
+    """Mask (P, g) of the lengths that can be reached with ratios below the cap; None if a speed cannot be
+    reached."""
     reach = ratio <= cap
     for number in range(1, len(reach)):
         runs, _ = _runs(reach[number])
@@ -111,14 +113,15 @@ def _reached_below(ratio: Array, cap: float) -> Array | None:
 
 
 def _runs(chosen: Array) -> tuple[Array, int]:
-    """Labels of runs of neighbouring chosen elements, from 1 on (0 for elements that are not chosen), and the
+    """Labels (from 1) of runs of neighbouring chosen elements (0 for elements that are not chosen), and the
     number of runs."""
     starts = np.diff(chosen, prepend=False) & chosen
     return np.where(chosen, np.cumsum(starts), 0), int(starts.sum())
 
 
 def _edges(L4: Array, ratio: Array, cap: float, run: Array) -> tuple[float, float]:
-    """L4 at which the ratio crosses the cap on either side of a run, or the end of the range."""
+    """Values of L4 at which the ratio crosses the cap on both sides of a run; the end of the range if it does
+    not."""
     ends = np.flatnonzero(run)[[0, -1]]
     low, high = (
         _edge(L4, ratio, cap, int(at), int(at) + step) for at, step in zip(ends, (-1, 1), strict=True)
@@ -172,7 +175,7 @@ def least_change(
 
 
 def _knots(speeds: Array, L4: Array, rate: float) -> Plan:
-    """Plan through the points at which L4 bends."""
+    """Plan through the points at which the slope of L4 changes."""
     slope = np.diff(L4) / np.diff(speeds)
     bends = np.abs(np.diff(slope)) > _STRAIGHT * rate
     knots = np.concatenate(([True], bends, [True]))
@@ -194,7 +197,8 @@ def plan_below(
 
 
 def least_cap(speeds: Array, L4: Array, ratio: Array, own: int, rate: float, returns: bool) -> float:
-    """Smallest cap for which `plan_below` returns a plan, from above with a relative error of 1e-3."""
+    """Smallest cap for which `plan_below` returns a plan, approximated from above with a relative error of
+    1e-3."""
     reached = arrival(ratio)[-1]
     low = float(max(reached[own] if returns else reached.min(), ratio[0, own]))
     high, best = low, np.inf

@@ -19,7 +19,7 @@ CRANK_SECTION = (24.8e-3, 6.35e-3)
 
 
 class Misprint(Enum):
-    """A wrong entry of the thesis: its location, the printed and the correct form."""
+    """Misprint of the thesis: location, printed form and correct form."""
 
     CRANK_SECOND_MOMENT = (
         "Table 4.1: crank's second moment of area 520.47e-12 m⁴; its section gives 529.17e-12"
@@ -83,12 +83,12 @@ def crank_second_moment(misprints: Set[Misprint] = CORRECTED) -> float:
 
 
 def cubic_stiffness(L: float) -> Array:
-    """K/EI of (4.13) for v1, θ1, v2, θ2."""
+    """Matrix K/EI of (4.13) for v1, θ1, v2, θ2."""
     return _scaled(_CUBIC_STIFFNESS, (0, 1, 0, 1), L) / L**3
 
 
 def axial_stiffness(L: float) -> Array:
-    """K/EA of (4.12) for u1, u2."""
+    """Matrix K/EA of (4.12) for u1, u2."""
     return np.array([[1.0, -1.0], [-1.0, 1.0]]) / L
 
 
@@ -99,7 +99,7 @@ def internal_shapes() -> tuple[Array, Array]:
 
 
 def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
-    """M/ρA (A.3) and K/EI (A.4) of the element with an internal node: v, θ at 0, L/2, L."""
+    """Matrices M/ρA (A.3) and K/EI (A.4) of the element with an internal node, for v, θ at 0, L/2, L."""
     orders = (0, 1, 0, 1, 0, 1)
     M, K = _scaled(_INTERNAL_MASS, orders, L) * L, _scaled(_INTERNAL_STIFFNESS, orders, L) / L**3
     if Misprint.INTERNAL_STIFFNESS in misprints:
@@ -108,8 +108,8 @@ def internal_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[A
 
 
 def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[Array, Array]:
-    """M/ρA and K/EI of the element with end curvatures: v, θ, κ at 0 and L. The thesis prints the matrices of
-    (A.1)–(A.4) again."""
+    """Matrices M/ρA and K/EI of the element with end curvatures, for v, θ, κ at 0 and L. The thesis prints
+    the matrices of (A.1)–(A.4) in their place."""
     if Misprint.CURVATURE_ELEMENT in misprints:
         return internal_matrices(L, misprints)
     orders = (0, 1, 2, 0, 1, 2)
@@ -119,7 +119,7 @@ def curvature_matrices(L: float, misprints: Set[Misprint] = CORRECTED) -> tuple[
 def stiffness_functions(
     wave: ArrayLike, axial: ArrayLike, L: float, misprints: Set[Misprint] = CORRECTED
 ) -> Array:
-    """F1 … F8 (B.1)–(B.9) at λ and β, along a new first axis."""
+    """Functions F1 … F8 of (B.1)–(B.9) at λ and β, along a new first axis."""
     lam, beta = np.asarray(wave, dtype=float), np.asarray(axial, dtype=float)
     argument = lam if Misprint.ARGUMENTS in misprints else lam * L
     S, C, s, c = np.sinh(argument), np.cosh(argument), np.sin(argument), np.cos(argument)
@@ -142,8 +142,8 @@ def stiffness_functions(
 def mass_functions(
     wave: ArrayLike, axial: ArrayLike, L: float, misprints: Set[Misprint] = CORRECTED
 ) -> Array:
-    """G1 … G8 (B.10)–(B.17) at λ and β, along a new first axis; entries of the mass matrix are ρA times
-    these."""
+    """Functions G1 … G8 of (B.10)–(B.17) at λ and β, along a new first axis. Entries of the mass matrix are
+    ρA times these functions."""
     lam, beta = np.asarray(wave, dtype=float), np.asarray(axial, dtype=float)
     F1, F2, F3, F4, F5, F6 = stiffness_functions(lam, beta, L, misprints)[:6]
     a = 1.0 if Misprint.PRODUCTS in misprints else L
@@ -163,7 +163,7 @@ def mass_functions(
 
 
 def dynamic_stiffness(F: Array, EI: float, EA: float) -> Array:
-    """D of (5.18) from F1 … F8, for u1, u2, v1, θ1, v2, θ2."""
+    """Matrix D of (5.18) from F1 … F8, for u1, u2, v1, θ1, v2, θ2."""
     F1, F2, F3, F4, F5, F6, F7, F8 = F
     D = np.zeros((6, 6))
     D[:2, :2] = EA * np.array([[F7, F8], [F8, F7]])
@@ -172,7 +172,7 @@ def dynamic_stiffness(F: Array, EI: float, EA: float) -> Array:
 
 
 def _scaled(upper: str, orders: tuple[int, ...], L: float) -> Array:
-    """A symmetric matrix from the rows of its upper triangle, multiplied by L to the power of the orders of
+    """Symmetric matrix from the rows of its upper triangle, multiplied by powers of L given by the orders of
     the degrees of freedom."""
     n = len(orders)
     matrix = np.zeros((n, n))

@@ -28,8 +28,8 @@ _STEPS, _SAMPLES = 64, 8
 
 
 class Drive(NamedTuple):
-    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with its first two derivatives with respect
-    to time, all (k,)."""
+    """Time (s), Ω (rad/s) and α (rad/s²) of the crank, and L4 (m) with its first two time derivatives, all
+    (k,)."""
 
     time: Array
     speed: Array
@@ -41,7 +41,7 @@ class Drive(NamedTuple):
 
 @dataclass(frozen=True)
 class RunUp:
-    """Execution of a plan, followed by two revolutions at the last speed.
+    """Execution of a plan, followed by two revolutions at the final speed.
 
     The speed rises with constant acceleration from `start` to the plan's last speed (rad/s) within `duration`
     (s), and L4 follows the rounded plan. If `home` (m) is given, L4 then changes to it within `returning`
@@ -64,17 +64,17 @@ class RunUp:
 
     @property
     def turns(self) -> int:
-        """Number of revolutions, the last ones at constant speed."""
+        """Number of revolutions, including the last ones at constant speed."""
         stay = self.returning if self.home is not None else 0.0
         return math.ceil((self._arrival + self.target * stay) / TURN) + 2
 
     @property
     def _arrival(self) -> float:
-        """Crank angle φ at which the last speed is reached."""
+        """Crank angle φ at which the final speed is reached."""
         return (self.target + self.start) / 2 * self.duration
 
     def __call__(self, phi: Array) -> Drive:
-        """Drive at crank angles (k,) from the start, φ = 0."""
+        """Drive at crank angles (k,), counted from the start φ = 0."""
         rising = phi < self._arrival
         alpha = np.where(rising, self.acceleration, 0.0)
         square = self.start**2 + 2 * self.acceleration * np.minimum(phi, self._arrival)
@@ -111,7 +111,7 @@ class Simulated:
 
 
 def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) -> Simulated:
-    """Stresses during a run-up from quasi-static equilibrium."""
+    """Stresses during a run-up that starts from quasi-static equilibrium."""
     moving = _Moving(stresses, run_up)
     x = moving.at_rest()
     last, largest = np.zeros(len(x) // 2), []
@@ -126,7 +126,7 @@ def simulate(stresses: StressMap, run_up: Callable[[Array], Drive], turns: int) 
 
 @dataclass(frozen=True)
 class _MotionWithDamping(Motion):
-    """Equations of motion with a given damping matrix, (k, n, n) at crank angles (k,)."""
+    """Equations of motion with a damping matrix (k, n, n) given at crank angles (k,)."""
 
     given: Callable[[Array], Array]
 
@@ -136,7 +136,7 @@ class _MotionWithDamping(Motion):
 
 
 class _Moving:
-    """Integration of the moving four-bar over the crank angle φ, one revolution at a time."""
+    """Integration of the moving four-bar linkage over the crank angle φ, one revolution at a time."""
 
     def __init__(self, stresses: StressMap, run_up: Callable[[Array], Drive]):
         self._map, self._drive = stresses, run_up
@@ -158,7 +158,7 @@ class _Moving:
         )
 
     def at_rest(self) -> Array:
-        """(q, q′) of quasi-static equilibrium at φ = 0."""
+        """State (q, q′) of quasi-static equilibrium at φ = 0."""
         positions = Positions(self._beams, np.zeros(1))
         _, K = positions.matrices()
         _, omega, alpha = self._kinematics(np.zeros(1))
@@ -166,8 +166,8 @@ class _Moving:
         return np.concatenate((q, np.zeros_like(q)))
 
     def turn(self, number: int, x: Array, last: Array) -> tuple[Array, Array, Array]:
-        """State and acceleration (derivatives with respect to φ) at the end of revolution `number`, and the
-        largest |stress| (links,).
+        """State and acceleration at the end of revolution `number` (derivatives with respect to φ), and the
+        largest |stress| (links,) in it.
 
         x, last: state and acceleration at its start.
         """
@@ -194,7 +194,7 @@ class _Moving:
         return self._map.by_link(np.abs(stress).sum(axis=0).max(axis=1), np.max)
 
     def _kinematics(self, phi: Array) -> tuple[Array, Array, Array]:
-        """Angles (k, links) of the links with their first two derivatives with respect to time."""
+        """Angles (k, links) of the links, with their first two time derivatives."""
         return kinematics(self._model, phi, self._drive(phi))
 
     def _damping(self, phi: Array) -> Array:
@@ -203,7 +203,8 @@ class _Moving:
 
     @cached_property
     def _damping_at_nodes(self) -> Array:
-        """Damping matrix C (nodes, k, n, n) at the stages, for the interpolation nodes L4 of the map."""
+        """Damping matrices C (nodes, k, n, n) at the stages, for the values of L4 that are interpolation
+        nodes of the map."""
         return np.stack([length.model.at(self._stages, 0.0)[1] for length in self._map.lengths])
 
 

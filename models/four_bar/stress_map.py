@@ -37,7 +37,7 @@ _BARLOW = (0.5 - math.sqrt(1 / 12), 0.5 + math.sqrt(1 / 12))
 
 @dataclass(frozen=True)
 class Peaks:
-    """Largest |stress| (Pa) over a revolution at P speeds, (P, lengths, links).
+    """Largest |stress| (Pa) over a revolution (P, lengths, links), at P speeds.
 
     place and phase: its position as a fraction of the link's length, and crank angle (rad). error (P,):
     relative change of the largest stress with half the steps, or with two Chebyshev points fewer if that is
@@ -52,7 +52,7 @@ class Peaks:
 
 
 def places(beams: Beams) -> list[Array]:
-    """Positions on each link, as fractions of its length, at which the stress is evaluated.
+    """Positions on each link, as fractions of its length, at which stresses are evaluated.
 
     They are the clamped root or the midpoint, as in the thesis, and two points within each element.
     """
@@ -95,7 +95,7 @@ class StressMap:
         self.links = [link.name for link in model.beams.freedoms.links]
         self.places = places(model.beams)
         self._ends = np.cumsum([0, *map(len, self.places)])
-        self.lengths = [OneLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
+        self.lengths = [StressesAtLength(model.varied({"L4": float(L4)})) for L4 in self.nodes]
 
     def weights(self, L4: Array) -> Array:
         """Interpolation weights (g, nodes) of the nodes at lengths (g,)."""
@@ -104,11 +104,11 @@ class StressMap:
         return BarycentricInterpolator(self.nodes, np.eye(len(self.nodes)), rng=0)(L4)
 
     def by_link(self, values: Array, function: Callable[[Array], float]) -> Array:
-        """Function of the values (S,) at the positions of each link: (links,)."""
+        """Values (links,) of a function that is applied to the values (S,) at the positions of each link."""
         return np.array([function(of_link) for of_link in np.split(values, self._ends[1:-1])])
 
     def peaks(self, speeds: Array, L4: Array) -> Peaks:
-        """Largest stresses at speeds (P,) and at lengths (g,) between the ends."""
+        """Largest stresses at speeds (P,) and at lengths (g,) between `low` and `high`."""
         batches = []
         with progress.task("speeds of the stress map", len(speeds)) as count:
             for start in range(0, len(speeds), _TOGETHER):
@@ -145,16 +145,16 @@ class StressMap:
 _FIELDS = tuple(Peaks.__dataclass_fields__)
 
 
-class OneLength:
-    """Stresses of the mechanism at many speeds, for one value of the length L4."""
+class StressesAtLength:
+    """Stresses of the mechanism at many speeds, for a single value of L4."""
 
     def __init__(self, model: StructureModel):
         self.model = model
         self._curves = PeriodicCurves(model, METHOD, _STEPS, _SAMPLES)
 
     def stresses(self, speeds: Array) -> tuple[Array, Array, Array]:
-        """Axial and bending stresses (P, 2, S, k) in Pa, relative error (P,), and bound (P,) on the spectral
-        radius.
+        """Axial and bending stresses (P, 2, S, k) in Pa, relative error (P,), and upper bound (P,) on the
+        spectral radius.
 
         The error is the relative change with half the steps. Values are infinite without a periodic solution.
         """
@@ -173,12 +173,13 @@ class OneLength:
 
 
 def _surfaces(stresses: Array) -> Array:
-    """Larger |stress| of both surfaces from axial and bending stress (g, 2, S, k)."""
+    """Larger |stress| of both surfaces, from axial and bending stresses (g, 2, S, k)."""
     return np.abs(stresses).sum(axis=1)
 
 
 def _highest(histories: Array) -> tuple[Array, Array, Array]:
-    """Largest value, row and phase of histories (g, S, k), by a parabola through three neighbours."""
+    """Largest value, and its row and phase, of histories (g, S, k), by a parabola through three neighbouring
+    samples."""
     g, S, k = histories.shape
     at = histories.reshape(g, S * k).argmax(axis=1)
     row, column = np.divmod(at, k)
@@ -191,6 +192,6 @@ def _highest(histories: Array) -> tuple[Array, Array, Array]:
 
 
 def spaced(low: float, high: float, ratio: float) -> Sequence[float]:
-    """Speeds from low to high in geometric progression, with a factor of at most `ratio`."""
+    """Speeds from low to high in geometric progression, with a ratio of at most `ratio`."""
     count = max(2, 1 + math.ceil(math.log(high / low) / math.log(ratio)))
     return [float(x) for x in np.geomspace(low, high, count)]

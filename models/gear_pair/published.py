@@ -13,13 +13,14 @@ Array = NDArray[np.float64]
 
 
 def mesh_stiffness(phase: Array, p: Mapping[str, float]) -> Array:
-    """k_z of Eq. (73), N/m: harmonics of the meshing frequency, z1 times the pinion's."""
+    """Mesh stiffness k_z of Eq. (73) in N/m. Its harmonics are multiples of the meshing frequency, z1 times
+    that of the pinion."""
     terms = (p[f"k{n}"] * np.cos(n * p["z1"] * phase + p[f"gamma{n}"]) for n in range(1, 11))
     return p["k0"] + sum(terms, np.zeros_like(phase))
 
 
 def tooth_error(phase: Array, p: Mapping[str, float]) -> tuple[Array, Array]:
-    """e of Eq. (74), m, and its derivative with respect to the phase."""
+    """Tooth error e of Eq. (74) in m, and its derivative with respect to the phase."""
     error, slope = np.zeros_like(phase), np.zeros_like(phase)
     for i in range(1, 7):
         angle = i * phase + p[f"alpha{i}"]

@@ -1,4 +1,4 @@
-"""`python -m models.portal_frame`: figure of a determinant whose zeros do not include all natural
+"""Command `python -m models.portal_frame`: figure of a determinant whose zeros do not include all natural
 frequencies."""
 
 import sys

@@ -1,4 +1,4 @@
-"""The determinant of the frame's dynamic stiffness over the frequency (thesis Fig. 5.1).
+"""Determinant of the frame's dynamic stiffness over the frequency (thesis Fig. 5.1).
 
 With one exact element per bar the fourth frequency, at which no joint moves, is a pole of det D and not a
 zero, so that a search for zeros misses it. With two elements it is a zero. The algorithm of Wittrick and
@@ -23,7 +23,7 @@ _ELEMENTS = 1, 2
 
 @dataclass(frozen=True)
 class Determinants:
-    """Determinants at frequencies omega (k,), rad/s.
+    """Determinants at frequencies omega (k,) in rad/s.
 
     logarithms (rows, k): ln|det D(ω)/det D(0)| with `elements` (rows,) per bar; found (j,): natural
     frequencies up to the largest ω, rad/s.
@@ -36,7 +36,7 @@ class Determinants:
 
 
 def logarithm(model: StructureModel, omega: Array) -> Array:
-    """ln|det D(ω)/det D(0)| (k,) of a structure of exact elements at frequencies (k,), rad/s."""
+    """Values of ln|det D(ω)/det D(0)| (k,) of a structure of exact elements, at frequencies (k,) in rad/s."""
     place = model.at_positions(np.zeros(1))
     D = place.dynamic_stiffness(np.zeros(len(omega) + 1, dtype=int), np.append(0.0, omega))
     values = np.linalg.slogdet(D).logabsdet
@@ -44,7 +44,8 @@ def logarithm(model: StructureModel, omega: Array) -> Array:
 
 
 def determinants(model: StructureModel, most: float) -> Determinants:
-    """Determinants of a frame with one and with two exact elements per bar, from 0 to `most` rad/s."""
+    """Determinants of a frame with one and with two exact elements per bar, for frequencies from 0 to `most`
+    rad/s."""
     omega = most * (np.arange(_POINTS) + 0.5) / _POINTS
     exact = [model.varied(options={"element": "dynamic", "elements": count}) for count in _ELEMENTS]
     logarithms = np.stack([logarithm(frame, omega) for frame in exact])
@@ -55,7 +56,7 @@ def determinants(model: StructureModel, most: float) -> Determinants:
 
 
 def determinants_figure(result: Determinants, title: str) -> Figure:
-    """Figure with a curve for each number of elements, with the natural frequencies as vertical lines."""
+    """Figure with one curve per number of elements, and the natural frequencies as vertical lines."""
     with page(3.4, title) as figure:
         axes = figure.subplots()
         for value in result.found:

@@ -1,2 +1,2 @@
-"""Batch solution of many points: systems that differ in parameter values only, with shared tables and
+"""Batch solution of many points (systems that differ only in parameter values) with shared tables and
 grids."""

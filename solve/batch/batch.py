@@ -1,4 +1,4 @@
-"""Batch solution of points of a family, from shared tables if their entries separate."""
+"""Batch solution of the points of a family, with shared tables if their entries separate."""
 
 from collections.abc import Generator, Iterator
 from contextlib import suppress
@@ -27,17 +27,18 @@ _MIN_GROUP = 4
 
 
 class Batch:
-    """Solution of points of a family by a method, with shared tables."""
+    """Solver of the points of a family by a method, with shared tables."""
 
     def __init__(self, family: Family, region: Array, method: Rule, request: SolveRequest):
-        """region: points (T, v) that span those to be solved; the shared tables are computed from them."""
+        """region: points (T, v) whose range contains those to be solved; shared tables are computed from
+        them."""
         self.family, self.method, self.request = family, method, request
         self.region = region
         self._separation: Separation | None = None
         self._is_checked = False
 
     def solved(self, points: Array) -> Iterator[Certified | Failed]:
-        """Solutions of points (k, v), in groups, with their positions among the points."""
+        """Yield solutions of points (k, v) in groups, with the position of each among the points."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 yield chunk
@@ -55,8 +56,8 @@ class Batch:
                     yield from (Failed(position, error) for position in positions.tolist())
 
     def solutions(self, points: Array, *grids: int) -> Iterator[tuple[int, Array, Solutions]]:
-        """Solutions of points (k, v) on grids of given numbers of steps, without error estimates: steps,
-        positions and solutions; failures are omitted."""
+        """Yield solutions of points (k, v) on grids with given numbers of steps, without error estimates:
+        steps, positions and solutions. Failed points are omitted."""
         for chosen, chunk in self._chunks(points):
             if isinstance(chunk, Failed):
                 continue
@@ -67,7 +68,8 @@ class Batch:
                         yield steps, chosen[at[index]], solutions
 
     def multipliers(self, points: Array, steps: int) -> Array:
-        """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failures."""
+        """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failed
+        points."""
         values = np.zeros((len(points), self.family.example.multiplier_count), dtype=complex)
         with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
@@ -76,13 +78,13 @@ class Batch:
         return values
 
     def _reason(self, point: Array, reason: SolveError) -> SolveError:
-        """Reason why a point (v,) failed: the error of its own system if that raises one, otherwise the given
+        """Reason why a point (v,) failed: the exception that building its system raises, otherwise the given
         reason."""
         single = self._single(point[None], 0)
         return single.reason if isinstance(single, Failed) else reason
 
     def _chunks(self, points: Array) -> Iterator[tuple[Array, Points | Failed]]:
-        """Groups of points for batch solution, and single points, with their positions (k,)."""
+        """Groups of points for batch solution, and single points, each with their positions (k,)."""
         all_positions = np.arange(len(points))
         single = all_positions
         if self._supports_batches(points):
@@ -90,7 +92,7 @@ class Batch:
         yield from ((all_positions[at : at + 1], self._single(points, at)) for at in single.tolist())
 
     def _groups(self, points: Array) -> Generator[tuple[Array, Points], None, Array]:
-        """Groups of points with the same breaks; returns the positions of points without a valid system.
+        """Groups of points with the same breaks. Returns the positions of points without a valid system.
 
         Generated code is checked at the first point only.
         """
@@ -120,7 +122,7 @@ class Batch:
         return np.sort(np.concatenate(left))
 
     def _single(self, points: Array, at: int) -> Points | Failed:
-        """Point at an index, as a system of its own; Failed if that system is refused."""
+        """Point at an index with a system of its own; Failed if this system is invalid."""
         try:
             system, speed = self.family.system(points[at])
             system.checked(speed)
@@ -142,7 +144,7 @@ class Batch:
     def _with_tables(
         self, shared: Separation, points: Array, positions: Array
     ) -> Iterator[tuple[Array, Points]]:
-        """Points whose entries separate over all quantities or over the speed only, followed by all other
+        """Points whose entries separate (over all quantities, or over the speed only), followed by all other
         points."""
         others = yield from _represented(shared, points, positions)
         for group in self._by_parameters(points, others):
@@ -157,7 +159,7 @@ class Batch:
             yield others, Sampled(self.family, points[others], shared.engine, shared.breaks)
 
     def _by_parameters(self, points: Array, positions: Array) -> list[Array]:
-        """Groups of positions with equal parameters, if the speed varies too."""
+        """Groups of positions with equal parameters, if the speed varies in addition to parameters."""
         free = [k for k, name in enumerate(self.family.names) if name != SPEED]
         if len(positions) == 0 or not 0 < len(free) < len(self.family.names):
             return []
@@ -169,8 +171,7 @@ class Batch:
 def _represented(
     separation: Separation, points: Array, positions: Array
 ) -> Generator[tuple[Array, Points], None, Array]:
-    """Yield positions whose entries are represented by the terms, with their points; return the other
-    positions."""
+    """Yield positions whose entries the terms represent, with their points; return all other positions."""
     if not separation.separable:
         return positions
     coefficients, fits = separation.coefficients(points[positions])

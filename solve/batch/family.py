@@ -1,4 +1,4 @@
-"""Families of systems over the speed and parameters."""
+"""Families of systems over the speed and over parameters."""
 
 import copy
 import reprlib
@@ -23,7 +23,7 @@ _CACHED_SYSTEMS = 8
 
 
 class Family:
-    """Family of systems over points (P, v), with the values of `names` in each row.
+    """Family of systems over points (P, v). Each row contains the values of the quantities `names`.
 
     speed: in rad/s, unless among the names. example: system of the family; all have the same coordinates,
     outputs, units and period. Copies and pickles are rebuilt: CasADi's memory serves one thread of one
@@ -35,7 +35,7 @@ class Family:
     example: PeriodicSystem
 
     def system(self, point: Array) -> tuple[PeriodicSystem, float]:
-        """System at a point (v,) and its speed in rad/s. Raises SolveError subclasses."""
+        """System and speed (rad/s) at a point (v,). Raises SolveError subclasses."""
         raise NotImplementedError
 
     def speeds(self, points: Array) -> Array:
@@ -45,7 +45,8 @@ class Family:
         return np.full(len(points), self.speed)
 
     def entries(self, phase: Array, points: Array, engine: str = NUMPY) -> Array:
-        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system."""
+        """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,); NaN at points without a
+        system."""
         entries = np.full((len(points), len(phase), 3 * self.example.n**2 + self.example.n), np.nan)
         for rows, point in zip(entries, points, strict=True):
             # NaN at points without a system; their solution fails for the same reason and reports it.
@@ -55,7 +56,7 @@ class Family:
         return entries
 
     def exist(self, points: Array) -> Array:
-        """Whether the fundamental motion exists at points (P, v): (P,)."""
+        """Whether (P,) the fundamental motion exists at points (P, v)."""
         return np.ones(len(points), dtype=bool)
 
     @property
@@ -64,13 +65,13 @@ class Family:
         return True
 
     def at_speeds(self, points: Array) -> AtSpeeds | None:
-        """Points (P, v) as speeds of one system, if only the speed varies and the system has `terms`; None
-        otherwise."""
+        """Points (P, v) as speeds of one system, if only the speed varies and the system provides `terms`;
+        None otherwise."""
         return None
 
     def by_breaks(self, points: Array) -> list[tuple[tuple[float, ...] | None, Array]]:
-        """Groups of points (P, v) with the same breaks: the breaks and the positions (k,); None for points
-        without a system."""
+        """Groups of points (P, v) with the same breaks, as breaks and positions (k,). The breaks are None for
+        points without a system."""
         groups: dict[tuple[float, ...] | None, list[int]] = {}
         for position, breaks in enumerate(self._breaks(points)):
             groups.setdefault(breaks, []).append(position)
@@ -86,8 +87,8 @@ class Family:
     def outputs(
         self, names: Sequence[str], phase: Array, points: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs of these names (P, o, k) at phases (P, k) and states (P, n, k), derivatives with respect to
-        time."""
+        """Outputs (P, o, k) with these names at phases (P, k) and states (P, n, k). Derivatives are with
+        respect to time."""
         by_point = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)
@@ -104,7 +105,8 @@ class SystemFamily(Family):
     """Family of a system over its speed, its parameters, or both."""
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str], speed: float | None = None):
-        """speed (rad/s): unless among the names. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """speed (rad/s): required unless it is among the names. Raises UnknownNameError,
+        ValueOutOfBoundsError."""
         quantities = [SPEED, *system.parameters]
         for name in names:
             require_name(f"quantity of {system.name}", name, quantities)
@@ -203,7 +205,7 @@ class SystemFamily(Family):
 
 
 class BuiltFamily(Family):
-    """Family of systems built by a function from values by name."""
+    """Family of systems that a function builds from values by name."""
 
     def __init__(
         self,
@@ -212,8 +214,8 @@ class BuiltFamily(Family):
         points: Array,
         speed: float | None = None,
     ):
-        """points (P, v): the first with a system provides the example. speed (rad/s): unless among the
-        names."""
+        """points (P, v): the first point with a system provides the example system. speed (rad/s): required
+        unless it is among the names."""
         self.names, self.speed = tuple(names), speed
         self._build = build
         self.example, self._point = self._first(points)
@@ -241,5 +243,5 @@ class BuiltFamily(Family):
 
 
 def over_speed(system: PeriodicSystem) -> Family:
-    """Family of a system over its speed."""
+    """Family of one system over its speed."""
     return SystemFamily(system, [SPEED])

@@ -29,7 +29,7 @@ _CHUNK_BYTES = 2**25
 
 
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
-    """Results of points (P, v)."""
+    """Results of points (P, v), solved in batches."""
     n = batch.family.example.n
     results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept or Kept())
     size = chunk_size(n)
@@ -41,7 +41,7 @@ def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResu
 
 
 def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResults:
-    """Multipliers and statistics of points (P, v) on one grid, without error estimates and with the verdict
+    """Multipliers and statistics of points (P, v) on one grid, without error estimates. All verdicts are
     "undetermined"."""
     n = batch.family.example.n
     results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept)
@@ -69,7 +69,7 @@ def chunk_size(n: int) -> int:
 
 @dataclass(frozen=True)
 class _ResultWriter:
-    """Writer of the results of some points, from position `start`."""
+    """Writer of the results of points, beginning at position `start`."""
 
     batch: Batch
     points: Array
@@ -77,7 +77,7 @@ class _ResultWriter:
     start: int
 
     def write(self) -> Iterator[int]:
-        """Solve all points in groups and write their results; yields the number of points of each group."""
+        """Solve all points in groups and write their results. Yields the number of points of each group."""
         for result in self.batch.solved(self.points):
             if isinstance(result, Certified):
                 self._write(result)
@@ -110,7 +110,7 @@ class _ResultWriter:
             self.write_figures(found.positions, solutions.curve)
 
     def _system_of(self, found: Certified) -> Callable[[int], tuple[PeriodicSystem, float]]:
-        """Function that returns the system and the speed (rad/s) of each of these points."""
+        """Function that maps the index of one of these points to its system and speed (rad/s)."""
         return lambda at: self.batch.family.system(self.points[found.positions[at]])
 
     def _write_warnings(self, found: Certified) -> None:

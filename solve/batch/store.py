@@ -1,4 +1,5 @@
-"""Store of results of many points in a folder, written in chunks, from which interrupted work resumes.
+"""Store of results of many points in a folder. Results are written in chunks, so that interrupted work can
+resume.
 
 The folder is a group of zarr arrays; `xarray.open_dataset(folder, engine="zarr", consolidated=False)` reads
 it, complete or not. A chunk is complete if its checksum, written last, agrees with its data.
@@ -40,7 +41,8 @@ _DIMENSIONS: dict[str, tuple[str, ...]] = {
 
 
 class Store:
-    """Results of points with N multipliers each in chunks of `size` points; the last may be shorter."""
+    """Results of points with N multipliers each, in chunks of `size` points (the last chunk may be
+    shorter)."""
 
     def __init__(self, group: Any, N: int, kept: Kept, size: int):
         self._N, self._kept, self.size = N, kept, size
@@ -49,7 +51,7 @@ class Store:
         self._texts, self._checksums = group["texts"], group["checksum"]
 
     def read(self, chunk: Array) -> PointResults | None:
-        """Results of a chunk of consecutive positions (k,); None if it is incomplete."""
+        """Results of a chunk, given by consecutive positions (k,); None if it is incomplete."""
         number = int(chunk[0]) // self.size
         try:
             checksum = int(self._checksums[number])
@@ -95,7 +97,7 @@ class Store:
 
 
 def made_folder(path: str | Path) -> Path:
-    """Folder for the stores of several calculations, created if necessary. Raises FileError,
+    """Folder for the stores of several calculations; created if necessary. Raises FileError,
     MissingLibraryError."""
     _require_zarr()
     with _file_errors():
@@ -129,7 +131,7 @@ def opened(
 
 
 def _require_zarr() -> None:
-    """Raise MissingLibraryError without zarr, before a folder is created."""
+    """Raise MissingLibraryError without zarr; called before a folder is created."""
     try:
         import zarr  # noqa: F401
     except ImportError:
@@ -137,7 +139,7 @@ def _require_zarr() -> None:
 
 
 def _group(place: Path) -> Any:
-    """Group of arrays in a folder; a new one in an empty folder. Raises FileError, OSError."""
+    """Group of zarr arrays in a folder; a new group in an empty folder. Raises FileError, OSError."""
     import zarr
 
     if not any(place.iterdir()):
@@ -197,7 +199,7 @@ def _require_same(place: Path, stored: Mapping[str, Any], work: Mapping[str, Any
 
 
 def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
-    """Entries of a description by name, with separate entries for each parameter and option."""
+    """Entries of a description by name, with a separate entry for each parameter and option."""
     entries: dict[str, Any] = {}
     for name, value in work.items():
         if isinstance(value, dict):
@@ -208,7 +210,7 @@ def _entries(work: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _checksum(values: Mapping[str, Array], text: str) -> int:
-    """Checksum of a chunk; never 0, which marks an incomplete one."""
+    """Checksum of a chunk; never 0, because 0 marks an incomplete chunk."""
     checksum = zlib.crc32(text.encode())
     for array in values.values():
         checksum = zlib.crc32(np.ascontiguousarray(array).tobytes(), checksum)
@@ -217,7 +219,8 @@ def _checksum(values: Mapping[str, Array], text: str) -> int:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Exclusive lock of a folder; the system releases it when the process ends."""
+    """Context manager with an exclusive lock of a folder. The operating system releases the lock when the
+    process ends."""
     with _file_errors():
         if place.exists() and not place.is_dir():
             raise FileError(f"'{place}' is a file; give a folder")

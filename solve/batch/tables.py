@@ -1,5 +1,5 @@
-"""Separation of the entries of M, C, K, d: short sums of functions of the phase multiplied by coefficients of
-the point.
+"""Separation of the entries of M, C, K, d into short sums of functions of the phase, multiplied by
+coefficients that depend on the point.
 
 Speeds and most parameters, such as powers of Ω, masses and stiffnesses, are factors of functions of the
 phase. An entry is then a fixed combination of its values at a few phases, so that a point is sampled only
@@ -39,7 +39,7 @@ _MIN_PHASES = 8
 
 
 class Separation:
-    """Terms of the entries of a family, from samples at some points (T, v); see `training`.
+    """Terms of the entries of a family, computed from samples at points (T, v); see `training`.
 
     The terms of an entry are nested: the j-th is 1 at its phase and 0 at those of previous terms, so that a
     small term does not reduce the accuracy of the others.
@@ -92,7 +92,7 @@ class Separation:
             self._nested.append(rest / factors[-1])
 
     def table(self, phase: Array) -> Array:
-        """Terms (k, R) at phases (k,); the latest are cached, up to a memory limit."""
+        """Terms (k, R) at phases (k,). The most recent ones are cached, up to a memory limit."""
         key = phase.tobytes()
         if key not in self._cache:
             self._cache[key] = self._terms(phase)
@@ -119,7 +119,7 @@ class Separation:
         return Tables(self.table(phase), coefficients, self.entry, self.n, self.first_order)
 
     def coefficients(self, points: Array) -> tuple[Array, Array]:
-        """Coefficients (P, R), and whether each point is represented (P,)."""
+        """Coefficients (P, R), and whether (P,) the terms represent each point."""
         checks = self._checks
         samples = self.family.entries(np.concatenate((self._phases, checks)), points, self.engine)
         every, nested = np.arange(samples.shape[2]), []
@@ -139,7 +139,7 @@ class Separation:
 
 
 class Separated:
-    """Points with separated entries, represented by their coefficients (P, R)."""
+    """Points with separated entries, given by their coefficients (P, R)."""
 
     bytes_a_phase, alone = 0, False
 
@@ -162,7 +162,7 @@ class Separated:
 
 
 class Sampled:
-    """Points (P, v) of a family that are sampled individually at every phase."""
+    """Points (P, v) of a family whose entries are sampled individually at every phase."""
 
     alone = False
 
@@ -184,7 +184,8 @@ class Sampled:
 
 
 def training(points: Array) -> Array:
-    """Points from which the terms are computed: the extreme ones, equidistant ones and random ones."""
+    """Points from which the terms are computed: points at the ends of the ranges, equidistant points, and
+    random points."""
     extremes = [pick(column) for column in points.T for pick in (np.argmin, np.argmax)]
     equidistant = np.linspace(0, len(points) - 1, _TRAINING_POINTS).astype(int)
     random = np.random.default_rng(0).integers(0, len(points), _TRAINING_POINTS)
@@ -192,8 +193,8 @@ def training(points: Array) -> Array:
 
 
 def _scales(largest: Array, n: int) -> Array:
-    """Largest entry (P, E) of M, C, K or d in units in which the diagonal of M is 1, converted to the units
-    of each entry. Multiplied by the machine precision, it is the round-off of cancelling sums."""
+    """Size (P, E) to which the round-off of each entry is relative: the largest entry of its matrix M, C, K
+    or d, in units in which the diagonal of M is 1, converted to the unit of the entry."""
     units = np.sqrt(largest[:, : n * n : n + 1])
     both = (units[:, :, None] * units[:, None, :]).reshape(len(largest), -1)
     ends = np.arange(n * n, 3 * n * n + 1, n * n)
@@ -226,6 +227,6 @@ def _pivots(samples: Array) -> tuple[Array, Array, Array]:
 
 
 def _numbered(places: Array) -> tuple[Array, Array]:
-    """Unique places, and the index of each place among them."""
+    """Unique rows of `places`, and the index of each row among them."""
     unique, number = np.unique(places, return_inverse=True)
     return unique, number.reshape(places.shape)

@@ -43,7 +43,8 @@ every two breaks. A choice."""
 
 @dataclass(frozen=True)
 class Task:
-    """Family, method, request and stored results; can be sent to other threads and processes."""
+    """Family, method, request and selection of stored results. It can be sent to other threads and
+    processes."""
 
     family: Family
     method: Rule
@@ -51,7 +52,7 @@ class Task:
     kept: Kept
 
     def batch(self, points: Array) -> Batch:
-        """Batch for points (P, v) and others in their range."""
+        """Batch for points (P, v) and for other points in their range."""
         return Batch(self.family, training(points), self.method, self.request)
 
     def solved(
@@ -61,7 +62,7 @@ class Task:
         executor: Executor | None = None,
         store: str | Path | None = None,
     ) -> PointResults:
-        """Results of points (P, v), solved in this process or in chunks by an executor.
+        """Results of points (P, v), solved in this process, or in chunks by an executor.
 
         Chunks in a store are read, the others are written as they are completed. Raises FileError,
         WorkersError, MissingLibraryError.
@@ -107,7 +108,7 @@ class Task:
         executor: Executor | None,
         count: progress.Task,
     ) -> Iterator[tuple[Array, PointResults]]:
-        """Chunks with their results, in order of completion."""
+        """Yield chunks with their results, in order of completion."""
         if executor is None:
             for index in chunks:
                 with progress.subtask(POINTS, len(index)):
@@ -132,7 +133,7 @@ class Task:
                 future.cancel()
 
     def description(self, region: Array, points: Array) -> dict[str, Any]:
-        """Everything that determines the results, for identification of a store."""
+        """Description of everything that determines the results; identifies a store."""
         family, request, kept = self.family, self.request, self.kept
         example = family.example
         between = np.convolve(example.breaks, (0.5, 0.5), "valid") if len(example.breaks) > 1 else ()
@@ -171,8 +172,8 @@ def task_of(
     steps: int | None = None,
     orbit: bool = True,
 ) -> tuple[Task, list[str]]:
-    """Task for points of a family, and notes on the engine. Raises SolveError subclasses for an unknown
-    method or engine, and for a tolerance out of bounds."""
+    """Task for the points of a family, and notes on the engine. Raises SolveError subclasses for an unknown
+    method or engine, and for an invalid tolerance."""
     used, notes = chosen_engine(engine)
     return Task(family, chosen(method), request(steps, rtol, used, orbit), kept or Kept()), notes
 
@@ -180,7 +181,7 @@ def task_of(
 def _missing(
     store: Store, chunks: list[Array], results: PointResults, count: progress.Task
 ) -> Iterator[Array]:
-    """Insert stored chunks into the results, and yield the others."""
+    """Insert stored chunks into the results, and yield the chunks that are not stored."""
     for index in chunks:
         stored = store.read(index)
         if stored is None:
@@ -210,7 +211,7 @@ _INTERRUPTED = 130
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Context with processes of this machine, which end with the context or with this process. Raises
+    """Context manager with processes of this machine, which end with the block or with this process. Raises
     ValueOutOfBoundsError."""
     if not 1 <= count <= _MAX_WORKERS:
         raise ValueOutOfBoundsError(
@@ -229,8 +230,8 @@ def processes(count: int) -> Iterator[Executor]:
 
 @contextmanager
 def cluster(address: str) -> Iterator[Executor]:
-    """Context with the workers of a running dask scheduler, such as "tcp://127.0.0.1:8786". Raises
-    WorkersError if it does not answer, MissingLibraryError."""
+    """Context manager with the workers of a running dask scheduler, such as "tcp://127.0.0.1:8786". Raises
+    WorkersError if the scheduler does not answer, MissingLibraryError."""
     try:
         from distributed import Client
         from distributed.comm.addressing import get_address_host
@@ -247,7 +248,8 @@ def cluster(address: str) -> Iterator[Executor]:
 
 
 def _begin() -> None:
-    """Initialise a worker: it exits at once on an interruption, and at the end of its parent process."""
+    """Initialise a worker, so that it exits immediately on an interruption and at the end of its parent
+    process."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(_INTERRUPTED))
     parent = multiprocessing.parent_process()
     assert parent is not None

@@ -1,4 +1,4 @@
-"""Assembly of the matrices of a structure at all positions at once.
+"""Assembly of the matrices of a structure at all positions simultaneously.
 
 In ground axes a local matrix A of a link at angle θ becomes RᵀAR, which is linear in 1, c, s, c², cs with
 c = cos θ, s = sin θ (thesis (4.28)). A matrix of the structure is therefore a constant table for each of
@@ -126,7 +126,7 @@ class Beams:
         ]
 
     def divided(self, parts: int) -> "Beams":
-        """Beams with every exact element divided into parts, which does not change the frequencies."""
+        """Beams with every exact element divided into `parts` elements. The frequencies do not change."""
         counts = tuple(member.count * (parts if member.exact else 1) for member in self.members)
         return replace(self, freedoms=replace(self.freedoms, counts=counts))
 
@@ -137,8 +137,8 @@ class Beams:
 
     @cached_property
     def mass(self) -> Array:
-        """Mass matrix M of finite elements and point masses, and the axial inertia of inextensible exact
-        links."""
+        """Mass matrix M of the finite elements and the point masses, including the axial inertia of
+        inextensible exact links."""
         tables = []
         for member in self.members:
             axial = member.element.axial * member.link.inextensible
@@ -179,7 +179,8 @@ class Beams:
 
     @cached_property
     def exact(self) -> Array:
-        """Coefficients (exact links, 8, 5, n, n) of F1 … F8 in the dynamic stiffness D of each exact link."""
+        """Coefficients (exact links, 8, 5, n, n) of the functions F1 … F8 in the dynamic stiffness D of each
+        exact link."""
         patterns = exact.patterns()
         tables = [[self.spread(member, pattern) for pattern in patterns] for member in self.exact_links]
         return np.array(tables)
@@ -219,47 +220,47 @@ class Positions:
 
     @property
     def n(self) -> int:
-        """Number of degrees of freedom without those removed by inextensible links."""
+        """Number of degrees of freedom after subtraction of those that inextensible links remove."""
         return self.beams.freedoms.n if self._free is None else self._free.shape[2]
 
     def matrices(self) -> tuple[Array, Array]:
-        """M and K of the finite elements, (m, n, n)."""
+        """M and K (m, n, n) of the finite elements."""
         tables = self.beams.mass, self.beams.stiffness
         M, K = (self._reduced(np.tensordot(self.terms, table, 2)) for table in tables)
         return M, K
 
     def dynamic_stiffness(self, index: Array, omega: Array) -> Array:
-        """D(ω) = K − ω²M, (b, n, n), at the positions with indices `index` (b,) and ω (b,) rad/s."""
+        """D(ω) = K − ω²M (b, n, n) at the positions with indices `index` (b,) and at ω (b,) in rad/s."""
         tables = self.beams.mass, self.beams.stiffness
         M, K = (np.tensordot(self.terms[index], table, 2) for table in tables)
         functions = [member.exact_stiffness(omega) for member in self.beams.exact_links]
         return self._with_exact(K - (omega**2)[:, None, None] * M, index, functions)
 
     def dynamic_mass(self, index: Array, omega: Array) -> Array:
-        """M(ω) = −∂D/∂(ω²), (b, n, n), with the arguments of `dynamic_stiffness`: thesis (5.16)."""
+        """M(ω) = −∂D/∂(ω²) (b, n, n), with the arguments of `dynamic_stiffness`: thesis (5.16)."""
         functions = [member.exact_mass(omega) for member in self.beams.exact_links]
         return self._with_exact(np.tensordot(self.terms[index], self.beams.mass, 2), index, functions)
 
     def interior_count(self, omega: Array) -> Array:
-        """J0 (b,): number of frequencies below ω (b,) at which no node moves; thesis (5.21)."""
+        """Number J0 (b,) of frequencies below ω (b,) at which no node moves; thesis (5.21)."""
         counts = np.zeros(len(omega), dtype=int)
         for member in self.beams.exact_links:
             counts += member.interior_count(omega)
         return counts
 
     def expanded(self, vectors: Array) -> Array:
-        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in those that inextensible
-        links leave free."""
+        """Vectors (m, N, k) in all degrees of freedom, from vectors (m, n, k) in those that remain free with
+        inextensible links."""
         return vectors if self._free is None else self._free @ vectors
 
     @cached_property
     def joints(self) -> Array:
-        """Positions x + iy (m) of the joints, (m, joints), with the first supported joint at 0; see
+        """Positions x + iy (m) of the joints, (m, joints). The first supported joint is at 0; see
         `placed`."""
         return self.placed(self._spans)
 
     def placed(self, spans: Array) -> Array:
-        """Vectors x + iy (m, joints) of the joints, summed from vectors (m, links) along the links. The
+        """Vectors x + iy (m, joints) of the joints, from vectors (m, links) summed along the links. The
         vector of the first joint with a rigid or elastic support is 0."""
         joints, anchored = self.beams.freedoms.joints, self.beams.freedoms.anchored
         still = np.zeros(len(self.phase), dtype=complex)
@@ -277,12 +278,12 @@ class Positions:
 
     @property
     def _spans(self) -> Array:
-        """Vectors x + iy from start to end of the links, (m, links)."""
+        """Vectors x + iy (m, links) from the start to the end of each link."""
         return self.beams.properties.length * np.exp(1j * self.angle)
 
     def _with_exact(self, finite: Array, index: Array, functions: list[Array]) -> Array:
-        """Matrices (b, n, n), from the matrices (b, N, N) of finite elements and the eight functions (b, 8)
-        of each exact link."""
+        """Matrices (b, n, n) from the matrices (b, N, N) of finite elements and the eight functions (b, 8) of
+        each exact link."""
         if functions:
             terms = self.terms[index][:, [member.number for member in self.beams.exact_links], None, :]
             weights = np.stack(functions, axis=1)[..., None] * terms
@@ -290,7 +291,7 @@ class Positions:
         return self._reduced(finite, index)
 
     def _require_closed(self) -> None:
-        """Raise StructureError unless links meet at their joints and supported joints are at rest."""
+        """Raise StructureError unless links meet at their joints and supported joints do not move."""
         freedoms = self.beams.freedoms
         if not np.isfinite(self.angle).all():
             worst = self.phase[~np.isfinite(self.angle).all(axis=1)][0]
@@ -322,8 +323,8 @@ class Positions:
 
     @cached_property
     def _free(self) -> Array | None:
-        """Orthonormal basis (m, N, n) of motions without stretch of inextensible links; None if all links are
-        extensible."""
+        """Orthonormal basis (m, N, n) of motions that do not stretch inextensible links; None if all links
+        are extensible."""
         members = [member for member in self.beams.members if member.link.inextensible]
         rows = [row for member in members for row in self._ties(member.number)]
         if not rows:
@@ -339,7 +340,7 @@ class Positions:
         return np.swapaxes(vectors[:, ranks[0] :], 1, 2)
 
     def _ties(self, number: int) -> list[Array]:
-        """Rows (m, N) that give the stretch between neighbouring nodes of a link."""
+        """Rows (m, N) that measure the stretch between neighbouring nodes of a link."""
         rows, angle = [], self.angle[:, number]
         for start, end in pairwise(self.beams.freedoms.nodes[number]):
             row = np.zeros((len(self.phase), self.beams.freedoms.n + 1))

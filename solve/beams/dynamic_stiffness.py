@@ -38,7 +38,8 @@ _POSITIVE = 1e-30
 
 
 def patterns() -> Array:
-    """Positions of EI F1 … EI F6, EA F7, EA F8 in D for u1, u2, v1, θ1, v2, θ2: (8, 6, 6)."""
+    """Coefficients (8, 6, 6), each 0, 1 or −1, of EI F1 … EI F6, EA F7, EA F8 in D, for u1, u2, v1, θ1, v2,
+    θ2."""
     tables = np.zeros((8, 6, 6))
     for table, entries, first in zip(tables, (*_BENDING, *_AXIAL), (2,) * 6 + (0,) * 2, strict=True):
         for (i, j), sign in entries.items():
@@ -47,7 +48,8 @@ def patterns() -> Array:
 
 
 def bending(l: Array) -> Array:  # noqa: E741 - λL
-    """f1 … f6 along a new last axis: F1 = f1/L, F2 = f2/L, F3 = f3/L², …, F6 = f6/L³ (B.1–B.6, B.9).
+    """Functions f1 … f6 along a new last axis, with F1 = f1/L, F2 = f2/L, F3 = f3/L², …, F6 = f6/L³ (B.1–B.6,
+    B.9).
 
     At l = 0 they are 2, 4, 6, −6, −12, 12: the static stiffness of a beam.
     """
@@ -69,13 +71,14 @@ def bending(l: Array) -> Array:  # noqa: E741 - λL
 
 
 def axial(b: Array) -> Array:
-    """f7, f8 along a new last axis: EA F7 = (EA/L) f7 (B.7, B.8); 1 and −1 at b = 0."""
+    """Functions f7, f8 along a new last axis, with EA F7 = (EA/L) f7 (B.7, B.8); 1 and −1 at b = 0."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)
     return np.stack((b / np.tan(b), -b / np.sin(b)), axis=-1)
 
 
 def bending_mass(l: Array) -> Array:  # noqa: E741
-    """g1 … g6 = −∂f/∂(l⁴): M has ρA L² g1, …, ρA L g6 at the positions of F1 … F6 (B.10–B.15)."""
+    """Functions g1 … g6 = −∂f/∂(l⁴). M contains ρA L² g1, …, ρA L g6 at the positions of F1 … F6
+    (B.10–B.15)."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     f1, f2, f3, f4, f5, f6 = np.moveaxis(bending(l), -1, 0)
     g = (
@@ -90,7 +93,7 @@ def bending_mass(l: Array) -> Array:  # noqa: E741
 
 
 def axial_mass(b: Array) -> Array:
-    """g7, g8 = −∂f/∂(b²): M has ρA L g7 and ρA L g8 (B.16, B.17)."""
+    """Functions g7, g8 = −∂f/∂(b²). M contains ρA L g7 and ρA L g8 (B.16, B.17)."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)
     sine = np.sin(b)
     g = (_minus_sine(2 * b) / 2, 2 * b * np.sin(b / 2) ** 2 - _minus_sine(b))
@@ -98,8 +101,8 @@ def axial_mass(b: Array) -> Array:
 
 
 def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
-    """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of the
-    given order with respect to ξ: thesis (5.5)."""
+    """Transverse displacement (..., points, 4) at ξ = x/L for unit v1, Lθ1, v2, Lθ2, or its derivative of
+    order `order` with respect to ξ: thesis (5.5)."""
     l = np.maximum(np.asarray(l, dtype=float), _SMALLEST)  # noqa: E741
     ends = np.array([0.0, 1.0])
     values, slopes = _waves(l, ends, 0), _waves(l, ends, 1)
@@ -108,15 +111,15 @@ def bending_shapes(l: Array, xi: Array, order: int = 0) -> Array:  # noqa: E741
 
 
 def axial_shapes(b: Array, xi: Array, order: int = 0) -> Array:
-    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of the given order
-    with respect to ξ: thesis (5.10); linear at b = 0."""
+    """Axial displacement (..., points, 2) at ξ = x/L for unit u1, u2, or its derivative of order `order` with
+    respect to ξ: thesis (5.10). Linear in ξ at b = 0."""
     b = np.maximum(np.asarray(b, dtype=float), _POSITIVE)[..., None, None]
     ends = np.stack((1 - xi, xi), axis=-1)
     return (b * np.array([-1, 1])) ** order * np.sin(b * ends + order * math.pi / 2) / np.sin(b)
 
 
 def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
-    """Derivatives with respect to ξ of the fundamental solutions of the bending equation, (..., points, 4).
+    """Derivatives (..., points, 4) with respect to ξ of the fundamental solutions of the bending equation.
 
     Exponentials that decay from either end replace cosh and sinh, which are nearly equal for large l.
     """
@@ -131,22 +134,23 @@ def _waves(l: Array, xi: Array, order: int) -> Array:  # noqa: E741
 
 
 def clamped(l: Array) -> Array:  # noqa: E741
-    """δ = cosh l cos l − 1, zero at the frequencies of the beam clamped at both ends."""
+    """Function δ = cosh l cos l − 1, which vanishes at the natural frequencies of the beam clamped at both
+    ends."""
     half, hyperbolic = l / 2, np.minimum(l, _LARGEST) / 2
     s, S = np.sin(half), np.sinh(hyperbolic)
     return 2 * _sinh_minus_sin(hyperbolic, s) * (S + s) - 4 * (S * s) ** 2
 
 
 def interior_count(l: Array, b: Array | None = None) -> Array:  # noqa: E741
-    """J0: number of natural frequencies of the beam clamped at both ends below the frequency that corresponds
-    to l (bending) and b (axial). Wittrick and Williams; thesis (5.21)."""
+    """Number J0 of natural frequencies of the beam clamped at both ends that are below the frequency of l
+    (bending) and b (axial). Wittrick and Williams; thesis (5.21)."""
     order = np.floor(l / math.pi)
     flexural = order - (1 + (-1) ** order * np.sign(clamped(l))) / 2
     return (flexural if b is None else flexural + np.floor(b / math.pi)).astype(int)
 
 
 def _minus_sine(x: Array) -> Array:
-    """x − sin x to full relative precision."""
+    """Difference x − sin x, to full relative precision."""
     series = np.zeros_like(x)
     for order in (17, 15, 13, 11, 9, 7, 5, 3):
         series = 1 / math.factorial(order) - series * x**2
@@ -154,7 +158,7 @@ def _minus_sine(x: Array) -> Array:
 
 
 def _sinh_minus_sin(x: Array, sine: Array) -> Array:
-    """sinh x − sin x to full relative precision; `sine` is sin x."""
+    """Difference sinh x − sin x, to full relative precision; `sine` is sin x."""
     series = np.zeros_like(x)
     for order in (19, 15, 11, 7, 3):
         series = series * x**4 + 2 / math.factorial(order)

@@ -71,7 +71,7 @@ class Element:
         return axes
 
     def scaled(self, table: Array, L: float) -> Array:
-        """Table (k, k) for derivatives with respect to ξ, converted to derivatives with respect to x."""
+        """Table (k, k) converted from derivatives with respect to ξ to derivatives with respect to x."""
         return table * np.multiply.outer(self._powers(L), self._powers(L))
 
     def shapes(self, L: float, xi: Array, order: int = 0) -> tuple[Array, Array]:
@@ -88,7 +88,8 @@ class Element:
 
 @lru_cache
 def element(name: str) -> Element:
-    """Element of the generated tables by name; the exact one has the degrees of freedom of the cubic one."""
+    """Element with this name in the generated tables. The exact element has the degrees of freedom of the
+    cubic one."""
     tables = beam_elements()
     stated = tables.ELEMENTS["cubic" if name == EXACT else name]
     axial, bending = families = [tables.FAMILIES[stated[direction]] for direction in ("axial", "bending")]
@@ -114,7 +115,7 @@ def element(name: str) -> Element:
 
 
 def _filled(shape: tuple[int, int], *blocks: tuple[slice, slice, Sequence]) -> Array:
-    """Matrix of zeros into which blocks (rows, columns, values) are inserted."""
+    """Zero matrix into which blocks (rows, columns, values) are inserted."""
     matrix = np.zeros(shape)
     for rows, columns, values in blocks:
         matrix[rows, columns] = values
@@ -148,7 +149,7 @@ class Node(NamedTuple):
 
 @dataclass(frozen=True)
 class Freedoms:
-    """Numbering of the degrees of freedom for chosen elements; displacements are in ground axes.
+    """Numbering of the degrees of freedom for the selected elements. Displacements are in ground axes.
 
     joints: name, and whether the joint is held. kinds, counts: element of each link and number of elements.
     Rotations belong to the end of a link, or to several welded ends; curvatures to the end of a link, and
@@ -175,7 +176,7 @@ class Freedoms:
 
     @property
     def names(self) -> list[str]:
-        """Names of the degrees of freedom, such as A_x, crank_A_turn, coupler_1_y (interior node 1)."""
+        """Names of the degrees of freedom, such as A_x, crank_A_turn, coupler_1_y (y at interior node 1)."""
         return list(self._numbers)
 
     @property
@@ -190,7 +191,7 @@ class Freedoms:
 
     @cached_property
     def indices(self) -> list[Array]:
-        """Indices (elements, k) of the degrees of freedom of each link's elements; HELD if fixed."""
+        """Indices (elements, k) of the degrees of freedom for the elements of each link; HELD if fixed."""
         return [
             np.array([[self._numbers.get(name, HELD) for name in row] for row in rows])
             for rows in self._labels
@@ -210,7 +211,7 @@ class Freedoms:
 
     @property
     def joint_indices(self) -> Array:
-        """Indices of the displacements x and y of the joints, (joints, 2)."""
+        """Indices (joints, 2) of the displacements x and y of the joints."""
         return np.array(
             [[self._numbers.get(f"{joint}_{axis}", HELD) for axis in "xy"] for joint, _ in self.joints]
         )
@@ -222,7 +223,7 @@ class Freedoms:
 
     @cached_property
     def _labels(self) -> list[list[list[str]]]:
-        """Names of the degrees of freedom of each link and element, "" if fixed."""
+        """Names of the degrees of freedom of each link and element; "" if fixed."""
         return [
             [[self._label(number, first, freedom) for freedom in kind.freedoms] for first in range(count)]
             for number, (kind, count) in enumerate(zip(self.elements, self.counts, strict=True))
@@ -246,7 +247,7 @@ class Freedoms:
         return "" if free_pin else f"{link.name}_{joint}_{suffix}"
 
     def alone(self, rotation: str) -> bool:
-        """Whether a rotation belongs to only one end of a link, which then carries no moment."""
+        """Whether a rotation belongs to the end of a single link. The moment at this end is then zero."""
         ends = [name for link in self.links for name in (link.start_rotation, link.end_rotation)]
         return bool(rotation) and ends.count(rotation) == 1
 
@@ -297,18 +298,18 @@ class MemberMatrices:
 
     @cached_property
     def rotary(self) -> tuple[Array, Array]:
-        """Coupling of both displacements by the rotation: M J + P and M J² + 2 P J − M, with R′ = J R and
-        the skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
+        """Contributions of the rotation to both displacements: M J + P and M J² + 2 P J − M, with R′ = J R
+        and the skew-symmetric P = ∫ ρA Nᵀ S N dx, S = [[0, −1], [1, 0]]."""
         M, J = self.mass, self.element.axes[2]
         P = self.mu * self.L * self.element.scaled(self.element.coupling, self.L)
         return M @ J + P, M @ J @ J + 2 * P @ J - M
 
 
 class Member(MemberMatrices):
-    """Link with the motion of its elements, and the functions of frequency of exact ones."""
+    """Link with the motion of its elements; for exact elements, with their functions of frequency."""
 
     def rotations(self, angle: Array) -> Array:
-        """R (m, k, k) from ground axes to link axes, for the angles (m, links) of all links."""
+        """Rotations R (m, k, k) from ground axes to link axes, from the angles (m, links) of all links."""
         theta = angle[:, self.number]
         terms = np.stack((np.ones_like(theta), np.cos(theta), np.sin(theta)), -1)
         return np.tensordot(terms, self.element.axes, 1)
@@ -326,8 +327,8 @@ class Member(MemberMatrices):
         return constant + np.cos(theta) * c + np.sin(theta) * s
 
     def place(self, fraction: float) -> tuple[int, float]:
-        """Index of the element at a fraction of the link's length, and ξ within it; at the node between two
-        elements, the second one."""
+        """Index of the element that contains a fraction of the link's length, and ξ within this element. At a
+        node, the second of the two elements is returned."""
         first = min(int(fraction * self.count), self.count - 1)
         return first, fraction * self.count - first
 
@@ -346,17 +347,17 @@ class Member(MemberMatrices):
         return axial / self.L**order, transverse / self.L**order
 
     def stresses(self, xi: Array, omega: Array | None = None) -> tuple[Array, Array]:
-        """E u′ and −E (h/2) v″ (..., points, k) in Pa for unit degrees of freedom: axial stress, and bending
-        stress at the + surface."""
+        """Axial stress E u′ and bending stress −E (h/2) v″ at the + surface, (..., points, k) in Pa, for unit
+        degrees of freedom."""
         elongation, curvature = self.shapes(xi, 1, omega)[0], self.shapes(xi, 2, omega)[1]
         return self.E * elongation, -self.E * self.height / 2 * curvature
 
     def exact_stiffness(self, omega: Array) -> Array:
-        """EI F1 … EI F6, EA F7, EA F8 at ω (b,): (b, 8)."""
+        """Functions EI F1 … EI F6, EA F7, EA F8 (b, 8) at ω (b,)."""
         return self._functions(omega, exact.bending, exact.axial, self.EI, self.EA / self.L)
 
     def exact_mass(self, omega: Array) -> Array:
-        """ρA G1 … ρA G6, and EA G7, EA G8 of thesis (5.19), at ω (b,): (b, 8)."""
+        """Functions ρA G1 … ρA G6, and EA G7, EA G8 of thesis (5.19), (b, 8), at ω (b,)."""
         mass = self.mu * self.L
         return self._functions(omega, exact.bending_mass, exact.axial_mass, mass * self.L**3, mass)
 
@@ -370,17 +371,17 @@ class Member(MemberMatrices):
         return weights
 
     def interior_count(self, omega: Array) -> Array:
-        """Number (b,) of natural frequencies of the elements with clamped ends below ω (b,): J0 of thesis
-        (5.21)."""
+        """Number J0 (b,) of natural frequencies of the elements with clamped ends that are below ω (b,):
+        thesis (5.21)."""
         axial = None if self.link.inextensible else self._axial_number(omega)
         return self.count * exact.interior_count(self._bending_number(omega), axial)
 
     def _bending_number(self, omega: Array) -> Array:
-        """λL of an element at ω (rad/s): thesis (5.4)."""
+        """Frequency parameter λL of an element at ω (rad/s): thesis (5.4)."""
         return self.L * (self.mu / self.EI) ** 0.25 * np.sqrt(omega)
 
     def _axial_number(self, omega: Array) -> Array:
-        """βL of an element at ω (rad/s): thesis (5.9)."""
+        """Frequency parameter βL of an element at ω (rad/s): thesis (5.9)."""
         return self.L * np.sqrt(self.mu / self.EA) * omega
 
 

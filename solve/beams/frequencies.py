@@ -17,7 +17,7 @@ from solve.model.modes import lowest_frequencies, modes, roundoff_frequency
 
 
 def lowest(positions: Positions, count: int) -> Array:
-    """Lowest `count` frequencies at every position, (m, count) in rad/s, ascending."""
+    """Lowest `count` frequencies (m, count) in rad/s at every position, in ascending order."""
     if positions.beams.exact_links:
         return exact_frequencies(positions, count)
     return lowest_frequencies(*positions.matrices(), count)
@@ -35,7 +35,8 @@ _NEAR = 1e-4
 
 
 def exact_frequencies(positions: Positions, count: int) -> Array:
-    """Lowest `count` frequencies at every position, (m, count) in rad/s, ascending, with multiplicity."""
+    """Lowest `count` frequencies (m, count) in rad/s at every position, in ascending order, repeated by
+    multiplicity."""
     m = len(positions.phase)
     all_positions, zero = np.arange(m), np.zeros(m)
     static = positions.dynamic_stiffness(all_positions, zero)
@@ -53,7 +54,7 @@ def exact_frequencies(positions: Positions, count: int) -> Array:
 
 
 def _refine_near_poles(positions: Positions, index: Array, order: Array, omega: Array) -> None:
-    """Recompute frequencies near a pole in place, with elements divided until no pole is near."""
+    """Recompute, in place, frequencies near a pole, with elements divided until no pole is near."""
     near = np.flatnonzero(near_clamped(positions, omega))
     for parts in PARTS:
         if len(near) == 0:
@@ -67,7 +68,8 @@ def _refine_near_poles(positions: Positions, index: Array, order: Array, omega: 
 
 
 def near_clamped(positions: Positions, omega: Array) -> Array:
-    """Whether each frequency (b,) is close to a pole of D, a frequency of an element with clamped ends.
+    """Whether (b,) each frequency is close to a pole of D, which is a frequency of an element with clamped
+    ends.
 
     Such frequencies and modes require divided elements (thesis 5.4.1).
     """
@@ -76,8 +78,8 @@ def near_clamped(positions: Positions, omega: Array) -> Array:
 
 
 def _roots(positions: Positions, index: Array, order: Array, low: Array, high: Array) -> Array:
-    """Frequencies (b,) with the numbers `order` at the positions with indices `index`, bracketed by low and
-    high."""
+    """Frequencies (b,) with the ordinal numbers `order`, at the positions with indices `index`, bracketed by
+    low and high."""
     from scipy.optimize.elementwise import find_root
 
     m = len(positions.phase)
@@ -86,8 +88,8 @@ def _roots(positions: Positions, index: Array, order: Array, low: Array, high: A
     scale = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
 
     def crossing(omega: Array, index: Array, order: Array) -> Array:
-        """Function (b,), with values in −1 … 1, that changes from positive to negative at the frequency of
-        each order."""
+        """Function (b,) with values in −1 … 1 that changes from positive to negative at the frequency with
+        each ordinal number."""
         D = positions.dynamic_stiffness(index, omega) * (scale[index, :, None] * scale[index, None, :])
         eigenvalues = np.linalg.eigvalsh(D)
         number = order - positions.interior_count(omega) - 1
@@ -103,13 +105,13 @@ def _roots(positions: Positions, index: Array, order: Array, low: Array, high: A
 
 
 def count_below(positions: Positions, index: Array, omega: Array) -> Array:
-    """J (b,): number of frequencies below ω (b,) at the positions with indices `index` (b,)."""
+    """Number J (b,) of frequencies below ω (b,) at the positions with indices `index` (b,)."""
     eigenvalues = np.linalg.eigvalsh(positions.dynamic_stiffness(index, omega))
     return positions.interior_count(omega) + (eigenvalues < 0).sum(axis=1)
 
 
 def _upper_bound(positions: Positions, count: int) -> Array:
-    """Upper bound (m,) of the lowest `count` frequencies at every position."""
+    """Upper bound (m,) on the lowest `count` frequencies at every position."""
     all_positions = np.arange(len(positions.phase))
     omega = np.ones(len(all_positions))
     for _ in range(_DOUBLINGS):
@@ -125,7 +127,7 @@ _POINTS = 48
 
 
 def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
-    """Mode shapes of the lowest frequencies (count,) of the beams at a phase."""
+    """Mode shapes of the beams at a phase, for the lowest frequencies (count,)."""
     if not beams.exact_links:
         positions = Positions(beams, np.array([phase]))
         vectors = positions.expanded(modes(*positions.matrices()).vectors)[0, :, : len(frequencies)]
@@ -138,7 +140,7 @@ def shapes(beams: Beams, phase: float, frequencies: Array) -> list[ModeShape]:
 def _exact_mode(
     beams: Beams, phase: float, frequencies: Array, number: int
 ) -> tuple[Positions, Array, float]:
-    """Positions, vector (N,) and modal mass of one mode.
+    """Positions, vector (N,) and modal mass of a single mode.
 
     The links are divided such that no element vibrates with clamped ends at this frequency. Then every mode
     moves a node (thesis 5.4.1), and D has no pole.
@@ -162,7 +164,7 @@ def _exact_mode(
 
 
 def shape(positions: Positions, vector: Array, mass: float, omega: float) -> ModeShape:
-    """Mode shape of a vector (N,) of all degrees of freedom, with its modal mass and frequency."""
+    """Mode shape from a vector (N,) of all degrees of freedom, with its modal mass and frequency."""
     curves = [_curve(positions, number, vector, omega) for number in range(len(positions.beams.members))]
     largest = max(np.linalg.norm(displacement, axis=1).max() for _, displacement, _ in curves)
     places, displacements, transverse = zip(*curves, strict=True)

@@ -24,8 +24,8 @@ from solve.model.modes import lowest_frequencies, modal_damping
 
 
 def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tuple[list[Array], Array]:
-    """Rigid-motion accelerations q̈_r of the elements' degrees of freedom in link axes, (m, elements, k) for
-    each link, and of the joints as x + iy, (m, joints).
+    """Accelerations q̈_r of the rigid motion: for the elements' degrees of freedom in link axes, (m,
+    elements, k) for each link, and for the joints as x + iy, (m, joints).
 
     rate, second (m, links): first and second derivatives of the angles with respect to time. Derivatives with
     respect to the phase yield q̈_r/Ω² at constant Ω. Fixed degrees of freedom accelerate too if their link
@@ -50,8 +50,7 @@ def rigid_accelerations(positions: Positions, rate: Array, second: Array) -> tup
 
 
 def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
-    """Inertia load −M q̈_r (m, n) of elements and joint masses; rate and second as in
-    `rigid_accelerations`."""
+    """Inertia load −M q̈_r (m, n) of elements and joint masses. rate, second: see `rigid_accelerations`."""
     beams, freedoms = positions.beams, positions.beams.freedoms
     load = np.zeros((len(positions.phase), freedoms.n + 1))
     accelerations, joints = rigid_accelerations(positions, rate, second)
@@ -65,8 +64,8 @@ def inertia_load(positions: Positions, rate: Array, second: Array) -> Array:
 
 
 def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
-    """Rayleigh damping C = αM + βK (m, n, n) at phases (m,), with the ratio ζ of the two lowest modes at
-    their mean frequencies over a revolution."""
+    """Rayleigh damping matrix C = αM + βK (m, n, n) at phases (m,). The two lowest modes have the damping
+    ratio ζ at their mean frequencies over a revolution."""
     phase = np.linspace(0.0, period, POSITIONS, endpoint=False)
     first, second = lowest_frequencies(*Positions(beams, phase).matrices(), 2).mean(axis=0)
     ratio = 2 * beams.properties.damping_ratio / (first + second)
@@ -79,8 +78,8 @@ def _rayleigh(beams: Beams, period: float) -> Callable[[Array], Array]:
 
 
 def _modal(beams: Beams, _: float) -> Callable[[Array], Array]:
-    """Modal damping C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). It is 2ζ times the geometric mean of M and
-    K, and as smooth in the phase as these."""
+    """Modal damping matrix C = MΦ diag(2ζω) ΦᵀM (m, n, n) at phases (m,). It equals 2ζ times the geometric
+    mean of M and K and is as smooth in the phase as M and K."""
     ratio, n = beams.properties.damping_ratio, beams.freedoms.n
     if ratio == 0:
         return lambda phase: np.zeros((len(phase), n, n))
@@ -105,7 +104,7 @@ other end free; two."""
 
 @dataclass(frozen=True)
 class Motion:
-    """M, C, K, d of moving beams at many phases.
+    """Matrices M, C, K and load d of moving beams at many phases.
 
     rates(phase): first and second derivatives (m, links) of the links' angles with respect to the phase.
     """
@@ -120,7 +119,7 @@ class Motion:
     def __call__(
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, n, n) and d (m, n) at phases (m,), with Ω in rad/s, a number or (m, 1), and Ω̇ in
+        """M, C, K (m, n, n) and d (m, n) at phases (m,). Ω is in rad/s, a number or (m, 1); Ω̇ is in
         rad/s²."""
         positions = self._positions(phase)
         rate, second = self.rates_in_time(phase, speed, acceleration)
@@ -138,8 +137,8 @@ class Motion:
         return M, C, K, d
 
     def speed_terms(self, phase: Array) -> Array:
-        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d, with
-        derivatives with respect to the phase, at phases (m,); entries and powers are those of
+        """Coefficients (m, R) of powers of a constant speed in the entries of Ω²M, ΩC, K by rows and d at
+        phases (m,). Derivatives are with respect to the phase. Entries and powers are listed by
         `speed_powers`."""
         coefficients = np.empty((len(phase), len(self._nonzero[0])))
         size = max(1, _CHUNK_BYTES // (8 * 5 * self.beams.freedoms.n**2))
@@ -165,13 +164,13 @@ class Motion:
 
     @property
     def speed_powers(self) -> tuple[Array, Array]:
-        """Entry, in ascending order, and power of the speed of each coefficient of `speed_terms`, (R,)."""
+        """Entry (ascending) and power of the speed (R,) for each coefficient of `speed_terms`."""
         return self._nonzero[1:]
 
     @cached_property
     def _nonzero(self) -> tuple[Array, Array, Array]:
-        """Entries, in ascending order, of M, damping, gyroscopic matrix, stiffness, rotational stiffness and
-        load that are nonzero at some phase; their positions and powers of the speed."""
+        """Entries, in ascending order, that are nonzero at some phase in M, damping, gyroscopic matrix,
+        stiffness, rotational stiffness and load; with their positions and powers of the speed."""
         n, damped = self.beams.freedoms.n, self.beams.properties.damping_ratio != 0
         tables = self.beams.mass, self.beams.stiffness, *self._rotary
         mass, elastic, turning, centrifugal = (np.any(table != 0, axis=(0, 1)) for table in tables)
@@ -189,8 +188,8 @@ class Motion:
         return present, entry[present], power[present]
 
     def _of_rotation(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
-        """Contributions (m, n, n) of the rotation of the links to C and to K; rate, second (m, links): first
-        and second derivatives of their angles."""
+        """Contributions (m, n, n) of the links' rotation to C and to K. rate, second (m, links): first and
+        second derivatives of the angles."""
         first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         turning, centrifugal = self._rotary
         stiffness = np.tensordot(turned, turning, 2) + np.tensordot(squared, centrifugal, 2)
@@ -206,7 +205,8 @@ class Motion:
         return np.sum(stiffness, axis=0)
 
     def rates_in_time(self, phase: Array, speed: Array | float, acceleration: float) -> tuple[Array, Array]:
-        """ω and ω̇ (m, links) of the links; phase, speed and acceleration as in `__call__`."""
+        """Angular velocities ω and accelerations ω̇ (m, links) of the links. phase, speed, acceleration: see
+        `__call__`."""
         rate, second = self.rates(phase)
         return speed * rate, speed**2 * second + acceleration * rate
 
@@ -220,7 +220,7 @@ class Motion:
         return forces
 
     def unit_axial_forces(self, positions: Positions) -> list[Array]:
-        """Axial forces at 1 rad/s; they are proportional to the square of the speed."""
+        """Axial forces at 1 rad/s. Those at other speeds are proportional to the square of the speed."""
         load = self._unit_load(positions.phase)
         return self.axial_forces(positions, positions.matrices()[1], load)
 
@@ -244,7 +244,7 @@ class Motion:
 
     @cached_property
     def _compression(self) -> tuple[Array, Array]:
-        """Phases (m,), and the largest compression in the elements of each link at 1 rad/s, (m, links)."""
+        """Phases (m,), and largest compression (m, links) among the elements of each link, at 1 rad/s."""
         phase = np.linspace(0.0, self.period, _BUCKLING_POSITIONS, endpoint=False)
         forces = self.unit_axial_forces(Positions(self.beams, phase))
         return phase, np.stack([-by_element.min(axis=1) for by_element in forces], axis=1)
@@ -255,7 +255,8 @@ class Motion:
 
     @cached_property
     def _unit_load(self) -> "Latest[Array]":
-        """Load d (m, n) at a constant speed of 1 rad/s; it is proportional to the square of the speed."""
+        """Load d (m, n) at a constant speed of 1 rad/s. At other speeds it is proportional to the square of
+        the speed."""
         return Latest(lambda phase: inertia_load(self._positions(phase), *self.rates(phase)))
 
     @cached_property
@@ -265,7 +266,7 @@ class Motion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """Damping matrix; modal damping is interpolated from a few hundred positions, once for all speeds."""
+        """Damping matrix. Modal damping is interpolated once for all speeds, from a few hundred positions."""
         if self.damping == "modal" and self.beams.properties.damping_ratio:
             return Latest(interpolated(self.damping_at, self.period))
         return Latest(self.damping_at)
@@ -286,8 +287,8 @@ class Motion:
 
 @dataclass(frozen=True)
 class State:
-    """State of the beams: q, q̇, q̈ (n, k), derivatives with respect to time, at phases (k,), a speed in
-    rad/s, a number or (k,), and an acceleration in rad/s²."""
+    """State of the beams: q, q̇, q̈ (n, k), with derivatives with respect to time, at phases (k,); speed in
+    rad/s, a number or (k,); acceleration of the drive in rad/s²."""
 
     motion: Motion
     phase: Array
@@ -304,7 +305,7 @@ class State:
 
     @cached_property
     def rates(self) -> tuple[Array, Array]:
-        """ω and ω̇ (k, links) of the links."""
+        """Angular velocities ω and accelerations ω̇ (k, links) of the links."""
         return self.motion.rates_in_time(self.phase, np.reshape(self.speed, (-1, 1)), self.acceleration)
 
     @cached_property
@@ -315,12 +316,12 @@ class State:
 
     @cached_property
     def rigid_accelerations(self) -> list[Array]:
-        """Rigid-motion accelerations in link axes, (k, elements, freedoms) for each link."""
+        """Accelerations of the rigid motion in link axes, (k, elements, freedoms) for each link."""
         return rigid_accelerations(self.positions, *self.rates)[0]
 
     def local(self, member: Member, element: int, order: int = 0) -> Array:
-        """Values (k, freedoms) of the degrees of freedom of an element in the axes of its link, or their time
-        derivatives of order up to 2; cached, because several outputs use these values."""
+        """Values (k, freedoms) of an element's degrees of freedom in link axes, or their time derivatives up
+        to order 2. They are cached, because several outputs use them."""
         first = element % member.count
         key = member.number, first, order
         if key not in self._local:
@@ -334,11 +335,11 @@ class State:
 
     @cached_property
     def joint_forces(self) -> dict[tuple[int, int], tuple[Array, Array, Array]]:
-        """Results of `joint_force` by link index and end, cached because several outputs use them."""
+        """Results of `joint_force` by index and end of the link, cached because several outputs use them."""
         return {}
 
     def strain_energy(self) -> Array:
-        """½ qᵀ K q (k,) of the links' elastic stiffness, in J."""
+        """Elastic strain energy ½ qᵀ K q (k,) of the links, in J."""
         energy = np.zeros(len(self.phase))
         for member in self.motion.beams.members:
             for element in range(member.count):

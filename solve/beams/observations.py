@@ -1,5 +1,5 @@
 """Outputs of a moving structure of beams: deflections and stresses at points of links, joint forces, and
-contributions of the modes (thesis Fig. 6.4)."""
+contributions of modes (thesis Fig. 6.4)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +18,8 @@ SURFACES = {"plus": 1.0, "minus": -1.0}
 
 @dataclass(frozen=True)
 class Point:
-    """Point of a link's axis at a fraction of its length, 0 … 1, in the axes of its rigid motion.
+    """Point on a link's axis at a fraction 0 … 1 of its length. Quantities are in the axes of the link's
+    rigid motion.
 
     Arguments of the methods: angles (k, links) of the links, q (n, k), and frequencies omega (k,) in rad/s of
     exact elements.
@@ -36,16 +37,17 @@ class Point:
         return _sum(self.member.shapes(self._xi, 1)[1], self._local(angle, q))
 
     def stress(self, angle: Array, q: Array, surface: str, omega: Array | None = None) -> Array:
-        """E (u′ ∓ (h/2) v″) (k,) in Pa at the surface plus or minus. Raises UnknownNameError."""
+        """Axial stress E (u′ ∓ (h/2) v″) (k,) in Pa at the surface "plus" or "minus". Raises
+        UnknownNameError."""
         return self.stressed(self._local(angle, q), surface, omega)
 
     def displaced(self, local: Array, omega: Array | None = None) -> tuple[Array, Array]:
-        """`displacement` from the values (k, freedoms) of the element in the axes of the link."""
+        """Result of `displacement` from the values (k, freedoms) of the element in link axes."""
         u, v = self.member.shapes(self._xi, 0, omega)
         return _sum(u, local), _sum(v, local)
 
     def stressed(self, local: Array, surface: str, omega: Array | None = None) -> Array:
-        """`stress` from the values (k, freedoms) of the element in the axes of the link."""
+        """Result of `stress` from the values (k, freedoms) of the element in link axes."""
         require_name("surface", surface, SURFACES)
         axial, bending = self.member.stresses(self._xi, omega)
         return _sum(axial + SURFACES[surface] * bending, local)
@@ -64,8 +66,8 @@ class Point:
 
 
 def _sum(shapes: Array, local: Array) -> Array:
-    """Sums (k,) of shapes (..., 1, freedoms) times the values (k, freedoms) of the degrees of freedom of an
-    element."""
+    """Sums (k,) of shapes (..., 1, freedoms) multiplied by the values (k, freedoms) of an element's degrees
+    of freedom."""
     return (local * shapes[..., 0, :]).sum(axis=1)
 
 
@@ -95,7 +97,7 @@ def _joint_force(state: State, member: Member, place: int) -> tuple[Array, Array
 
 
 def _element_forces(state: State, member: Member, index: int) -> Array:
-    """Forces (k, freedoms) on an element in link axes: the left side of its equation of motion."""
+    """Forces (k, freedoms) on an element in link axes, from the left-hand side of its equation of motion."""
     number = member.number
     q, qd, qdd = (state.local(member, index, order) for order in range(3))
     accelerations = qdd + state.rigid_accelerations[number][:, index]
@@ -111,7 +113,7 @@ def _element_forces(state: State, member: Member, index: int) -> Array:
 
 
 def quantity(state: State, kind: str, member: Member, place: float) -> Array:
-    """Values (k,) of a kind of output at a fraction of a link's length."""
+    """Values (k,) of an output of the given kind at a fraction of a link's length."""
     if kind == "strain_energy":
         return state.strain_energy()
     if kind in _JOINT_FORCES:
@@ -133,7 +135,7 @@ choice."""
 
 @dataclass(frozen=True)
 class Contributions:
-    """Contributions of the lowest modes, tracked over the revolution, to an output.
+    """Contributions of the lowest modes to an output; the modes are tracked over the revolution.
 
     values (modes, k) and frequencies (modes, k) in rad/s at phases (k,); total (k,): sum over all modes.
     """
@@ -146,8 +148,8 @@ class Contributions:
 
 
 def contributions(state: State, output: str, values: Callable[[State], Array], count: int) -> Contributions:
-    """Contributions of the lowest modes to an output that is linear in q: q = Σ φ_i η_i with the modes φ_i of
-    each position and η = Φᵀ M q.
+    """Contributions of the lowest modes to an output that is linear in q. The motion is q = Σ φ_i η_i with
+    the modes φ_i at each position and η = Φᵀ M q.
 
     values(state): output (k,). The phases ascend in small steps.
     """

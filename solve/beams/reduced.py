@@ -1,4 +1,4 @@
-"""Structure of beams in the reduced coordinates p of a basis, q = T(φ) p: equations of motion, and the model.
+"""Structure of beams in reduced coordinates p of a basis, q = T(φ) p: equations of motion, and the model.
 
 The equations are those of `solve.beams.motion` premultiplied by Tᵀ, so that a basis of all modes yields the
 same motion:
@@ -33,7 +33,7 @@ from solve.model.setup import Setup
 
 @dataclass(frozen=True)
 class ReducedMotion:
-    """M, C, K, d of moving beams in reduced coordinates for all phases at once."""
+    """Matrices M, C, K and load d of moving beams in reduced coordinates, for all phases simultaneously."""
 
     full: Motion
     basis: Basis
@@ -41,7 +41,7 @@ class ReducedMotion:
     def __call__(
         self, phase: Array, speed: Array | float, acceleration: float = 0.0
     ) -> tuple[Array, Array, Array, Array]:
-        """M, C, K (m, r, r) and d (m, r) at phases (m,), with Ω in rad/s, a number or (m, 1), and Ω̇ in
+        """M, C, K (m, r, r) and d (m, r) at phases (m,). Ω is in rad/s, a number or (m, 1); Ω̇ is in
         rad/s²."""
         positions = self._positions(phase)
         rate, second = self.full.rates_in_time(phase, speed, acceleration)
@@ -58,7 +58,7 @@ class ReducedMotion:
         return M, C, K, d
 
     def matrices(self, positions: Positions) -> tuple[Array, Array]:
-        """TᵀM T and TᵀK T (m, r, r) with the links at rest."""
+        """Reduced matrices TᵀM T and TᵀK T (m, r, r) with the links at rest."""
         M, K = (np.tensordot(positions.terms, table, 2) for table in self._elastic)
         return M, K
 
@@ -68,7 +68,7 @@ class ReducedMotion:
 
     @cached_property
     def _elastic(self) -> tuple[Array, Array]:
-        """Tables of mass and stiffness, with point masses and springs."""
+        """Tables of mass and stiffness, including point masses and springs."""
         basis, beams = self.basis, self.full.beams
         by_link = [
             (
@@ -92,8 +92,8 @@ class ReducedMotion:
 
     @cached_property
     def _rotary(self) -> tuple[Array, Array]:
-        """Tables multiplied by 2ω ṗ and ω̇ p, and by ω² p: contributions of the moving basis and, with
-        terms=full, of the accelerations of the deflections."""
+        """Tables that are multiplied by 2ω ṗ and ω̇ p, and by ω² p: contributions of the moving basis and,
+        with terms=full, of the accelerations of the deflections."""
         turning, centrifugal = [], []
         for link in self.basis.links:
             body, (B, B2) = link.body, link.turned
@@ -107,7 +107,7 @@ class ReducedMotion:
 
     @cached_property
     def _damping(self) -> Callable[[Array], Array]:
-        """TᵀC T and TᵀC T′ concatenated, (m, 2r, r), for the modal or Rayleigh damping C."""
+        """Reduced damping TᵀC T and TᵀC T′, concatenated (m, 2r, r), for modal or Rayleigh damping C."""
         damping = self.full.damping_at
 
         def projected(phase: Array) -> Array:
@@ -119,7 +119,7 @@ class ReducedMotion:
         return Latest(interpolated(projected, self.full.period))
 
     def _geometric_stiffness(self, positions: Positions, speed: Array | float, acceleration: float) -> Array:
-        """TᵀG T (m, r, r) of the axial forces."""
+        """Reduced geometric stiffness TᵀG T (m, r, r) of the axial forces."""
         at_speed, by_acceleration = np.split(self._axial(positions.phase), 2, axis=1)
         forces = np.asarray(speed) ** 2 * at_speed + acceleration * by_acceleration
         ends = np.cumsum([link.body.member.count for link in self.basis.links])[:-1]
@@ -132,7 +132,8 @@ class ReducedMotion:
 
     @cached_property
     def _axial(self) -> Callable[[Array], Array]:
-        """Axial forces in all elements at 1 rad/s, and at rest for 1 rad/s², (m, 2 elements)."""
+        """Axial forces (m, 2 elements) in all elements at a speed of 1 rad/s, and at rest with an
+        acceleration of 1 rad/s²."""
 
         def forces(phase: Array) -> Array:
             positions = Positions(self.full.beams, phase)
@@ -152,7 +153,7 @@ class ReducedMotion:
 
     @cached_property
     def _geometric(self) -> list[Array]:
-        """Geometric stiffness per unit axial force of each element, for each link, (elements, 5, r, r)."""
+        """Geometric stiffness (elements, 5, r, r) per unit axial force of each element, for each link."""
         return [
             np.stack([link.reduced(A) for A in link.body.assembled_singly(link.body.member.geometric)])
             for link in self.basis.links
@@ -165,9 +166,9 @@ component mode synthesis retains modes up to twice the highest frequency of inte
 
 
 class ReducedStructure(StructureModel):
-    """Beam structure with reduced coordinates: displacements of the joints and rotations that links share, in
-    ground axes, then the amplitudes of the modes of each link. Outputs, deflections, stresses and forces are
-    computed from all degrees of freedom, q = T(φ) p."""
+    """Structure of beams with reduced coordinates: displacements of the joints and shared rotations of links,
+    in ground axes, followed by the modal amplitudes of each link. Outputs, deflections, stresses and
+    forces are computed from all degrees of freedom, q = T(φ) p."""
 
     static = False
     """Whether the basis also contains the static shapes of the discarded modes."""
@@ -181,9 +182,9 @@ class ReducedStructure(StructureModel):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Reduced structure of a setup. Raises ValueOutOfBoundsError for a structure whose reduction error
-        cannot be estimated, or for more modes than its links have; StructureError as the full structure
-        does."""
+        """Reduced structure from a setup. Raises ValueOutOfBoundsError if the reduction error cannot be
+        estimated, or for more modes than the links have; StructureError under the conditions of the full
+        structure."""
         motion = cls._motion(setup)
         freedoms = motion.beams.freedoms
         if EXACT in freedoms.kinds:
@@ -200,7 +201,7 @@ class ReducedStructure(StructureModel):
 
     @cached_property
     def enriched(self) -> "EnrichedStructure":
-        """Structure with the static shapes of the discarded modes as additional coordinates."""
+        """Structure with additional coordinates: the static shapes of the discarded modes."""
         return EnrichedStructure.of(self.setup)
 
     @property
@@ -210,13 +211,13 @@ class ReducedStructure(StructureModel):
 
     @property
     def discarded(self) -> float:
-        """Lowest frequency in rad/s of the discarded modes, with the ends of the links fixed."""
+        """Lowest frequency in rad/s of the discarded modes, for links with fixed ends."""
         return min(link.discarded for link in self.reduced.basis.links)
 
     @cached_property
     def frequency_error(self) -> float:
-        """Estimated relative error of the natural frequencies below half the lowest discarded one: the
-        largest at 36 positions of a period, relative to those of the enriched structure."""
+        """Estimated relative error of the natural frequencies below half the lowest discarded one. It is the
+        largest difference from the enriched structure at 36 positions of a period."""
         phase = np.linspace(0.0, self.period, POSITIONS, endpoint=False)
         reduced, enriched = self.frequencies(phase, self.n), self.enriched.frequencies(phase, self.n)
         compared = (enriched < _TRUSTED * self.discarded) & (enriched > 0)
@@ -255,7 +256,7 @@ class ReducedStructure(StructureModel):
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:
-        """None: the terms of the motion are those of all degrees of freedom."""
+        """Always None, because the terms of the motion belong to all degrees of freedom."""
         return
 
     @property
@@ -276,6 +277,7 @@ class ReducedStructure(StructureModel):
 
 
 class EnrichedStructure(ReducedStructure):
-    """Reduced structure with the static shapes of the discarded modes, for the error estimate."""
+    """Reduced structure with the static shapes of the discarded modes, used to estimate the reduction
+    error."""
 
     static = True

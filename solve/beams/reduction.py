@@ -1,4 +1,4 @@
-"""Reduction of links of a structure to their interface coordinates and lowest modes.
+"""Reduction of the links of a structure to interface coordinates and lowest modes.
 
 The basis of a link is constant in the axes of the link. In ground axes q = T(φ) p, where p contains the
 retained coordinates of the structure, in ground axes, and the amplitudes of the modes. Let R of a link
@@ -25,7 +25,7 @@ from solve.model.craig_bampton import craig_bampton, static_shapes
 
 @dataclass(frozen=True)
 class Body:
-    """Matrices of a link in link axes, for the degrees of freedom of the link that are not fixed.
+    """Matrices of a link in link axes, for its degrees of freedom that are not fixed.
 
     own (k,): indices of its degrees of freedom in the structure. axes (3, k, k): R = axes[0] + c axes[1] + s
     axes[2]. interface (b,): positions in `own` of the retained coordinates.
@@ -38,7 +38,7 @@ class Body:
 
     @classmethod
     def of(cls, member: Member, retained: Array) -> "Body":
-        """Body of a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
+        """Body from a link. retained (n,): mask of the interface coordinates among the degrees of freedom of
         the structure."""
         indices = np.unique(member.indices[member.indices >= 0])
         axes = np.zeros((3, len(indices), len(indices)))
@@ -49,11 +49,11 @@ class Body:
         return body
 
     def assembled(self, local: Array) -> Array:
-        """Matrix (k, k) of the link from the matrix (f, f) common to all its elements."""
+        """Matrix (k, k) of the link from an element matrix (f, f) that all its elements share."""
         return self.assembled_singly(local).sum(axis=0)
 
     def assembled_singly(self, local: Array) -> Array:
-        """Matrices (elements, k, k) of the individual elements."""
+        """Matrix (k, k) of the link due to each element alone, (elements, k, k)."""
         matrices = np.zeros((self.member.count, len(self.own) + 1, len(self.own) + 1))
         for matrix, (rows, _) in zip(matrices, self._rows(), strict=True):
             matrix[rows[:, None], rows] += local
@@ -77,7 +77,7 @@ class Body:
         return loads[:-1]
 
     def _rows(self) -> list[tuple[Array, Array]]:
-        """For each element: positions in `own` of its degrees of freedom, with len(own) for fixed ones, and a
+        """For each element, the indices in `own` of its degrees of freedom (len(own) for fixed ones), and a
         mask of the fixed ones."""
         indices = self.member.indices
         return [
@@ -87,7 +87,7 @@ class Body:
 
 @dataclass(frozen=True)
 class LinkBasis:
-    """Reduced coordinates of a link: those of its interface, then its modes.
+    """Reduced coordinates of a link: interface coordinates, followed by modes.
 
     local (k, r): T_l. at (r,): indices of its reduced coordinates among those of the structure. frequencies
     (modes,): of the retained modes in rad/s; discarded: lowest frequency of the others, infinite without any.
@@ -101,7 +101,7 @@ class LinkBasis:
 
     @cached_property
     def axes(self) -> Array:
-        """Parts (3, r, r) of R_r: constant, cosine and sine."""
+        """Coefficients (3, r, r) of 1, c and s in R_r."""
         b, r = len(self.body.interface), self.local.shape[1]
         axes = np.zeros((3, r, r))
         axes[:, :b, :b] = self.body.axes[:, self.body.interface[:, None], self.body.interface]
@@ -117,12 +117,12 @@ class LinkBasis:
 
     def reduced(self, A: Array, left: Array | None = None, right: Array | None = None) -> Array:
         """Table (5, r, r) of the terms 1, c, s, c², cs of Rᵀ leftᵀ A right R in ground axes, for a matrix A
-        (k, k) of the link; left and right are T_l by default."""
+        (k, k) of the link. left and right are T_l by default."""
         local = (self.local if left is None else left).T @ A @ (self.local if right is None else right)
         return np.einsum("tij,iba,bc,jcd->tad", TERMS, self.axes, local, self.axes, optimize=True)
 
     def expanding(self, local: Array) -> Array:
-        """Table (5, k, r) of Rᵀ local R_r, for local (k, r); zero in the rows of the interface."""
+        """Table (5, k, r) of Rᵀ local R_r for `local` (k, r), with zeros in the rows of the interface."""
         table = np.einsum("tij,iba,bc,jcd->tad", TERMS, self.body.axes, local, self.axes, optimize=True)
         table[:, self.body.interface] = 0.0
         return table
@@ -130,8 +130,8 @@ class LinkBasis:
 
 @dataclass(frozen=True)
 class Basis:
-    """T(φ) of a structure, (n, r) at each position. retained (b,): retained degrees of freedom, the first of
-    the reduced coordinates; names, units, meanings (r,): those of the reduced coordinates."""
+    """Basis T(φ) of a structure, (n, r) at each position. retained (b,): retained degrees of freedom, which
+    are the first reduced coordinates; names, units, meanings (r,): of the reduced coordinates."""
 
     beams: Beams
     retained: Array
@@ -166,7 +166,7 @@ class Basis:
 
     @cached_property
     def tables(self) -> tuple[Array, Array, Array]:
-        """Tables (links, 5, n, r) of T and of B and B₂ of each link."""
+        """Tables (links, 5, n, r) of T, B and B₂ for each link."""
         tables = np.zeros((3, len(self.links), 5, self.beams.freedoms.n, self.r))
         for number, link in enumerate(self.links):
             rows, columns = link.body.own[:, None], link.at
@@ -182,7 +182,8 @@ class Basis:
         return np.tensordot(positions.terms, self.tables[0], 2)
 
     def rates(self, positions: Positions, rate: Array, second: Array) -> tuple[Array, Array]:
-        """Ṫ and T̈ (m, n, r), for first and second derivatives (m, links) of the angles of the links."""
+        """Derivatives Ṫ and T̈ (m, n, r), from the first and second derivatives (m, links) of the angles of
+        the links."""
         _, B, B2 = self.tables
         first, turned, squared = (factor[..., None] * positions.terms for factor in (rate, second, rate**2))
         return np.tensordot(first, B, 2), np.tensordot(turned, B, 2) + np.tensordot(squared, B2, 2)
@@ -190,7 +191,7 @@ class Basis:
 
 def retained_freedoms(freedoms: Freedoms) -> Array:
     """Mask (n,) of the interface coordinates: displacements of the joints, and rotations that several links
-    share or on which springs or dashpots act. With these fixed, no link can move rigidly."""
+    share or on which springs or dashpots act. If they are fixed, no link can move rigidly."""
     ends = [set(rows[rows >= 0].tolist()) for rows in freedoms.indices]
     mask = np.array([sum(index in link for link in ends) > 1 for index in range(freedoms.n)])
     mask[freedoms.joint_indices[freedoms.joint_indices >= 0]] = True
@@ -199,9 +200,8 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
 
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
-    """Basis with a given number of modes per link, or with all modes of a link that has fewer. static:
-    whether to add the static shapes of the discarded modes. Raises ValueOutOfBoundsError for more modes than
-    any link has."""
+    """Basis with `modes` modes per link, or with all modes of a link that has fewer. static: whether to add
+    the static shapes of the discarded modes. Raises ValueOutOfBoundsError if no link has so many modes."""
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.of(member, retained) for member in beams.members]
     most = max(len(body.own) - len(body.interface) for body in bodies)
@@ -239,7 +239,7 @@ _POINTS = 33
 
 
 def _largest(body: Body, shape: Array) -> float:
-    """Largest displacement of a shape (k,) along a link, with its sign."""
+    """Largest displacement, with its sign, in a shape (k,) along a link."""
     member, xi = body.member, np.linspace(0.0, 1.0, _POINTS)
     values = np.append(shape, 0.0)
     pieces = [shapes @ values[rows] for rows, _ in body._rows() for shapes in member.shapes(xi)]

@@ -1,4 +1,4 @@
-"""Model of a structure of beams from a generated module, with assembled matrices."""
+"""Model of a structure of beams from a generated module, with numerically assembled matrices."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -39,7 +39,7 @@ _AT_REST = {"terms": "full", "stiffening": "off", "damping": "modal"}
 
 
 class Response(Protocol):
-    """Orbit, or its quasi-static solution."""
+    """Orbit, or its quasi-static solution (protocol)."""
 
     @property
     def speed(self) -> float:
@@ -47,12 +47,12 @@ class Response(Protocol):
         ...
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇, q̈ (n, k), derivatives with respect to time, at phases (k,)."""
+        """q, q̇, q̈ (n, k) at phases (k,); derivatives are with respect to time."""
         ...
 
 
 class StructureModel(Model):
-    """Links and joints of a generated module, with elements chosen by the options."""
+    """Model from the links and joints of a generated module, with elements selected by the options."""
 
     outputs_apart = True
 
@@ -63,7 +63,7 @@ class StructureModel(Model):
         matrices: Callable[[Array, float], Matrices] | None = None,
         coordinates: Sequence[tuple[str, str, str]] | None = None,
     ):
-        """matrices, coordinates: given if they differ from those of the motion; `expanded` then returns the
+        """matrices, coordinates: given if they differ from those of the motion; `expanded` then returns all
         degrees of freedom. coordinates: name, unit and meaning of each."""
         chosen = motion.beams.freedoms
         units = zip(chosen.names, chosen.units, strict=True)
@@ -75,7 +75,7 @@ class StructureModel(Model):
         self._name_both_surfaces()
 
     def _name_both_surfaces(self) -> None:
-        """Define PLACE_stress, the larger of PLACE_stress_plus and PLACE_stress_minus."""
+        """Define the quantity PLACE_stress as the larger of PLACE_stress_plus and PLACE_stress_minus."""
         for plus in (name for name, (kind, *_) in self.observed.items() if kind == "stress_plus"):
             both = plus.removesuffix("_plus")
             self.largest_of = {**self.largest_of, both: (plus, f"{both}_minus")}
@@ -87,7 +87,7 @@ class StructureModel(Model):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Model of a setup. Raises StructureError if the links cannot be assembled at all phases."""
+        """Model from a setup. Raises StructureError if the links cannot be assembled at all phases."""
         if REDUCE in setup.options:
             raise ValueOutOfBoundsError(
                 f"{setup.module.NAME} was loaded with all coordinates; to reduce it, load it again with "
@@ -108,7 +108,7 @@ class StructureModel(Model):
         return Motion(beams, kinematics.rates, module.PERIOD, **terms)
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
-        """Degrees of freedom at phases (k,) for q, q̇, q̈ (n, k), or for q alone at rest."""
+        """All degrees of freedom at phases (k,), from q, q̇, q̈ (n, k), or at rest from q alone."""
         q, qd, qdd = with_rates(state)
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
@@ -121,8 +121,8 @@ class StructureModel(Model):
         return self.motion(phase, speed[:, None], acceleration)
 
     def entries_over(self, phase: Array, speeds: Array) -> Array:
-        """Entries at speeds (P,); for more than three speeds, by Lagrange interpolation between three
-        speeds."""
+        """Entries at speeds (P,). For more than three speeds they are interpolated (Lagrange) from three
+        speeds, which is exact."""
         low, high = speeds.min(), speeds.max()
         if len(speeds) <= _SPEED_NODES or high - low < 1e-3 * high:
             return super().entries_over(phase, speeds)
@@ -133,7 +133,8 @@ class StructureModel(Model):
         )
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
-        """Terms of the speed; None for large systems, whose points are solved one by one to save memory."""
+        """Terms of the speed; None for large systems, whose points are solved one at a time to save
+        memory."""
         if self.n > SMALL:
             return None
         self.require_motion()
@@ -150,7 +151,7 @@ class StructureModel(Model):
 
     @property
     def freedoms(self) -> int:
-        """Number of degrees of freedom without those removed by inextensible links."""
+        """Number of degrees of freedom after subtraction of those that inextensible links remove."""
         return self.at_positions(np.zeros(1)).n
 
     @property
@@ -167,7 +168,7 @@ class StructureModel(Model):
         return shapes(self.beams, position, frequencies)
 
     def pinned_frequencies(self) -> dict[str, float]:
-        """Lowest bending frequencies (π/L)² √(EI/µ) of the links, pinned at both ends, in rad/s."""
+        """Lowest bending frequencies (π/L)² √(EI/µ) in rad/s of the links, pinned at both ends."""
         p = self.beams.properties
         frequencies = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
         return dict(zip((link.name for link in self.links), frequencies.tolist(), strict=True))
@@ -188,7 +189,7 @@ class StructureModel(Model):
 
     @cached_property
     def observed(self) -> dict[str, tuple[str, str, float]]:
-        """Kind of each output, its link, and the fraction of the link's length."""
+        """Kind, link and fraction of the link's length for each output."""
         return dict(zip(self.outputs, self.module.OBSERVED, strict=True))
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
@@ -208,7 +209,7 @@ class StructureModel(Model):
         return warnings
 
     def joint_force(self, link: str, joint: str, orbit: Response, phase: Array) -> tuple[Array, Array, Array]:
-        """Force and moment of a joint on a link.
+        """Force and moment that a joint exerts on a link.
 
         Parameters
         ----------
@@ -235,7 +236,7 @@ class StructureModel(Model):
         return joint_force(state, member, ends.index(joint))
 
     def deflection(self, link: str, fraction: float, phase: Array, q: Array) -> Array:
-        """Transverse displacement from the rigid motion.
+        """Transverse displacement of a point of a link from its position in the rigid motion.
 
         Parameters
         ----------
@@ -283,7 +284,7 @@ class StructureModel(Model):
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
     def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        """Deflected links, and the lines of the sketch."""
+        """Deflected links, and lines of the sketch."""
         fractions = np.linspace(0.0, 1.0, samples_of("beam", fineness)).tolist()
         links = {
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
@@ -310,8 +311,9 @@ class StructureModel(Model):
     def modal_contributions(
         self, orbit: Response, output: str, count: int = 4, samples: int = 720
     ) -> Contributions:
-        """Contributions of the lowest modes, tracked over the revolution, to a deflection or stress of an
-        orbit or of its quasi-static solution. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Contributions of the lowest modes to a deflection or stress of an orbit or of its quasi-static
+        solution; the modes are tracked over the revolution. Raises UnknownNameError,
+        ValueOutOfBoundsError."""
         kind, link, place = self.require_part_of_modes(output)
         most = self.beams.freedoms.n
         if not 1 <= count <= most:
@@ -342,7 +344,7 @@ class StructureModel(Model):
         return Point(self._member(link), fraction)
 
     def at_positions(self, phase: Array) -> Positions:
-        """Structure held at phases (m,)."""
+        """Structure held at the positions with phases (m,)."""
         return Positions(self.beams, phase)
 
     def require_motion(self) -> None:
@@ -365,7 +367,7 @@ class StructureModel(Model):
 
 
 def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:
-    """q, q̇, q̈ (n, k), with zero rates added if only q is given, at rest."""
+    """States q, q̇, q̈ (n, k); the derivatives are zero if only q is given."""
     if len(state) == 3:
         return state[0], state[1], state[2]
     (q,) = state

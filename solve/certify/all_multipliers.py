@@ -1,4 +1,4 @@
-"""Every multiplier of a point with an error estimate, and its mode.
+"""All multipliers of a point, each with an error estimate and its mode.
 
 The monodromy matrix has no digit of multipliers below eps‖Φ‖. These are computed from the factors of the
 period."""
@@ -43,7 +43,8 @@ _MEMORY = 2**29
 
 @dataclass(frozen=True)
 class RefinedMultipliers:
-    """Multipliers, each of which meets the tolerance or is limited by round-off or work.
+    """Multipliers that meet the tolerance individually, or are limited by round-off or by the computational
+    work.
 
     logarithms (N,): log ρ, -inf for an exact zero. errors (N,): estimated relative error of each ρ, NaN
     without a digit. steps: per period. rigid (N,): whether they are those of rigid-body modes."""
@@ -56,7 +57,7 @@ class RefinedMultipliers:
 
 @dataclass(frozen=True)
 class Spectrum:
-    """All multipliers of a point in order of decreasing modulus, + imaginary part first.
+    """All multipliers of a point in order of decreasing modulus, positive imaginary part first.
 
     Multipliers with a digit in the monodromy matrix are its eigenvalues. Others are computed from the factors
     of the period on twice the steps; their errors are the differences from those with one stage more. If
@@ -70,7 +71,8 @@ class Spectrum:
 
     @property
     def values(self) -> Array:
-        """ρ (N,), complex: 0 below the range of floating-point numbers, NaN if not accurate to one digit."""
+        """Multipliers ρ (N,), complex; 0 if below the range of floating-point numbers, NaN if not accurate to
+        one digit."""
         if self.refined is not None:
             return exponential(self.logarithms)
         small = exponential(self._logarithms_and_errors[0])
@@ -78,7 +80,7 @@ class Spectrum:
 
     @property
     def logarithms(self) -> Array:
-        """log ρ (N,), the principal branch: -inf for an exact zero, NaN if not accurate to one digit."""
+        """Principal logarithms log ρ (N,); -inf for an exact zero, NaN if not accurate to one digit."""
         return self._with_rigid(self._logarithms_and_errors[0], 0.0)
 
     @property
@@ -88,7 +90,7 @@ class Spectrum:
 
     @property
     def leading(self) -> Array:
-        """Largest multipliers (k,), which the monodromy matrix separates from all others; none if
+        """Largest multipliers (k,), which the monodromy matrix separates from all others; empty if
         `refined`."""
         if self.refined is not None:
             return self._eigenvalues[:0]
@@ -96,25 +98,25 @@ class Spectrum:
         return self._with_rigid(self._eigenvalues, 1.0)[self._with_rigid(is_separate, fill=True)]
 
     def logarithm(self, at: int) -> complex:
-        """log ρ of the multiplier at one position, without the computation of others if it is a leading
-        one."""
+        """Value of log ρ for the multiplier with index `at`. For a leading multiplier, other multipliers are
+        not computed."""
         leading = self.leading
         return complex(np.log(leading[at]) if at < len(leading) else self.logarithms[at])
 
     def multiplier(self, at: int) -> complex:
-        """ρ at one position, computed as in `logarithm`."""
+        """Value of ρ for the multiplier with index `at`, computed as in `logarithm`."""
         leading = self.leading
         return complex(leading[at] if at < len(leading) else self.values[at])
 
     @property
     def unresolved(self) -> int:
-        """Number of multipliers that are not accurate to even one digit."""
+        """Number of multipliers that are not accurate to one digit."""
         return int(np.isnan(self.errors).sum())
 
     @cached_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Mode of each multiplier; without its harmonic if the multiplier is not accurate to one digit, or if
-        the method has no step maps."""
+        """Mode of each multiplier. Its harmonic is missing if the multiplier is not accurate to one digit, or
+        if the method computes no step maps."""
         rotation = 2 * math.pi * self.point.speed / self.point.period
         angles = np.imag(self.logarithms) * rotation / (2 * math.pi)
         modes = [FloquetMode(float(angle)) for angle in angles]
@@ -136,14 +138,14 @@ class Spectrum:
 
     @cached_property
     def rigid(self) -> Array:
-        """Whether multipliers (N,) are those of rigid-body modes."""
+        """Whether (N,) each multiplier belongs to a rigid-body mode."""
         if self.refined is not None:
             return self.refined.rigid
         return self._with_rigid(np.zeros(len(self._eigenvalues), dtype=bool), fill=True)
 
     @property
     def warnings(self) -> list[str]:
-        """A sentence if `rtol` applies to each multiplier, and an error exceeds it."""
+        """Warning, if `rtol` applies to each multiplier and an error exceeds it."""
         if self.refined is None:
             return []
         rtol, steps = self.certified.request.rtol, self.refined.steps
@@ -157,8 +159,8 @@ class Spectrum:
 
     @property
     def notes(self) -> list[str]:
-        """Note, if any, on results that are missing because the eigenvalues of the product of the step maps
-        are unknown."""
+        """Note on results that are missing because the eigenvalues of the product of the step maps are
+        unknown; otherwise empty."""
         is_refused = self.each and self.refined is None
         # Eigenvalues of the factors are not computed only for a note.
         has_failed = self._has_factors and "_factored" in self.__dict__ and self._factored is None
@@ -179,8 +181,8 @@ class Spectrum:
         return [f"{', and '.join(missing)}; {reason}"] if missing else []
 
     def _with_rigid(self, values: Array, fill: float) -> Array:
-        """Values of the other multipliers, with one per rigid-body multiplier after those outside the unit
-        circle."""
+        """Values of the other multipliers, with `fill` inserted for each rigid-body multiplier after those
+        outside the unit circle."""
         count = rigid_multipliers(self.certified)
         if self.refined is not None or not count:
             return values
@@ -188,8 +190,8 @@ class Spectrum:
 
     @cached_property
     def _solutions(self) -> Solutions:
-        """Solutions whose step maps give the modes, and the multipliers that the monodromy matrix does not
-        give to one digit."""
+        """Solutions whose step maps determine the modes, and those multipliers that the monodromy matrix does
+        not resolve to one digit."""
         certified, steps = self.certified, self._factor_steps
         if self.refined is not None and self._work(self.refined.steps) <= _MAX_WORK[1]:
             steps = self.refined.steps
@@ -199,8 +201,8 @@ class Spectrum:
 
     @property
     def _factor_steps(self) -> int:
-        """Steps of the factors: small multipliers are those of fast modes, which need twice the steps of the
-        solution, unless these are given."""
+        """Number of steps of the factors. It is twice that of the solution, unless given, because small
+        multipliers belong to fast modes."""
         certified = self.certified
         is_small = self.refined is None and not self._has_digit.all() and certified.request.steps is None
         return certified.steps * (2 if is_small and certified.method.with_another_stage else 1)
@@ -220,12 +222,13 @@ class Spectrum:
 
     @cached_property
     def _has_digit(self) -> Array:
-        """Whether the monodromy matrix gives each multiplier (N,) to at least one digit."""
+        """Whether (N,) the monodromy matrix resolves each multiplier to at least one digit."""
         return self.certified.absolute[0] < NO_DIGIT * np.abs(self._eigenvalues)
 
     @property
     def _has_factors(self) -> bool:
-        """Whether there are factors of the period in the coordinates of the system, and not too many."""
+        """Whether factors of the period are available in the coordinates of the system, and few enough to be
+        used."""
         method = self.certified.method
         return isinstance(method, OneStep) and method.converges and not self._is_long
 
@@ -236,7 +239,7 @@ class Spectrum:
 
     @cached_property
     def _logarithms_and_errors(self) -> tuple[Array, Array]:
-        """log ρ (N,) and its errors (N,), without rigid-body modes."""
+        """Logarithms log ρ (N,) and their errors (N,), without rigid-body modes."""
         if self.refined is not None:
             return self.refined.logarithms, self.refined.errors
         certified, rho, has_digit = self.certified, self._eigenvalues, self._has_digit
@@ -260,7 +263,8 @@ class Spectrum:
 
     @cached_property
     def _factored(self) -> tuple[Blocks, ProductEigenvalues] | None:
-        """Factors of the period and their eigenvalues; None without factors or without convergence."""
+        """Factors of the period and their eigenvalues; None without factors, or if the eigenvalues do not
+        converge."""
         if not self._has_factors or not slicot.available():
             return None
         maps = self._solutions.steps
@@ -273,7 +277,7 @@ class Spectrum:
 
     @cached_property
     def _order(self) -> Array:
-        """Positions (N,) of the multipliers among the eigenvalues of the factors."""
+        """Indices (N,) of the multipliers among the eigenvalues of the factors."""
         assert self._factored is not None
         logarithms = self._factored[1].logarithms[0]
         if self.refined is not None:
@@ -301,7 +305,7 @@ def require_step_maps(method: Method) -> None:
 def refined_multipliers(
     point: OnePoint, method: Method, request: SolveRequest, steps: int, rigid: int = 0
 ) -> RefinedMultipliers | None:
-    """All multipliers, of which `rigid` are those of rigid-body modes.
+    """All multipliers of a point, including `rigid` of rigid-body modes.
 
     Steps are doubled until the error of each, twice the difference from a better method, is at most `rtol`,
     or until that gains nothing or takes too long; given steps remain. None without SLICOT, or if its
@@ -344,13 +348,13 @@ def _refined_multipliers(
 
 
 def _better(method: Method) -> tuple[Method, int]:
-    """Better method with which one is compared, and the ratio of its steps."""
+    """More accurate method with which another is compared, and the ratio of its steps."""
     finer = method.with_another_stage
     return (method, 2) if finer is None else (finer, 1)
 
 
 def rigid_multipliers(certified: Certified) -> int:
-    """Number of multipliers of one point that are those of rigid-body modes."""
+    """Number of multipliers of a point that belong to rigid-body modes."""
     rigid_modes = certified.solutions.free
     return 0 if rigid_modes is None else int(rigid_modes.modes.multiplicity[0])
 
@@ -373,7 +377,7 @@ def _blocks_on_steps(
     rigid: Free | None = None,
     loss: float = LOSS,
 ) -> Blocks:
-    """Factors on this number of steps, computed in chunks if memory requires it."""
+    """Factors on a grid of `steps` steps, computed in chunks if memory requires it."""
     grid = Grid.uniform(steps, point.period, point.breaks)
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with progress.task(f"parts of {steps} steps, for every multiplier", len(chunks)) as done:
@@ -395,7 +399,8 @@ def _blocks_on_steps(
 
 
 def multiplier_errors(better: Array, eigenvalues: ProductEigenvalues) -> Array:
-    """Relative errors (N,) of multipliers from round-off and from the better logarithms (N,)."""
+    """Relative errors (N,) of multipliers, due to round-off and from a comparison with more accurate
+    logarithms (N,)."""
     distances = log_distances(eigenvalues.logarithms[0], better)
     nearest, distance = distances.argmin(axis=1), distances.min(axis=1)
     is_mutual = distances.argmin(axis=0)[nearest] == np.arange(len(distances))

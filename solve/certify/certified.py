@@ -22,7 +22,7 @@ the order of 1/distance with small changes of the parameters. A choice."""
 
 @dataclass(frozen=True)
 class SolveRequest:
-    """Accuracy or number of steps with which points are solved.
+    """Accuracy, or number of steps, with which points are solved.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class SolveRequest:
 
 
 class ReductionError(NamedTuple):
-    """Estimated effect of a reduction; NaN without an estimate.
+    """Estimated effect of a reduction on the results; NaN without an estimate.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class ReductionError(NamedTuple):
 
     @property
     def parts(self) -> list[str]:
-        """Phrases that state the errors; of the errors of outputs, only the largest."""
+        """Phrases that state the errors. Of the errors of outputs, only the largest is stated."""
         phrases = [] if math.isnan(self.orbit) else [f"orbit {self.orbit:.1e}"]
         phrases.append(f"multipliers {self.multipliers:.1e}")
         if self.outputs:
@@ -90,7 +90,7 @@ class ReductionError(NamedTuple):
 
     @property
     def warnings(self) -> list[str]:
-        """A sentence, unless nothing is discarded."""
+        """Warning about the reduction; empty if the reduction discards nothing."""
         count = f"reduce={self.modes} keeps {self.coordinates} of {self.full} coordinates"
         if self.coordinates == self.full:
             return []
@@ -100,7 +100,7 @@ class ReductionError(NamedTuple):
 
 
 class InterpolationError(NamedTuple):
-    """Estimated effect of harmonics that the samples of a system do not resolve.
+    """Estimated effect of harmonics that a system's samples do not resolve.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ class InterpolationError(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Sentence on the number of azimuths."""
+        """Sentence on the number of azimuths that is sufficient."""
         if self.orbit == 0 and self.multipliers == 0:
             return (
                 f"interpolated from {self.azimuths} azimuths, which suffice: harmonics end at {self.harmonic}"
@@ -142,7 +142,7 @@ class InterpolationError(NamedTuple):
 
 @dataclass(frozen=True)
 class Failed:
-    """Position of a point without solution, and the reason."""
+    """Index of a point without a solution, and the reason."""
 
     position: int
     reason: SolveError
@@ -188,22 +188,22 @@ class Certified:
 
     @cached_property
     def verdicts(self) -> Array:
-        """Verdicts (k,) as positions in VERDICTS; see `solve.period.multipliers.verdicts`."""
+        """Verdicts (k,) as indices in VERDICTS; see `solve.period.multipliers.verdicts`."""
         return verdicts_of(self.solutions, self.absolute, self.modes)
 
     @property
     def _without_multipliers(self) -> Array:
-        """Points (k,) that have no multipliers except those of rigid-body modes."""
+        """Whether (k,) a point has only multipliers of rigid-body modes."""
         return _rigid_body_only(self.solutions)
 
     @cached_property
     def _is_on_circle(self) -> Array:
-        """Points (k,) without a verdict although their multipliers are accurate."""
+        """Whether (k,) a point has no verdict although its multipliers are accurate."""
         return (self.absolute <= KNOWN_ON_CIRCLE) & (self.verdicts == UNDETERMINED)
 
     @property
     def doubtful(self) -> Array:
-        """Points (k,) with warnings."""
+        """Whether (k,) a point has warnings."""
         multipliers = self.solutions.multipliers
         doubtful = (self.errors > self.request.rtol).any(axis=1) | (multipliers.distance_from_one < NEAR_ONE)
         doubtful |= (multipliers.resolved == 0) & ~self._without_multipliers
@@ -213,7 +213,7 @@ class Certified:
         return doubtful
 
     def warnings(self, at: int) -> list[str]:
-        """Warnings about the point at one position, a sentence each."""
+        """Warnings about the point with index `at`, one sentence each."""
         method, request, rho = self.method, self.request, self.solutions.multipliers
         orbit, multipliers = map(float, self.errors[at])
         is_below_round_off = not rho.resolved[at] and not self._without_multipliers[at]
@@ -252,7 +252,7 @@ class Certified:
         return warnings
 
     def _missed_tolerances(self, orbit: float, multipliers: float | None) -> list[str]:
-        """A warning if an error exceeds the tolerance."""
+        """Warning if an error exceeds the tolerance."""
         errors = {"orbit": orbit} if multipliers is None else {"orbit": orbit, "multipliers": multipliers}
         rtol, steps = self.request.rtol, self.request.steps
         missed = [f"{name} to {error:.1e}" for name, error in errors.items() if error > rtol]
@@ -264,14 +264,14 @@ class Certified:
 
 
 def verdicts_of(solutions: Solutions, errors: Array, modes: FrozenModes) -> Array:
-    """Verdicts (P,) as positions in VERDICTS of the motion relative to rigid-body modes; "stable" without
-    other motion."""
+    """Verdicts (P,), as indices in VERDICTS, on the motion relative to rigid-body modes; "stable" if there is
+    no other motion."""
     of_vibration = verdicts(solutions.Phi, solutions.multipliers, errors, modes)
     return np.where(_rigid_body_only(solutions), STABLE, of_vibration)
 
 
 def _rigid_body_only(solutions: Solutions) -> Array:
-    """Points (P,) that have no multipliers except those of rigid-body modes."""
+    """Whether (P,) a point has only multipliers of rigid-body modes."""
     if solutions.free is None:
         return np.zeros(len(solutions), dtype=bool)
     return np.asarray(solutions.free.modes.multiplicity == solutions.Phi.shape[-1])
@@ -280,7 +280,7 @@ def _rigid_body_only(solutions: Solutions) -> Array:
 def unresolved_modes_warning(
     method: Method, phase_advance: float, steps: int, orbit_error: float | None = None
 ) -> list[str]:
-    """A warning if the method preserves modes that its steps do not resolve.
+    """Warning if the method does not damp modes that its steps do not resolve.
 
     phase_advance: ω_max T in rad. orbit_error: the error of the orbit, if it is small.
     """

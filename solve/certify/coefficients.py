@@ -1,4 +1,4 @@
-"""Variation of M, C, K and d over the period that is not resolved by the samples of a grid."""
+"""Variation of M, C, K and d over the period that the samples of a grid do not resolve."""
 
 import weakref
 from collections.abc import Callable
@@ -30,7 +30,7 @@ _MEMORY = 2**27
 
 
 class _ArrayCache:
-    """Cache of values computed from arrays, as long as the first of these arrays exists."""
+    """Cache of values computed from arrays. A value is kept as long as the first of its arrays exists."""
 
     def __init__(self, compute: Callable[..., Any]):
         self._compute = compute
@@ -70,14 +70,14 @@ def harmonics(points: Points, loads: bool) -> Array:
 
 
 def _entries(entry: Array) -> tuple[Array, Array]:
-    """Distinct entries (E,) of ascending ones (R,), and their first positions (E,)."""
+    """Indices (E,) of the distinct entries among ascending ones (R,), and the position of the first term of
+    each."""
     starts = np.concatenate(([0], (entry[1:] != entry[:-1]).nonzero()[0] + 1))
     return entry[starts], starts
 
 
 def _relative(values: Array, largest: Array, entries: Array, n: int) -> Array:
-    """Values (P, k, E) of entries relative to the largest ones (P, E), the largest of all entries (P, k);
-    round-off is 0."""
+    """Values (P, k, E) of entries relative to the largest values (P, E); values within round-off are 0."""
     scale = np.where(largest > 0, largest, 1.0)[:, None]
     is_visible = values > ROUND_OFF * _entry_sizes(largest, entries, n)[:, None]
     return np.where(is_visible, values / scale, 0.0).max(axis=-1)
@@ -89,7 +89,7 @@ def _entry_count(n: int) -> int:
 
 
 def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
-    """Sizes (P, E) to which the round-off of entries with the `largest` values (P, E) is relative.
+    """Sizes (P, E), to which the round-off of entries is relative, from their `largest` values (P, E).
 
     An entry that vanishes in exact arithmetic, as a sum of products, has the round-off of its terms. These
     are bounded by the diagonals as in a positive definite matrix: |X_ij| ≤ (X_ii X_jj)^½, and a load d_i by
@@ -108,7 +108,7 @@ def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
 
 
 def _spectrum(table: Array) -> Array:
-    """Harmonics (…, k, R) of the terms of a table, up to the last that is not round-off."""
+    """Harmonics (…, k, R) of the terms of a table, up to the last one above round-off."""
     with np.errstate(over="ignore", invalid="ignore"):
         spectrum = np.fft.rfft(table, axis=-2, norm="forward")
         sizes = np.abs(spectrum)
@@ -127,7 +127,8 @@ def _fixed_phases(period: float, count: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SampledPhases:
-    """Phases of a grid at which coefficients are sampled, and further ones at which they are compared.
+    """Phases of a grid at which coefficients are sampled, and further phases at which the interpolant is
+    compared with the coefficients.
 
     Attributes
     ----------
@@ -155,7 +156,7 @@ class SampledPhases:
 
     @classmethod
     def of(cls, grid: Grid, lower: Collocation, higher: Collocation) -> "SampledPhases":
-        """Phases on a grid for two methods, of which the first gives the solution."""
+        """Sampled and compared phases on a grid for two methods, the first of which computes the solution."""
         nodes = np.union1d(lower.c, higher.c)
         compared, step = _compared_phases(grid)
         fraction = np.clip((compared - grid.nodes[step]) / grid.h[step], 0.0, 1.0)
@@ -178,7 +179,7 @@ class SampledPhases:
         return len(self.lower)
 
     def of_steps(self, first: int, end: int) -> "SampledPhases":
-        """Phases of the steps from `first` to before `end`."""
+        """The phases that belong to the steps with indices from `first` to `end` - 1."""
         rows, steps = slice(*np.searchsorted(self.step, (first, end)).tolist()), slice(first, end)
         return SampledPhases(
             self.lower[steps],
@@ -192,8 +193,8 @@ class SampledPhases:
         )
 
     def relative_difference(self, points: Points) -> Array:
-        """Largest difference (P,) of entries from their interpolant, relative to the largest value of the
-        entry; 0 for round-off."""
+        """Largest difference (P,) of the entries from their interpolant, relative to the largest value of
+        each entry; 0 within round-off."""
         differences, largest = self._largest_differences(points)
         terms = points.tables(self.compared[:1])
         entries, starts = _entries(terms.entry)
@@ -202,8 +203,8 @@ class SampledPhases:
         return _relative(sums[:, None], largest, entries, points.n)[:, 0]
 
     def _largest_differences(self, points: Points) -> tuple[Array, Array]:
-        """Largest differences and coefficients of `differences`, half of the steps at a time if memory
-        requires it."""
+        """Largest differences and coefficients as from `differences`, computed for half of the steps at a
+        time if memory requires it."""
         rows = len(points) if points.bytes_a_phase else 1
         phases = self.lower.size + self.higher.size + len(self.compared)
         if len(self) == 1 or 8 * _entry_count(points.n) * rows * phases <= _MEMORY:
@@ -214,8 +215,8 @@ class SampledPhases:
         return np.maximum(halves[0][0], halves[1][0]), np.maximum(halves[0][1], halves[1][1])
 
     def differences(self, points: Points) -> tuple[Array, Array, Array]:
-        """Differences (…, Q, R) of coefficients from their interpolant at the compared phases, the largest
-        differences (…, R) and the largest coefficients (…, R)."""
+        """Differences (…, Q, R) of the coefficients from their interpolant at the compared phases, the
+        largest differences (…, R), and the largest coefficients (…, R)."""
         compared, lower, higher = (
             points.tables(phase.ravel()).table for phase in (self.compared, self.lower, self.higher)
         )
@@ -231,7 +232,8 @@ class SampledPhases:
 
 
 def _compared_phases(grid: Grid) -> tuple[Array, Array]:
-    """Fixed phases inside the steps of a grid, then both ends of every step (Q,), and the step of each."""
+    """Phases (Q,) at which coefficients are compared: fixed fractions inside the steps, then both ends of
+    each step. Also the step of each phase."""
     fixed, steps = _fixed_phases(grid.period, PHASES), np.arange(grid.steps)
     ends = grid.stages(np.array([0.0, 1.0]))
     step = np.searchsorted(grid.nodes, fixed, side="right") - 1
@@ -256,7 +258,7 @@ _cached_differences = _ArrayCache(_differences)
 
 
 class ResampledPoints(DerivedPoints):
-    """Points whose coefficients at the stages of a grid are projected from those at further phases.
+    """Points whose coefficients at the stages of a grid are projections of their values at further phases.
 
     A collocation method weights the residual of a step by the Lagrange polynomials of its stages. These
     coefficients are local averages with the same weights, so that a feature between two stages contributes
@@ -270,8 +272,8 @@ class ResampledPoints(DerivedPoints):
         return ResampledPoints(self.points[positions], self.phases)
 
     def tables(self, phase: Array) -> Tables:
-        """Tables at phases (k,): projected ones at the stages of consecutive steps, else the original
-        ones."""
+        """Tables at phases (k,). They are projected if the phases are the stages of consecutive steps, and
+        original otherwise."""
         tables, stages = self.points.tables(phase), self.phases.lower
         first, m = int(np.searchsorted(stages[:, 0], phase[0])), len(phase) // stages.shape[1]
         if not np.array_equal(phase, stages[first : first + m].ravel()):
@@ -282,8 +284,8 @@ class ResampledPoints(DerivedPoints):
 
 
 def _trapezoidal(step: Array, fraction: Array, nodes: Array) -> Array:
-    """Trapezoidal weights (Q,) of ascending fractions (Q,) of steps (Q,), among these and the nodes of each
-    step."""
+    """Trapezoidal weights (Q,) of ascending fractions (Q,) of steps (Q,), for quadrature over each step with
+    these fractions and the step's nodes."""
     m = int(step[-1]) + 1
     every_step = np.concatenate((step, np.repeat(np.arange(m), len(nodes))))
     every_fraction = np.concatenate((fraction, np.tile(nodes, m)))

@@ -1,4 +1,4 @@
-"""Error estimates from the difference of two solutions of the same points."""
+"""Error estimates from the difference between two solutions of the same points."""
 
 from abc import ABC, abstractmethod
 from functools import cache, lru_cache
@@ -34,7 +34,8 @@ damping ratio of 0.5 %."""
 
 
 class Comparison(ABC):
-    """A solution and a better one on a related grid; their difference estimates the error of the first.
+    """Pairs of a solution and a more accurate one on a related grid. Their difference estimates the error of
+    the first.
 
     Attributes
     ----------
@@ -58,16 +59,16 @@ class Comparison(ABC):
         return min(self.solver.max_steps, self.better_solver.max_steps // self.step_ratio)
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
-        """Chunks of the positions, split so that both solutions fit into memory."""
+        """Chunks of the positions, small enough for both solutions to fit into memory."""
         return self.better_solver.chunks(steps * self.step_ratio, positions)
 
     def solve(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
-        """Both solutions of points at positions (k,), the first on the given number of steps."""
+        """Both solutions of points at positions (k,). The first has `steps` steps."""
         first = self.solver.solve(steps, positions)
         return first, self.better_solver.solve(steps * self.step_ratio, positions)
 
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
-        """Round-off errors (k, 2) of solutions of points at positions (k,) on this number of steps.
+        """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
 
         To the round-off of the maps is added that of the coefficients, if it may exceed the `errors` (k, 2):
         differences from solutions with slightly different entries."""
@@ -86,14 +87,14 @@ class Comparison(ABC):
         return roundoff
 
     def _rigid_body_modes(self, positions: Array, equations: Points) -> Free | None:
-        """Rigid-body modes of points at positions (k,) with these linear equations."""
+        """Rigid-body modes of points at positions (k,), given their linear equations."""
         return self.solver.rigid_body_modes(positions) if self.solver.method.linear else free(equations)
 
     def _change(
         self, points: Points, rigid: Free | None, steps: int, positions: Array, solutions: Solutions
     ) -> Array:
-        """Differences (k, 2) of solutions of points at positions (k,) from those with other coefficients on
-        the same grid; infinite if these have no solution."""
+        """Differences (k, 2) between the solutions of points at positions (k,) and the solutions with other
+        coefficients on the same grid; infinite if the latter do not exist."""
         change = np.full((len(positions), 2), np.inf)
         other = self.solver.solve_points(self.solver.method.corrector, points, steps, rigid)
         rows = other.known
@@ -102,12 +103,12 @@ class Comparison(ABC):
 
     @abstractmethod
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Errors (k, 2) due to features of the coefficients that neither grid samples, for solutions of
-        points at positions (k,) on this number of steps."""
+        """Errors (k, 2) due to variations of the coefficients that neither grid samples, for points at
+        positions (k,) with `steps` steps."""
 
 
 class TwoOrders(Comparison):
-    """Comparison of s with s + 1 stages on the same grid.
+    """Comparison of s stages with s + 1 stages on the same grid.
 
     A collocation step with one more stage solves the error equation of the step with s stages. The difference
     of their maps is therefore the dual-weighted residual with an exact discrete adjoint. Since the equations
@@ -116,8 +117,8 @@ class TwoOrders(Comparison):
     step_ratio = 1
 
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Differences from solutions whose coefficients are projected on the stages, if these differ from
-        their interpolant."""
+        """Differences from solutions with coefficients projected on the stages, if the coefficients differ
+        from their interpolant."""
         solver, method = self.solver, self.solver.method
         points = method.linearised(solver.points[positions], solutions)
         stages = method.stages, self.better_solver.method.stages
@@ -134,7 +135,8 @@ class TwoOrders(Comparison):
 
 
 class DoubledSteps(Comparison):
-    """Comparison of m with 2m steps of the same method, for methods without a variant of higher order."""
+    """Comparison of m steps with 2m steps of the same method, for methods without a variant of higher
+    order."""
 
     step_ratio = 2
 
@@ -143,7 +145,8 @@ class DoubledSteps(Comparison):
         return 1 / (2.0**self.solver.method.order - 1)
 
     def unsampled_errors(self, steps: int, positions: Array, solutions: Solutions) -> Array:
-        """Amplitudes of the harmonics of the coefficients that evenly spaced samples alias, amplified."""
+        """Amplitudes of those harmonics of the coefficients that evenly spaced samples alias, multiplied by
+        the amplification of errors."""
         method, points = self.solver.method, self.solver.points[positions]
         if not method.samples_evenly:
             return np.zeros((len(points), 2))
@@ -154,7 +157,7 @@ class DoubledSteps(Comparison):
 
 
 def comparison_of(points: Points, method: Method, request: SolveRequest) -> Comparison:
-    """Comparison that estimates the errors of a method at points."""
+    """Comparison by which the errors of a method at points are estimated."""
     solver, higher = PointSolver(points, method, request), method.with_another_stage
     if higher is None:
         return DoubledSteps(solver, solver)
@@ -176,5 +179,5 @@ def _signs(n: int) -> Array:
 def _sampled_phases(
     steps: int, period: float, breaks: tuple[float, ...], lower: Collocation, higher: Collocation
 ) -> SampledPhases:
-    """Phases sampled and compared on a grid by two methods."""
+    """Phases that two methods sample on a grid, and phases at which the coefficients are compared."""
     return SampledPhases.of(Grid.uniform(steps, period, breaks), lower, higher)

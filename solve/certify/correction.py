@@ -1,4 +1,4 @@
-"""Checks of a solution that are independent of its error estimate, and the scales that they are relative to.
+"""Checks of a solution that are independent of its error estimate, with the scales of their relative errors.
 
 The checks are Liouville's formula, the residual of the equation of motion, and one correction of Newton's
 method."""
@@ -57,7 +57,7 @@ class CoordinateScale:
     steps: int
 
     def of(self, largest: Array, fraction: float = CANCELLED, roundoff: bool = False) -> Array:
-        """Scales (n,) of coordinates with these largest moduli (n,); 1 without any force.
+        """Scales (n,) of coordinates with these largest moduli (n,); 1 if no force acts.
 
         roundoff: whether the scale of coordinates that are zero within the round-off of the loads is that of
         the terms whose sums are the loads."""
@@ -68,16 +68,17 @@ class CoordinateScale:
 
     @property
     def roundoff(self) -> Array:
-        """Moduli (n,) of coordinates and of corrections that are zero within the round-off of the loads."""
+        """Moduli (n,) of coordinates and of corrections below which they are zero within the round-off of the
+        loads."""
         return _AT_REST * EPS * self._load_terms
 
     def rests(self, largest: Array) -> bool:
-        """Whether some coordinate is zero within the round-off of the loads."""
+        """Whether at least one coordinate is zero within the round-off of the loads."""
         return bool((largest <= self.roundoff).any())
 
     @cached_property
     def load_scale(self) -> Array:
-        """B (n,), in the units of the coordinates."""
+        """Scale B (n,), in the units of the coordinates."""
         M, C, K, d = self._matrices
         q, v, a = (self.motion(self._phases, derivative).T for derivative in range(3))
         is_other = ~np.eye(self.along.n, dtype=bool)
@@ -86,7 +87,7 @@ class CoordinateScale:
 
     @cached_property
     def _load_terms(self) -> Array:
-        """Displacements (n,) due to the terms whose sums are the loads."""
+        """Displacements (n,) due to the individual terms that are summed to the loads."""
         return self._displacements(self.along.roundoff(self._phases, self.speed))
 
     @cached_property
@@ -99,7 +100,7 @@ class CoordinateScale:
         return self.along.in_phase(self._phases, self.speed)
 
     def _displacements(self, forces: Array) -> Array:
-        """Displacements (n, …) due to forces (k, n, …) against the diagonal impedances."""
+        """Displacements (n, …) that forces (k, n, …) cause against the diagonal impedances."""
         spectrum = np.abs(np.fft.rfft(forces, axis=0)) * (2 / len(forces))
         spectrum[0] /= 2
         M, C, K = (np.abs(np.einsum("kii->ki", matrix)).mean(axis=0) for matrix in self._matrices[:3])
@@ -120,7 +121,7 @@ def corrected(
     engine: str,
     factors: Array | None = None,
 ) -> Solutions:
-    """Next iterate of Newton's method after a motion, on a grid over the period of the motion.
+    """Next Newton iterate from a motion, on a grid over the period of the motion.
 
     It is the solution of the system linearised along the motion, with equations multiplied by factors (1, n).
     Raises SolveError if that has no solution, LinearModelError for linear systems."""
@@ -131,7 +132,7 @@ def corrected(
 def solved_along(
     along: PeriodicSystem, speed: float, method: Method, grid: Grid, engine: str, factors: Array | None = None
 ) -> Solutions:
-    """Periodic solution of a system linearised along a motion, see `corrected`."""
+    """Periodic solution of a system that is linearised along a motion; see `corrected`."""
     point = OnePoint(along, speed)
     scaled = point if factors is None else Multiplied(point, factors)
     solutions = solutions_on(method, scaled, grid, True, engine, free(point))
@@ -141,7 +142,7 @@ def solved_along(
 
 
 def correction(motion: Motion, solutions: Solutions) -> tuple[Array, Array]:
-    """Largest moduli (n,) of the correction to a motion, and of the corrected motion."""
+    """Largest moduli (n,) of the Newton correction to a motion, and of the corrected motion."""
     assert solutions.curve is not None
     fractions = (np.arange(PHASES_PER_STEP) + 0.5) / PHASES_PER_STEP
     phase = (solutions.grid.nodes[:-1, None] + solutions.grid.h[:, None] * fractions).ravel()
@@ -167,7 +168,7 @@ def linearisation_error(
 
 
 def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions) -> float:
-    """log|det Φ| of the method minus that of the system, -∫ tr(M⁻¹C) dt by Liouville's formula.
+    """Difference of log|det Φ| between the method and Liouville's formula -∫ tr(M⁻¹C) dt.
 
     It is 0 except for modes that the steps do not resolve, and NaN for a method without steps. speed: in
     rad/s."""

@@ -1,4 +1,4 @@
-"""Differences of two solutions, and their round-off errors.
+"""Differences between two solutions, and round-off errors of solutions.
 
 Errors (P, 2) of orbit and multipliers are relative: to the largest value of each coordinate, and to the
 spectral radius."""
@@ -34,7 +34,7 @@ the unit round-off."""
 
 
 def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: str = NUMPY) -> Array:
-    """Differences (P, 2) from better solutions, for points with these frozen modes.
+    """Differences (P, 2) of solutions from more accurate ones, for points with these frozen modes.
 
     The difference of the orbits is max|difference|/max|q|, the largest of all coordinates. A coordinate that
     is zero except for round-off (the mass at a tuned absorber) is compared with the displacement that all
@@ -51,7 +51,7 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
 def _curve_differences(
     coarse: Grid, curve: PeriodicCurve, fine: Grid, better: PeriodicCurve, engine: str
 ) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the differences of two curves, and of the better curve.
+    """Largest moduli (P, n) of the differences between two curves, and of the more accurate curve.
 
     Phases are evenly spaced in the steps of both grids, if these are few; otherwise in the steps of the
     coarse grid."""
@@ -73,12 +73,12 @@ def _curve_differences(
 
 
 def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the differences of values (P, n, k), and of the better values."""
+    """Largest moduli (P, n) of the differences between values (P, n, k), and of the more accurate values."""
     return np.abs(q - better).max(axis=2), np.abs(better).max(axis=2)
 
 
 def _coordinate_scales(largest: Array, roundoff: Array, modes: FrozenModes) -> Array:
-    """Scales (P, n) of the errors of coordinates: their `largest` moduli, unless the moduli are round-off.
+    """Scales (P, n) for the errors of coordinates: the `largest` moduli, unless these are round-off.
 
     If forces on a coordinate cancel, the condition number contains the ratio of these forces to the
     coordinate. The `roundoff` (P,) is then relative to the coordinate, which has a digit if it is below

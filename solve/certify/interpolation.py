@@ -1,4 +1,4 @@
-"""Errors of systems that are interpolated from samples, estimated from the decay of their harmonics.
+"""Errors of systems that are interpolated from samples, estimated from the decay of the samples' harmonics.
 
 Harmonics that the azimuths do not resolve are missing, and alias to resolved ones.
 
@@ -46,7 +46,8 @@ _MOST_AZIMUTHS = 100_000
 
 
 class _Effect(NamedTuple):
-    """Relative differences (2,) of orbit and multipliers by dropping multiples above `kept`."""
+    """Relative differences (2,) of orbit and multipliers if the multiples of the spacing above `kept` are
+    omitted."""
 
     kept: int
     change: Array
@@ -55,7 +56,7 @@ class _Effect(NamedTuple):
 def with_interpolation_errors(
     result: Certified, system_at: Callable[[int], tuple[PeriodicSystem, float]]
 ) -> Certified:
-    """Solved points whose error estimates include the interpolation of their samples.
+    """Solved points with error estimates that include the interpolation of their samples.
 
     Points of systems that are not sampled remain unchanged. system_at: system and speed (rad/s) of one of
     them."""
@@ -79,7 +80,7 @@ def with_interpolation_errors(
 
 
 def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers:
-    """Multipliers with a further error of all, relative to the spectral radius."""
+    """Multipliers with an additional error, relative to the spectral radius, in all of them."""
     sizes = np.real(refined.logarithms)
     with np.errstate(over="ignore", invalid="ignore"):
         errors = refined.errors + error * np.exp(sizes.max() - sizes)
@@ -87,7 +88,7 @@ def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers
 
 
 def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float) -> InterpolationError:
-    """Error of the interpolation at a point."""
+    """Interpolation error at a point."""
     samples = system.samples
     assert samples is not None
     spacing, last = samples.spacing, int(samples.significant.max(initial=0))
@@ -113,7 +114,7 @@ def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float)
 
 
 def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
-    """Relative differences (2,) of orbit and multipliers of a point by other samples. Raises SolveError."""
+    """Relative differences (2,) of a point's orbit and multipliers with other samples. Raises SolveError."""
     system, speed = point
     solutions = result.solutions[np.array([row])]
     fewer = OnePoint(system.from_interpolant(samples), speed)
@@ -125,8 +126,8 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
 
 
 def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], samples: Samples) -> Array:
-    """Errors (2,) of a point due to harmonics that alias to the lowest ones; 0 if azimuths are not uniform,
-    since others alias then as well. Raises SolveError."""
+    """Errors (2,) at a point due to harmonics that alias to the lowest ones; 0 if azimuths are not uniform,
+    since then all harmonics alias. Raises SolveError."""
     errors = np.zeros(2)
     for stride in (2, 3) if samples.given is None else ():
         if samples.azimuths > _FEWEST * stride:
@@ -139,14 +140,14 @@ def _aliased(result: Certified, row: int, point: tuple[PeriodicSystem, float], s
 
 
 def _extrapolated(effects: list[_Effect], next_one: int) -> Array:
-    """Errors (2,) due to the multiples from `next_one` on."""
+    """Errors (2,) due to the multiples of the spacing from `next_one`."""
     last = effects[-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         return last.change * _ratios(effects) ** (next_one - last.kept - 1)
 
 
 def _ratios(effects: list[_Effect]) -> Array:
-    """Ratios (2,) of the effects of successive multiples, at most 1, from one or two effects."""
+    """Ratios (2,), at most 1, of the effects of successive multiples, from one or two effects."""
     if len(effects) < 2:
         return np.ones(2)
     (low, more), (high, less) = effects
@@ -156,7 +157,7 @@ def _ratios(effects: list[_Effect]) -> Array:
 
 
 def _sufficient(ratios: Array, excess: Array, spacing: int, azimuths: int) -> int | None:
-    """Number of azimuths with which the errors meet the tolerance; None if the harmonics hardly decay.
+    """Number of azimuths for which the errors meet the tolerance; None if the harmonics hardly decay.
 
     ratios (2,): of the effects of successive multiples of the spacing. excess (2,): errors over tolerance."""
     missed = excess > 1

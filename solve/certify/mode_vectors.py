@@ -1,4 +1,4 @@
-"""All Floquet modes of a point over the period, on a grid that other points share."""
+"""All Floquet modes of a point over the period, on a grid that is common to several points."""
 
 import math
 from dataclasses import dataclass
@@ -33,7 +33,8 @@ SURE = 10.0
 
 @dataclass(frozen=True)
 class ModeVectors:
-    """Floquet modes p(φ) exp(λt) of a system at a speed, without rigid-body modes and unresolved ones.
+    """Floquet modes p(φ) exp(λt) of a system at a speed, without rigid-body modes and without unresolved
+    modes.
 
     Attributes
     ----------
@@ -70,8 +71,8 @@ class ModeVectors:
 
     @property
     def resolved(self) -> bool:
-        """Whether the nodes resolve the harmonics of all modes, to the fraction that
-        `solve.period.floquet_modes` permits: little of a mode is in the upper third."""
+        """Whether the nodes resolve the harmonics of all modes: the fraction of a mode in the upper third of
+        the harmonics is at most what `solve.period.floquet_modes` permits."""
         most = (len(self.nodes) - 1) // 2
         harmonics = np.arange(-most, most + 1)
         power = self.power(harmonics).sum(axis=1)
@@ -79,33 +80,33 @@ class ModeVectors:
         return bool((upper <= ALIASED * power.sum(axis=1)).all())
 
     def power(self, harmonics: Array) -> Array:
-        """|p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
+        """Power |p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
         waves = self.weights[:, None] * np.exp(-1j * np.outer(self.nodes, harmonics))
         amplitudes = np.tensordot(self.parts[:, : len(self.inertia)], waves, axes=(0, 0))
         return np.swapaxes(np.abs(amplitudes) ** 2 * self.inertia[:, None, None], 0, 1)
 
     def distances(self, others: Array) -> Array:
-        """Distances (k, j) of the exponents from others (j,), the imaginary part modulo 2π/T."""
+        """Distances (k, j) of the exponents from `others` (j,), with imaginary parts modulo 2π/T."""
         difference = self.exponents[:, None] - others
         angles = np.angle(np.exp(2j * math.pi * np.imag(difference) / self.rotation))
         return np.hypot(np.real(difference), angles * self.rotation / (2 * math.pi))
 
     @cached_property
     def partners(self) -> Array:
-        """Position (k,) of the complex conjugate of each mode; its own for a real multiplier."""
+        """Index (k,) of each mode's complex conjugate; the mode's own index for a real multiplier."""
         return self.distances(self.exponents.conj()).argmin(axis=1)
 
     @cached_property
     def coincident(self) -> Array:
-        """Whether two modes (k, k) have equal exponents within their errors, and therefore vectors that are
-        undetermined within their plane."""
+        """Whether (k, k) two modes have equal exponents within their errors. Their eigenvectors are then
+        undetermined within the plane that they span."""
         limit = SURE * (self.errors[:, None] + self.errors)
         return self.distances(self.exponents) <= limit
 
 
 def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engine: str) -> ModeVectors:
-    """Modes of a point by a method with step maps, with errors that are estimated by one more stage per step.
-    They are at least `rtol` of the multipliers. Raises SolveError subclasses."""
+    """Modes of a point by a method with step maps. Errors are estimated by one more stage per step and are at
+    least `rtol` of the multipliers. Raises SolveError subclasses."""
     finer = method.with_another_stage
     assert finer is not None
     equations = balanced(point, frozen(point))
@@ -131,7 +132,7 @@ def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engin
 
 
 def _step_maps(method: Method, equations: Points, grid: Grid, engine: str) -> Array:
-    """Maps (m, N, N) of the steps."""
+    """One-step maps (m, N, N)."""
     solutions = method.solutions(equations, grid, False, engine)
     for reason in solutions.failures.values():
         raise reason
@@ -140,15 +141,15 @@ def _step_maps(method: Method, equations: Points, grid: Grid, engine: str) -> Ar
 
 
 def _rigid(point: OnePoint, logarithms: Array) -> Array:
-    """Positions of the multipliers of rigid-body modes, which are nearest to +1."""
+    """Indices of the multipliers of rigid-body modes, which are those nearest to +1."""
     held = free(point)
     count = 0 if held is None else int(held.modes.multiplicity[0])
     return np.argsort(np.abs(logarithms), kind="stable")[:count]
 
 
 def _inertia(point: OnePoint, units: Array) -> Array:
-    """Mean of the diagonal of M (n,), relative to its largest entry. With states of first order, which have
-    no inertia, the squares of the units (N,) that balance the maps of the steps."""
+    """Mean of the diagonal of M (n,), relative to its largest entry. First-order states have no inertia; for
+    them the squares of the units (N,) that balance the step maps are returned."""
     if point.first_order:
         return 1 / units[: point.n] ** 2
     phases = np.arange(_PHASES) * (point.period / _PHASES)
@@ -157,7 +158,8 @@ def _inertia(point: OnePoint, units: Array) -> Array:
 
 
 def _eigenvalues(maps: Array) -> tuple[Blocks, ProductEigenvalues]:
-    """Blocks of the maps (m, N, N) of the steps, and the eigenvalues of their product with right vectors."""
+    """Block products of the step maps (m, N, N), and the eigenvalues of their product with right
+    eigenvectors."""
     if slicot.available():
         blocks = balanced_blocks(maps[None])
         return blocks, product_eigenvalues(blocks.factors, blocks.rounding, vectors=True)
@@ -174,7 +176,7 @@ def _eigenvalues(maps: Array) -> tuple[Blocks, ProductEigenvalues]:
 
 
 def _logarithms(maps: Array) -> Array:
-    """Logarithms (N,) of the eigenvalues of the product of the maps."""
+    """Logarithms (N,) of the eigenvalues of the product of the step maps."""
     if slicot.available():
         return eigenvalue_logarithms(balanced_blocks(maps[None]).factors[0])
     return _eigenvalues(maps)[1].logarithms[0]

@@ -1,4 +1,4 @@
-"""Solutions of points by one method on a grid, and the points that have none."""
+"""Solver of points by one method on a grid, with the reasons of points without a solution."""
 
 import math
 from collections.abc import Iterator
@@ -68,8 +68,8 @@ class PointSolver:
 
     @cached_property
     def free(self) -> Free | None:
-        """Rigid-body modes of the points; None if there are none, or if the method determines them along an
-        orbit."""
+        """Rigid-body modes of the points; None if there are none, or if they are determined along an orbit by
+        the method."""
         return free(self.points, self.modes) if self.method.linear else None
 
     def rigid_body_modes(self, positions: Array) -> Free | None:
@@ -78,18 +78,19 @@ class PointSolver:
 
     @cached_property
     def equations(self) -> Points:
-        """Points with balanced equations; unbalanced for methods that do not converge, because row factors
-        change modal masses and hence their result."""
+        """Points with balanced equations. They are not balanced for methods that do not converge, because row
+        factors change the modal masses and hence the result of these methods."""
         return balanced(self.points, self.modes) if self.method.converges else self.points
 
     def relative_stiffness(self, positions: Array) -> Array:
-        """Stiffness (k,) of the softest frozen mode of points at positions (k,), relative to the stiffest."""
+        """Ratio (k,) of the stiffness of the softest frozen mode to that of the stiffest, for points at
+        positions (k,)."""
         least, largest = self._extreme_rates(positions)
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
     def rounding_amplification(self, positions: Array) -> Array:
-        """Bound (k,) of the round-off error due to the coefficients of points at positions (k,), relative to
-        that of the maps.
+        """Bound (k,) on the round-off error due to the coefficients of points at positions (k,), relative to
+        that of the step maps.
 
         The round-off of the largest rate ω₁ changes the smallest one, ω₂, by ε ω₁²/2ω₂ at most, and a
         multiplier by T times this. The change is also at most that of ω₁ T by as many ε as terms of the
@@ -115,13 +116,14 @@ class PointSolver:
 
     @cached_property
     def min_steps(self) -> Array:
-        """Smallest numbers of steps (P,) with which the method can be stable."""
+        """Smallest numbers of steps (P,) for which the method can be stable."""
         if type(self.method).least_steps is Method.least_steps:
             return np.ones(len(self.points), dtype=int)
         return self.method.least_steps(self.modes)
 
     def invalid_points(self) -> list[Failed]:
-        """Points with a singular M, and points at which the method is unstable with the given steps.
+        """Failures of points with a singular M, and of points at which the method is unstable with the given
+        steps.
 
         Raises StepsError for a number of steps that the method cannot use at any point.
         """
@@ -132,7 +134,7 @@ class PointSolver:
         return [*failures, *self.unstable_points(self.request.steps, rest)]
 
     def unstable_points(self, steps: Any, positions: Array) -> Iterator[Failed]:
-        """Points at which the method is unstable with these steps.
+        """Failures of points at which the method is unstable with these steps.
 
         Raises StepsError for a number that the method cannot use at any point.
         """
@@ -145,8 +147,8 @@ class PointSolver:
             yield Failed(position, reason)
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
-        """Chunks of the positions, split so that each chunk fits into memory and can be interrupted after
-        it."""
+        """Chunks of the positions, small enough to fit into memory and to permit an interruption between
+        them."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
         n, stages = self.points.n, self.method.stages
@@ -158,12 +160,12 @@ class PointSolver:
         return np.array_split(positions, min(len(positions), count))
 
     def solve(self, steps: int, positions: Array) -> Solutions:
-        """Solutions of points at positions (k,) on this number of steps."""
+        """Solutions of points at positions (k,) with `steps` steps."""
         equations = self.equations[positions]
         return self.solve_points(self.method, equations, steps, self.rigid_body_modes(positions))
 
     def solve_points(self, method: Method, points: Points, steps: int, rigid: Free | None) -> Solutions:
-        """Solutions of points with these rigid-body modes by a method on a number of steps."""
+        """Solutions of points with these rigid-body modes by a method with `steps` steps."""
         grid = Grid.uniform(steps, points.period, points.breaks)
         with progress.task(f"{self.method.name} on {steps} steps"):
             return solutions_on(method, points, grid, self.request.orbit, self.request.engine, rigid)
@@ -171,7 +173,7 @@ class PointSolver:
     def certify(
         self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
     ) -> Iterator[Certified | Failed]:
-        """Points with their errors (k, 2); those whose load drives a rigid-body mode fail.
+        """Certified points with their errors (k, 2). Points whose load drives a rigid-body mode fail.
 
         absolute (k,): lower bounds of the absolute errors of the multipliers.
         """
@@ -194,8 +196,8 @@ class PointSolver:
 
 
 def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, MatricesError]]:
-    """Positions of the points whose M is singular at some phase, whether or not a step samples it, and
-    errors.
+    """Positions of the points whose M is singular at some phase, including phases that no step samples, and
+    the exceptions.
 
     The phase is searched if det M falls below 2 % of its median at a sampled phase: a choice.
     """
@@ -206,7 +208,7 @@ def singular_inertia(points: Points, modes: FrozenModes) -> Iterator[tuple[int, 
 
 
 def _singular_phase(point: Points, phases: Array) -> float | None:
-    """Phase at which det M of a point changes its sign, or has a minimum that is round-off."""
+    """Phase at which det M of a point changes sign, or has a minimum within round-off."""
     spacing = float(phases[1] - phases[0])
     determinants = _scaled_determinants(point, phases)
     if not np.isfinite(determinants).all():
@@ -230,7 +232,7 @@ def _singular_phase(point: Points, phases: Array) -> float | None:
 
 
 def _scaled_determinants(point: Points, phases: Array) -> Array:
-    """det M (k,), in units in which the diagonal of M is about 1."""
+    """Determinants det M (k,), in units in which the diagonal of M is about 1."""
     M, C, _, _ = (part[0] for part in matrices(point, np.mod(phases, point.period)))
     M = leading(M, C, point.first_order)
     unit = np.sqrt(np.abs(np.einsum("kii->ki", M)).max(axis=0))
@@ -240,7 +242,7 @@ def _scaled_determinants(point: Points, phases: Array) -> Array:
 
 
 def _jumps_before(point: Points, phases: Array) -> Array:
-    """Number of jumps (k,) before each phase, in all periods since phase 0."""
+    """Number of jumps (k,) between phase 0 and each phase, over all periods."""
     period, phase = np.divmod(phases, point.period)
     jumps = np.sort(np.mod(point.breaks, point.period)) if point.breaks else np.empty(0)
     return period * len(jumps) + np.searchsorted(jumps, phase)

@@ -1,4 +1,4 @@
-"""Errors of a reduced system, estimated by the residual of its solution in a larger one.
+"""Errors of a reduced system, estimated from the residual of its solution in a larger system.
 
 The full system is represented by an enriched one, whose basis contains the reduced one and what the discarded
 coordinates contribute at low frequency. The residual of the reduced orbit in the enriched equations is
@@ -33,7 +33,7 @@ from solve.terminal import progress
 def with_reduction_errors(
     result: Certified, system_at: Callable[[int], tuple[PeriodicSystem, float]]
 ) -> Certified:
-    """Points with the errors of their reduction, which widen the margins of their verdicts.
+    """Points with the errors of their reduction, which widen the margins of the verdicts.
 
     Points of systems that are not reduced remain unchanged. system_at: system and speed (rad/s) of one of
     them."""
@@ -53,7 +53,7 @@ def with_reduction_errors(
 def _of_point(
     result: Certified, row: int, system: PeriodicSystem, speed: float
 ) -> tuple[ReductionError, float]:
-    """Errors of a point, and the margin of its multipliers."""
+    """Reduction errors at a point, and the margin of its multipliers."""
     reduction = system.reduction
     assert reduction is not None
     try:
@@ -92,7 +92,8 @@ def _reduction_error(
 
 
 def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, speed: float) -> Solutions:
-    """Solutions of a point by the method for any system, which are the result's if that used it."""
+    """Solutions of a point by the method for general systems. The solutions of the result are reused if they
+    were computed by this method."""
     method = result.request.reduction_method
     if result.method.name == method.name:
         return result.solutions[np.array([row])]
@@ -104,7 +105,7 @@ def _reduced_solutions(result: Certified, row: int, system: PeriodicSystem, spee
 
 
 def _multiplier_shifts(rho: Array, better: Array) -> Array:
-    """Distances (N,) of multipliers to those of a larger system (N',), each matched with one of them."""
+    """Distances (N,) of multipliers from those of a larger system (N',), matched one to one."""
     distance = np.abs(rho[:, None] - better[None, :])
     rows, columns = matched(distance)
     shifts = np.zeros(len(rho))
@@ -115,7 +116,7 @@ def _multiplier_shifts(rho: Array, better: Array) -> Array:
 def _orbit_errors(
     system: PeriodicSystem, speed: float, reduced: PeriodicCurve, enriched: PeriodicCurve
 ) -> tuple[float, dict[str, float]]:
-    """Largest error of the coordinates of the full system, and errors of each output, all relative.
+    """Largest relative error of the coordinates of the full system, and relative errors of the outputs.
 
     Orbits are compared at 720 phases at least. Coordinates below 1e-12 of the largest displacement are at
     rest except for round-off."""

@@ -45,7 +45,7 @@ systems of both populations remain honest with the same verdicts."""
 
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
-    """Solutions with error estimates, each point once, in groups as they are completed.
+    """Solutions with error estimates. Each point is yielded once, in groups as they are completed.
 
     The grid has the given number of `steps`, or is the first one with errors of at most `rtol` or of
     round-off. Errors are differences from a better solution, see `Comparison`. A point fails with
@@ -72,7 +72,7 @@ def on_one_grid(
     points: Points, method: Method, request: SolveRequest, steps: int
 ) -> Iterator[tuple[Array, Solutions]]:
     """More accurate solutions of the points on one grid, without error estimates, in chunks with their
-    positions (k,); failed points are omitted."""
+    positions (k,). Failed points are omitted."""
     solver = PointSolver(points, method.with_another_stage or method, request)
     for chunk in solver.chunks(steps, np.arange(len(points))):
         solutions = solver.solve(steps, chunk)
@@ -80,8 +80,8 @@ def on_one_grid(
 
 
 def _rigid_body_groups(solver: PointSolver) -> list[Array]:
-    """Positions of points with rigid-body modes that conserve no momentum, with ones that do, and without
-    any; nonempty groups only."""
+    """Positions of points in nonempty groups: with rigid-body modes but no conserved momentum, with conserved
+    momentum, and without rigid-body modes."""
     if solver.free is None:
         return []
     has_modes, conserves = solver.free.modes.any, solver.free.modes.conserving
@@ -90,7 +90,7 @@ def _rigid_body_groups(solver: PointSolver) -> list[Array]:
 
 
 def _at_positions(result: Certified | Failed, positions: Array) -> Certified | Failed:
-    """A result for a group of points at these positions."""
+    """Result of a group of points with the given positions."""
     if isinstance(result, Failed):
         return Failed(int(positions[result.position]), result.reason)
     return replace(result, positions=positions[result.positions])
@@ -98,7 +98,7 @@ def _at_positions(result: Certified | Failed, positions: Array) -> Certified | F
 
 @dataclass(frozen=True)
 class _GridComparison:
-    """Two solutions of points on related grids.
+    """Two solutions of the same points on related grids.
 
     positions (k,) of the points; errors (k, 2) of the first solution; roundoff (k, 2): its round-off errors;
     tolerances (k, 2): of its errors, at least their round-off; remainder
@@ -122,12 +122,12 @@ class _GridComparison:
 
     @property
     def underflows(self) -> Array:
-        """Points (k,) whose multipliers are round-off of the entries of Φ."""
+        """Whether (k,) a point's multipliers are round-off of the entries of Φ."""
         return self.solutions.multipliers.spectral_radius < UNDERFLOW
 
 
 class _Refinement:
-    """Solution of the points of a comparison on given steps, or on as many as each point requires.
+    """Solution of the points of a comparison with given steps, or with as many steps as each point requires.
 
     previous_errors (P, 2), stalled_grids (P, 2) and grids (P,): errors of the last grid of each point, number
     of successive grids on which they did not decrease, and number of grids."""
@@ -156,7 +156,8 @@ class _Refinement:
                 yield from self._refine_on(steps, chunk, pending)
 
     def _first_grids(self, positions: Array, least: Array) -> Array:
-        """Steps (k,) of the first grids of points at positions (k,), at least 1.2 times the `least` ones."""
+        """Numbers of steps (k,) of the first grids of points at positions (k,), at least 1.2 times
+        `least`."""
         points, modes = self.solver.points[positions], self.solver.modes[positions]
         first = first_steps(self.method, points, modes, self.request.orbit, self.request.rtol)
         return np.minimum(grid_sizes(np.maximum(first, 1.2 * least)), max(self.max_steps, MIN_STEPS))
@@ -164,8 +165,8 @@ class _Refinement:
     def _refine_on(
         self, steps: int, chunk: Array, pending: dict[int, list[Array]]
     ) -> Iterator[Certified | Failed]:
-        """Solve points on one grid; points that are not accepted are added to `pending` for their next
-        grids."""
+        """Solve points on one grid. Points that are not accepted are added to `pending`, under the size of
+        their next grid."""
         is_given = self.request.steps is not None
         solutions, better = self.comparison.solve(steps, chunk)
         failures = {**better.failures, **solutions.failures}
@@ -191,7 +192,7 @@ class _Refinement:
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
     ) -> _GridComparison:
-        """Two solutions of points, with the errors of the first."""
+        """Both solutions of points, with the errors of the first."""
         errors = SAFETY * self.solver.differences(solutions, better, positions)
         roundoff = self.comparison.roundoff(steps, positions, solutions, errors)
         errors = np.maximum(errors, roundoff)
@@ -206,7 +207,7 @@ class _Refinement:
         return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
 
     def _accept(self, steps: int, pair: _GridComparison, is_last: bool) -> Array:
-        """Points (k,) that need no finer grid.
+        """Whether (k,) points need no finer grid.
 
         A point is accepted if
 
@@ -226,7 +227,8 @@ class _Refinement:
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _is_stalled_roundoff(self, pair: _GridComparison) -> Array:
-        """Errors (k, 2) that are round-off: below a limit, and not reduced by two grids, or increased by one.
+        """Whether (k, 2) errors are round-off: below a limit, and not reduced by the last two refinements or
+        increased by the last one.
 
         The limit is a thousand times the estimated round-off; larger errors may not decrease for other
         reasons, such as kinks in the coefficients. Multipliers that underflow have no limit.
@@ -242,8 +244,8 @@ class _Refinement:
         return is_small & (self.stalled_grids[positions] > 1)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
-        """Points (k,) with an open verdict that a grid of twice the steps would decide, if errors decrease
-        with the order of the method and are not round-off."""
+        """Whether (k,) a grid of twice the steps would decide the open verdict of a point. It does if errors
+        decrease with the order of the method and are not round-off."""
         order = min(self.method.order, 20)
         with np.errstate(over="ignore", invalid="ignore"):
             errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
@@ -258,8 +260,8 @@ class _Refinement:
         return decides
 
     def _step_growth(self, pair: _GridComparison) -> Array:
-        """Ratio of the steps (k,) of the next grid, on which errors reach the aim with the order of the
-        method.
+        """Ratio (k,) of the steps of the next grid to those of this one, for which errors that decrease with
+        the method's order reach the aim.
 
         It is 2 if the errors are small enough, but another condition fails. On the second grid of a point it
         is at least 4/3, later at least 2, because errors then decrease more slowly than with the order of the
@@ -294,7 +296,7 @@ class _Refinement:
             )
 
     def _is_resonant(self, pair: _GridComparison) -> Array:
-        """Points (k,) with a multiplier +1, within a tenth of the change between both solutions."""
+        """Whether (k,) a point has a multiplier +1, within a tenth of the change between both solutions."""
         rho, better = pair.solutions.multipliers, pair.better.multipliers
         change = better.nearest_one - rho.nearest_one
         distance = np.abs(better.nearest_one + self.comparison.remaining * change - 1)
@@ -311,18 +313,18 @@ class _Refinement:
 
 
 def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> None:
-    """Add points at positions (k,) to the pending ones of grids with these steps (k,)."""
+    """Add points at positions (k,) to the pending points, under the sizes (k,) of their grids."""
     for size in unique_integers(steps):
         pending.setdefault(size, []).append(positions[steps == size])
 
 
 def _failed(failures: Mapping[int, SolveError], positions: Array) -> Iterator[Failed]:
-    """Failures by row of the points at positions (k,)."""
+    """Failures of the points at positions (k,), in a dictionary by row."""
     return (Failed(int(positions[row]), reason) for row, reason in failures.items())
 
 
 def _certify_approximation(solver: PointSolver, positions: Array) -> Iterator[Certified | Failed]:
-    """Certify points under a method that does not converge, by comparison with one that does.
+    """Certify points solved by a method that does not converge, by comparison with a convergent method.
 
     Without given steps there is one per degree.
     """

@@ -1,4 +1,4 @@
-"""Modes and harmonics that a number of steps resolves: the first grid, grid sizes, and unresolved modes.
+"""Resolution of modes and harmonics by a number of steps: first grid, grid sizes, and unresolved modes.
 
 With coefficients frozen at a phase, a step of a one-step method multiplies a mode of rate λ by R(hλ) instead
 of exp(hλ). If the two differ, two solutions may agree on a wrong multiplier: L-stable methods damp an
@@ -37,7 +37,8 @@ systems of both populations honest with the same verdicts."""
 
 
 def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool, rtol: float) -> Array:
-    """Steps (P,) with which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω is the aim.
+    """Numbers of steps (P,) for which the error m c (ωT/m)^(p + 1) of a motion of angular frequency ω equals
+    the aim.
 
     c and p are the error constant and the order of the method. The motions are the frozen modes, weighted by
     their decay per period relative to the least damped one, and the harmonics of the coefficients, weighted
@@ -59,7 +60,7 @@ def first_steps(method: Method, points: Points, modes: FrozenModes, orbit: bool,
 
 
 def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> Array:
-    """Largest amplitude · (ωT)^(p + 1) (P,) of the harmonics of amplitudes (P, k).
+    """Largest value (P,) of amplitude · (ωT)^(p + 1) over the harmonics with amplitudes (P, k).
 
     Harmonics above the `fastest` mode (P,), ω₁, have the additional weight (ω₁/ω)³: inertia reduces the
     response by (ω₁/ω)², and local errors accumulate over a period of the mode only. The factor 1.25 on ω
@@ -71,7 +72,8 @@ def _harmonic_powers(amplitudes: Array, fastest: Array, T: float, p: float) -> A
 
 
 def grid_sizes(steps: Array) -> Array:
-    """Steps (k,) rounded up to a member of 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, and so on.
+    """Numbers of steps (k,), rounded up to a member of 8, 12, 16, 24, …, 128, 192, 224, 256, 320, 384, and so
+    on.
 
     Points share these few grids, so that tables are reused. Above 192 steps, sizes differ by a quarter of an
     octave, because extra steps then cost more than an extra grid."""
@@ -82,7 +84,7 @@ def grid_sizes(steps: Array) -> Array:
 
 
 def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed: Array) -> Array:
-    """Remainder (P,) of a unit disturbance after a period in modes that the steps do not resolve.
+    """Remainder (P,), after a period, of a unit disturbance in modes that the steps do not resolve.
 
     Parameters
     ----------
@@ -118,7 +120,7 @@ def unresolved_remainder(method: Method, modes: FrozenModes, steps: int, allowed
 
 
 def _remainder(method: Method, rates: Array, period: float, steps: int, limit: float) -> Array:
-    """Remainder (P,) from frozen rates (P, k, 2n); limit: largest rate that is resolved."""
+    """Remainder (P,) from frozen eigenvalues (P, k, 2n). limit: largest resolved modulus."""
     if method.stages is not None:
         return _collocation_remainder(method.stages, rates, period / steps, steps)
     is_unresolved = np.abs(rates).max(axis=(1, 2)) > limit
@@ -128,7 +130,7 @@ def _remainder(method: Method, rates: Array, period: float, steps: int, limit: f
 
 def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: int) -> Array:
     """Product over the period (P,) of the largest factors of unresolved modes, or of the fastest mode at
-    phases where all are resolved; from frozen rates (P, k, 2n)."""
+    phases where all modes are resolved, from frozen eigenvalues (P, k, 2n)."""
     z = h * rates
     is_unresolved, factors = _unresolved_factors(stages, z, steps)
     counts = is_unresolved | (np.abs(z) == np.abs(z).max(axis=-1, keepdims=True))
@@ -138,7 +140,7 @@ def _collocation_remainder(stages: Collocation, rates: Array, h: float, steps: i
 
 
 def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Array, Array]:
-    """Whether modes z = hλ are unresolved, and the larger moduli of their exact and their computed
+    """Whether modes with z = hλ are unresolved, and the larger modulus of their exact and computed
     factors."""
     exact, computed = np.exp(z), stages.stability_function(z)
     largest = np.maximum(np.abs(exact), np.abs(computed))
@@ -146,7 +148,7 @@ def _unresolved_factors(stages: Collocation, z: Array, steps: int) -> tuple[Arra
 
 
 def _resolved_angle(method: Method, steps: int) -> float:
-    """Largest h|λ| up to which all modes that do not grow are resolved over this number of steps."""
+    """Largest h|λ| for which all modes that do not grow are resolved over this number of steps."""
     if method.stages is not None:
         return _collocation_angle(method.stages, steps)
     return min(method.follows, float(method.in_phase(np.array(steps), _UNRESOLVED)) / steps)

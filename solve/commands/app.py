@@ -38,7 +38,8 @@ class Program(NamedTuple):
     modules: Mapping[str, str] = MappingProxyType({})
 
     def run(self, arguments: Sequence[str]) -> int:
-        """Run one command and return its exit status: 2 with one line on standard error for bad input."""
+        """Run one command and return its exit status; for invalid input, 2 after one line on standard
+        error."""
         return command_line.run_cli(self.name, self._run_command, arguments, SolveError)
 
     def main(self) -> NoReturn:
@@ -46,7 +47,7 @@ class Program(NamedTuple):
         command_line.main(self.name, self._run_command, SolveError)
 
     def commands(self, called: str | None = None) -> "typer.Typer":
-        """Commands as a Typer application. If there are several, only the one that is called is loaded."""
+        """Commands as a Typer application. Of several commands, only the called one is loaded."""
         # Imported here, so that an interruption during the import is handled.
         from solve.commands.reading import application
 

@@ -64,7 +64,7 @@ def branch(
 
 
 def _require_one_range(speed: Speed, speeds: str | None, over: list[str]) -> None:
-    """Raise MissingValueError, ValueOutOfBoundsError unless exactly one of speed and parameter varies."""
+    """Raise MissingValueError or ValueOutOfBoundsError unless exactly one of speed and parameter varies."""
     if speeds is None and not over:
         raise MissingValueError(
             'no speeds given; add a range, such as --speeds "300:600 rpm", or a parameter: --over NAME=A:B'

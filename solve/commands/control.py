@@ -31,7 +31,7 @@ def control(
 
 
 def _numbers(flag: str, text: str) -> dict[str, float]:
-    """Numbers by name from a text "NAME=NUMBER, NAME=NUMBER". Raises ValueOutOfBoundsError."""
+    """Parse a text "NAME=NUMBER, NAME=NUMBER" into numbers by name. Raises ValueOutOfBoundsError."""
     numbers = {}
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
         name, equals, value = (part.strip() for part in piece.partition("="))

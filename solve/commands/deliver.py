@@ -40,7 +40,7 @@ def deliver_result(
     beside: Mapping[Path, Callable[[], Figure | str]] | None = None,
     proof: "Proof | None" = None,
 ) -> None:
-    """Write and print the output that the flags request. Standard output contains only tables or JSON.
+    """Write and print the output requested by the flags. Standard output contains only tables or JSON.
 
     record, report, figure: functions that return them; by default the methods of the result. beside:
     functions that return further pictures and texts, by file. choices: texts of --set and --option. notes:
@@ -79,7 +79,7 @@ def _write_text(text: str, stream: BinaryIO) -> None:
 
 
 def deliver_page(report: "Report", file: Path) -> None:
-    """Write the page of a report to a checked file; print its findings, missing sections and warnings."""
+    """Write the page of a report to a checked file. Prints its findings, missing sections and warnings."""
     write_atomic(file, report.write)
     with _listing([file]):
         for sentence in report.summary:
@@ -97,7 +97,7 @@ def deliver_page(report: "Report", file: Path) -> None:
 
 
 def deliver_animation(animation: "Animation", file: Path) -> None:
-    """Write the animation to a checked file; print its title."""
+    """Write the animation to a checked file. Prints its title."""
     animation.save(file)
     with _listing([file]):
         console().print(animation.title, soft_wrap=True)
@@ -107,7 +107,7 @@ def deliver_animation(animation: "Animation", file: Path) -> None:
 
 @contextmanager
 def _listing(written: Sequence[Path]) -> Iterator[None]:
-    """List the written files on standard error, even if the output that follows fails."""
+    """List the written files on standard error, even if subsequent output fails."""
     try:
         yield
     finally:

@@ -1,4 +1,5 @@
-"""Commands whose parameters are groups of flags, as functions with a parameter per flag, for Typer."""
+"""Conversion of commands whose parameters are groups of flags to functions with one parameter per flag, for
+Typer."""
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +23,8 @@ class Common:
 
 
 def flattened(command: Callable[..., None]) -> Callable[..., None]:
-    """Command whose parameters are the fields of its groups and of `Common`, for Typer."""
+    """Convert a command to a function whose parameters are the fields of its groups and of `Common`, for
+    Typer."""
     hints = get_type_hints(command, include_extras=True)
     groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
     parameters, common = [], inspect.signature(Common).parameters
@@ -47,7 +49,7 @@ def flattened(command: Callable[..., None]) -> Callable[..., None]:
 
 @contextmanager
 def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
-    """Context that adds the values of --set to the messages of errors that do not name a parameter."""
+    """Context manager that adds the values of --set to messages of errors that name no parameter."""
     try:
         yield
     except (MatricesError, DesiredMotionError) as error:
@@ -56,7 +58,7 @@ def _naming_set_numbers(groups: Iterable[Any]) -> Iterator[None]:
 
 
 def _for_typer(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Parameter with Typer's option in place of a `Flag`."""
+    """Parameter in which Typer's option replaces a `Flag`."""
     kind, flag = get_args(parameter.annotation)
     option = flag.option(parameter.name, kind) if isinstance(flag, Flag) else flag
     return parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY, annotation=Annotated[kind, option])

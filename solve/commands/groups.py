@@ -1,4 +1,4 @@
-"""Flags that several commands share, in groups: a dataclass per group.
+"""Flags that several commands share, in groups; each group is a dataclass.
 
 A command takes groups as parameters. `flattened.py` makes their fields flags of the command, for Typer.
 """
@@ -48,7 +48,7 @@ class Flag(NamedTuple):
     read: Callable[[str], Any] | None = None
 
     def option(self, name: str, kind: Any) -> Any:
-        """Typer's option for a parameter of this name and type."""
+        """Typer option for a parameter with this name and type."""
         names = [f"--{name.strip('_').replace('_', '-')}"] if kind is bool else []
         readers = (int, integer), (float, number)
         parser = next((read for number_type, read in readers if _contains(kind, number_type)), None)
@@ -58,7 +58,7 @@ class Flag(NamedTuple):
 
 
 def _contains(kind: Any, wanted: type) -> bool:
-    """Whether a type is the given one or contains it among its arguments."""
+    """Whether a type equals `wanted` or contains it among its arguments."""
     return kind is wanted or any(_contains(argument, wanted) for argument in get_args(kind))
 
 
@@ -105,16 +105,16 @@ class Numbers(CaseNumbers):
     ] = None
 
     def of(self, name: str, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Model:
-        """Model of that name. Raises NoMotionError for a model without equations of motion and
-        NoVibrationError for a rigid one, unless the study allows them."""
+        """Model with that name. Raises NoMotionError for a model without equations of motion and
+        NoVibrationError for one without coordinates, unless the study permits them."""
         model = self._first_model(name, varied)
         if not still and (model.vibrates or not rigid):
             model.require_motion()
         return model
 
     def _first_model(self, name: str, varied: Varied) -> Model:
-        """Model with the first combination of values of the varied parameters that its bounds allow. If none
-        is allowed, raises the error of the first combination."""
+        """Model with the first combination of values of the varied parameters that is within the bounds. If
+        there is none, the exception of the first combination is raised."""
         try:
             return model_of(self.setup(name, {parameter: values[0] for parameter, values in varied.items()}))
         except (ValueOutOfBoundsError, DesiredMotionError):
@@ -126,12 +126,12 @@ class Numbers(CaseNumbers):
             raise
 
     def unset(self, name: str) -> list[str]:
-        """Parameters of the model of that name to which neither the case nor --set gives a value."""
+        """Parameters of the named model that have a value neither in the case nor in --set."""
         return missing_parameters(name, self.case, self.cases, self.parameters)
 
     def setup(self, name: str, values: Mapping[str, float | str] = _NO_VALUES) -> Setup:
-        """Setup of the model of that name; values: values of parameters that neither the case nor --set
-        gives. Raises SolveError subclasses for bad input."""
+        """Setup of the named model. values: of parameters that neither the case nor --set specifies. Raises
+        SolveError subclasses for invalid input."""
         options: dict[str, Any] = assignments("--option", self.option or [])
         if self.reduce is not None:
             if REDUCE in options:
@@ -142,7 +142,7 @@ class Numbers(CaseNumbers):
 
     @property
     def choices(self) -> list[str]:
-        """Texts of the flags --set and --option."""
+        """Texts given with --set and --option."""
         return [*(self.set or []), *(self.option or [])]
 
 
@@ -160,8 +160,8 @@ class Problem(Numbers):
     ]
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
-        """Model that the user names, see `Numbers.of`, or system read from files of matrices. Raises
-        SolveError subclasses."""
+        """Model named by the user, see `Numbers.of`, or system read from files of matrices. Raises SolveError
+        subclasses."""
         if not is_matrix_file(self.model):
             return self.of(self.model, still, rigid, varied)
         flags = {name: value for name, value in vars(self).items() if name != "model" and value is not None}
@@ -176,8 +176,8 @@ class Problem(Numbers):
         return read(self.model)
 
     def numbers_set(self) -> str:
-        """Text with the values of --set in the model's units, and in the case's units where these differ;
-        empty if the model needs further values."""
+        """Text with the values of --set in the model's units, and in the case's units where they differ.
+        Empty if the model requires further values."""
         if is_matrix_file(self.model):
             return ""
         try:
@@ -203,7 +203,7 @@ class Speed:
     ] = None
 
     def omega(self, model: Model) -> float:
-        """Ω in rad/s, by default that of the case. Raises MissingValueError."""
+        """Ω in rad/s from the flag, or from the case by default. Raises MissingValueError."""
         return model.speed_or_usual(self.speed)
 
 
@@ -232,7 +232,7 @@ class Settings:
 
     @property
     def settings(self) -> dict[str, float | None]:
-        """Settings by name; None if not given."""
+        """Settings by name; None for those that are not given."""
         return {field.name: getattr(self, field.name) for field in fields(Settings)}
 
 
@@ -263,7 +263,7 @@ class OnePoint(Steps):
     all_multipliers: Annotated[bool, Flag("Apply --rtol to each multiplier individually.")] = False
 
     def solved(self, solve: Callable[..., Any], model: "Model", omega: float) -> Any:
-        """Result of a function such as `solve.periodic`, called with these settings."""
+        """Result of `solve` (a function such as `solve.periodic`) with these settings."""
         return solve(model, omega, self.rule, self.steps, self.rtol, all_multipliers=self.all_multipliers)
 
 
@@ -300,7 +300,7 @@ class Proving:
             require_provable(model, nonlinear)
 
     def proof(self, result: "Stability") -> "Proof | None":
-        """Proof of a result, if it was requested."""
+        """Proof of a result, if requested; otherwise None."""
         if not self.prove:
             return None
         from solve.batch.task import processes
@@ -327,7 +327,7 @@ class Moved:
             moving_parameters(model, self.by)
 
     def of(self, result: "Bands | CriticalSpeeds", accuracy: Accuracy) -> "Result":
-        """Derivatives of the speeds of a result if requested, otherwise the result."""
+        """Derivatives of the result's speeds if requested, otherwise the result."""
         if not self.by:
             return result
         from solve.studies.sensitivities import speed_sensitivities

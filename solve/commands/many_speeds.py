@@ -73,8 +73,8 @@ def sweep(
 
 
 def _omegas(speeds: Speeds, speed: Speed, varied: bool) -> Sequence[float] | None:
-    """Speeds in rad/s of --speeds or --speed; None, which stands for the speed of the case, if only
-    parameters vary. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
+    """Speeds in rad/s from --speeds or --speed; None if only parameters vary, which stands for the speed of
+    the case. Raises MissingValueError, UnitError, ValueOutOfBoundsError."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
     if speed.speed is not None:
@@ -95,7 +95,7 @@ def _varied(over: list[str] | None) -> dict[str, Sequence[float | str]]:
 def _check_turn(
     model: PeriodicSystem, name: str, count: int, results: Results, waterfall: str | None
 ) -> None:
-    """Raise SolveError subclasses, before the calculation, for a picture of --turn that cannot be drawn."""
+    """Raise SolveError subclasses, before the calculation, if the picture of --turn cannot be drawn."""
     if results.plot is None:
         raise MissingValueError(f"--turn {name} draws a picture; add the file, such as --plot turn.png")
     if waterfall is not None:
@@ -104,7 +104,7 @@ def _check_turn(
 
 
 def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None:
-    """Raise SolveError subclasses, before the calculation, for a picture of --waterfall that cannot be drawn.
+    """Raise SolveError subclasses, before the calculation, if the picture of --waterfall cannot be drawn.
     counts: numbers of speeds and of values of each parameter."""
     if sum(count > 1 for count in counts) > 1:
         raise ValueOutOfBoundsError(
@@ -118,8 +118,7 @@ def _check_waterfall(name: str, results: Results, counts: Sequence[int]) -> None
 
 
 def _turns(model: Model, sweep: Sweep, turn: str, rule: tuple[Any, ...]) -> Figure:
-    """Figure with a curve per point that has a result. Raises ValueOutOfBoundsError if no point has a
-    result."""
+    """Figure with one curve per point that has a result. Raises ValueOutOfBoundsError if no point has one."""
     orbits, varying = {}, moving(sweep.varied)
     labels = labelled_by(model, {name: sweep.varied[name] for name in varying})
     for label, point in zip(labels, sweep.points, strict=True):
@@ -169,7 +168,7 @@ def chart(
 
 
 def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
-    """Values of an axis by the name of its quantity. Raises MissingValueError, ValueOutOfBoundsError,
+    """Values of an axis, by the name of its quantity. Raises MissingValueError, ValueOutOfBoundsError,
     UnitError."""
     if text is None:
         raise MissingValueError(
@@ -182,7 +181,7 @@ def _axis(flag: str, text: str | None) -> dict[str, Sequence[float | str]]:
 
 
 def _held(text: str, model: Model) -> tuple[str, float]:
-    """Name and value, in the unit of the model, of a text NAME=NUMBER[unit]."""
+    """Name and value (in the model's unit) from a text NAME=NUMBER[unit]."""
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)

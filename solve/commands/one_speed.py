@@ -157,8 +157,8 @@ def compare(
 
 
 def _methods(names: Sequence[str] | None, settings: Mapping[str, float | None]) -> list[Rule]:
-    """Methods, each with those of the settings that it supports. Raises UnknownNameError, and
-    ValueOutOfBoundsError for a setting that none of the methods supports."""
+    """Methods, each with the settings that it supports. Raises UnknownNameError, and ValueOutOfBoundsError
+    for a setting that no method supports."""
     selected = list(dict.fromkeys(names or [name for name in METHODS if name != "auto"]))
     allowed = {name: settings_of(name) for name in selected if name in METHODS}
     for setting, value in settings.items():

@@ -173,7 +173,7 @@ def tolerances(
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:
-    """Lower and upper bounds by name; texts if a unit is given. Raises ValueOutOfBoundsError."""
+    """Lower and upper bounds by name, as texts if a unit is given. Raises ValueOutOfBoundsError."""
     bounds = {}
     for name, text in assignments("--bounds", texts or [], "NAME=A:B").items():
         try:

@@ -1,4 +1,4 @@
-"""Values of flags from the texts of the command line."""
+"""Conversion of command-line texts to values of flags."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -43,7 +43,7 @@ def _read(kind: Callable[[str], Any], text: str, allowed: str) -> Any:
 
 
 def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> dict[str, str]:
-    """Values by name from texts NAME=VALUE. Raises ValueOutOfBoundsError for another form.
+    """Values by name from texts NAME=VALUE. Raises ValueOutOfBoundsError for texts of another form.
 
     >>> assignments("--option", ["load=constant"])
     {'load': 'constant'}
@@ -60,7 +60,7 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
 
 
 def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
-    """Numbers by name from texts NAME=NUMBER; the text itself if a unit follows the number.
+    """Numbers by name from texts NAME=NUMBER. A value with a unit remains a text.
 
     >>> quantities("--set", ["k1=8e4", "r=30mm"])
     {'k1': 80000.0, 'r': '30mm'}
@@ -78,7 +78,7 @@ def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:
 
 
 def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
-    """Name and N numbers from A to B, both included, from a text NAME=A:B:N; as texts if a unit follows.
+    """Name and N values from A to B (both included) from a text NAME=A:B:N. Values with a unit are texts.
 
     >>> points("--over", "L2=0.2:0.6:3")
     ('L2', [0.2, 0.4, 0.6])
@@ -88,7 +88,7 @@ def points(flag: str, text: str) -> tuple[str, list[float] | list[str]]:
 
 
 def spread(ranges: Mapping[str, Sequence[Any]], most: int) -> Iterator[dict[str, Any]]:
-    """Combinations of values by name, up to `most`: in order for one name, and distributed over all
+    """Combinations of values by name, at most `most`: in order for a single name, distributed over all
     combinations for several names.
 
     >>> list(spread({"x": [0, 1], "y": [0, 1]}, 3))
@@ -114,14 +114,14 @@ def out_file(path: str | None, endings: Iterable[str], kind: str, example: str) 
 
 
 def figure_kept(text: str) -> str:
-    """Name of the statistic of a modulus over a period: max or rms. Raises UnknownNameError."""
+    """Name of the statistic of a modulus over a period, max or rms. Raises UnknownNameError."""
     figures = {"max": "max_abs", "rms": "rms"}
     require_name("figure", text, figures)
     return figures[text]
 
 
 def harmonic_count(count: int | None) -> int:
-    """Checked number of harmonics, 60 by default. Raises ValueOutOfBoundsError outside 1 … 10000."""
+    """Validated number of harmonics, by default 60. Raises ValueOutOfBoundsError outside 1 … 10000."""
     if count is None:
         return 60
     if not 1 <= count <= 10_000:

@@ -15,7 +15,7 @@ _UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
 
 class _Command(UniqueOptions, TyperCommand):
-    """Command that refuses a second value for a single-value option."""
+    """Typer command that rejects a second value of a single-value option."""
 
 
 def application(
@@ -26,8 +26,8 @@ def application(
     example: str,
     called: str | None,
 ) -> typer.Typer:
-    """Typer application of a program. If it has several commands, only the one that is called is given its
-    flags; a single command needs no name on the command line."""
+    """Typer application of a program. Of several commands, only the called one receives its flags. A single
+    command needs no name on the command line."""
     epilog, single = f"For example: {program} {example}", len(listed) == 1
     app = typer.Typer(
         name=program,
@@ -75,13 +75,13 @@ def run_command(
 
 
 def _command_in(arguments: Sequence[str]) -> str | None:
-    """Name of the command that is called, or that a shell completes."""
+    """Name of the command that is called, or whose arguments a shell completes."""
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     return next(iter([*arguments] or line.split()[1:]), None)
 
 
 def _add_hint(error: Any) -> None:
-    """Extend the message about an unknown flag by how options and parameters of the model are set."""
+    """Add to a message about an unknown flag how options and parameters of the model are set."""
     unknown = getattr(error, "option_name", None) if "No such option" in error.message else None
     if unknown and any("--option" in parameter.opts for parameter in error.ctx.command.params):
         name = unknown.lstrip("-")

@@ -65,7 +65,7 @@ class _Quadrature(NamedTuple):
 
 class Figures:
     """Statistics of an orbit as weighted sums. starts: approximate phases of extrema and their signs, by name
-    and statistic; taken from another grid, or filled in here. nodes (m, r): derivatives of the starts of
+    and statistic; taken from another grid, or computed here. nodes (m, r): derivatives of the starts of
     steps with respect to the quantities θ."""
 
     def __init__(self, orbit: GridOrbit, starts: Starts, nodes: Array):
@@ -81,7 +81,7 @@ class Figures:
         return cache(partial(self._of_even, self._even))
 
     def sums(self, quantity: Named) -> WeightedSums:
-        """Weighted sums of a statistic. Raises NoDerivativeError."""
+        """Weighted sums that define a statistic. Raises NoDerivativeError."""
         name, figure = quantity.subject, quantity.figure
         self.find_extrema([quantity])
         if not ((name, figure) in self._extrema if figure in _SIGNS else self._finite(name)):
@@ -100,7 +100,7 @@ class Figures:
         return WeightedSums(name, phases, weights[:, None], _first, fractions)
 
     def harmonic(self, name: str, number: int) -> tuple[complex, WeightedSums]:
-        """Complex amplitude A exp(iψ) of a harmonic of a coordinate or output, or its mean if number is 0."""
+        """Complex amplitude A exp(iψ) of a harmonic of a coordinate or output; for number 0, the mean."""
         period, count = self.orbit.system.period, enough_samples(self.orbit.samples, number)
         is_sampled = count == self.orbit.samples
         even = self._even if is_sampled else self._quadrature(count)
@@ -119,8 +119,9 @@ class Figures:
         return (coefficients @ even.fractions ** np.arange(coefficients.shape[-1])[:, None]).ravel()
 
     def _quadrature(self, count: int) -> _Quadrature:
-        """Quadrature of means over the period with at least this number of samples: evenly spaced, which is
-        exact up to their Nyquist harmonic, or by Gauss's rule within each step if jumps cause kinks."""
+        """Quadrature for means over the period with at least `count` samples. Samples are evenly spaced,
+        which is exact up to their Nyquist harmonic, or follow Gauss's rule within each step if jumps cause
+        kinks."""
         period, nodes = self.orbit.system.period, self.orbit.problem.grid.nodes
         a_step = -(-count // (len(nodes) - 1))
         if self.orbit.system.breaks:
@@ -171,7 +172,7 @@ class Figures:
             self._starts.setdefault(pair, found[:2])
 
     def _in_corners(self, names: Array, phases: Array, signs: Array) -> Array:
-        """Phases (k,) of extrema. Phases next to a jump of the matrices are moved to the jump if the output
+        """Phases (k,) of extrema. A phase next to a jump of the matrices is moved to the jump if the output
         has a corner or a one-sided extremum there."""
         breaks, distance = self._nearest_break(phases)
         width = self.orbit.system.period / self.orbit.samples
@@ -191,8 +192,8 @@ class Figures:
         return found
 
     def _nearest_break(self, phases: Array) -> tuple[Array, Array]:
-        """Steps that start at the jumps of the matrices nearest to phases (k,), and distances by which the
-        phases lie behind these jumps; infinite without jumps."""
+        """Steps that start at the jump nearest to each phase (k,), and distances by which the phases lie
+        behind the jumps; infinite without jumps."""
         grid, period = self.orbit.problem.grid, self.orbit.system.period
         steps = np.flatnonzero(grid.at_break)
         if not len(steps):
@@ -202,14 +203,14 @@ class Figures:
         return steps[nearest], distance[np.arange(len(phases)), nearest]
 
     def _beside(self, names: Array, phases: Array, side: int) -> Array:
-        """Values and derivatives with respect to the phase (2, k) of quantities (k,) before (-1) or behind
-        (1) phases."""
+        """Values, and derivatives with respect to the phase, (2, k) of quantities (k,) just before (-1) or
+        behind (1) phases."""
         distance = side * _SPACING * self.orbit.system.period / self.orbit.samples
         values = self._values_at(names, phases[:, None] + distance * np.arange(1, 4))
         return _EXTRAPOLATION @ values.T / np.array([[1.0], [distance]])
 
     def _carried(self, name: str, phases: Array) -> Array:
-        """Changes (r, k) of an output at phases (k,) that move with the jumps just before them."""
+        """Changes (r, k) of an output at phases (k,) because the jump just before each phase moves with θ."""
         breaks, distance = self._nearest_break(phases)
         moved = (distance > 0) & (distance < 2 * _SIDE * self.orbit.system.period)
         if name in self.orbit.system.coordinates or not self._nodes[breaks][moved].any():
@@ -218,7 +219,7 @@ class Figures:
         return self._nodes[breaks].T * (moved * slope)
 
     def _values_at(self, names: Array, phases: Array) -> Array:
-        """Values (k, j) of quantities (k,) at phases (k, j) of each."""
+        """Values (k, j) of quantities (k,), each at phases of its own (k, j)."""
         values, coordinates = np.empty(phases.shape), self.orbit.system.coordinates
         coordinate_values = self.orbit.problem.curve(phases.ravel()).reshape(-1, *phases.shape)
         for name in dict.fromkeys(names.tolist()):
@@ -237,8 +238,8 @@ class Figures:
         return self._even.phases[np.concatenate(maxima)], np.repeat(signs, counts)
 
     def _of_extremum(self, quantity: Named) -> WeightedSums:
-        """Weighted sums of an extremum, with NaN derivatives if equally large extrema have different
-        derivatives. The phase is found as a zero of the derivative, because a comparison of nearly equal
+        """Weighted sums for an extremum; derivatives are NaN if equally large extrema have different
+        derivatives. The phase is computed as a zero of the derivative, because comparing nearly equal
         values would give only half the digits."""
         name, figure = quantity.subject, quantity.figure
         phases, signs, values = self._extrema[name, figure]
@@ -259,7 +260,7 @@ class Figures:
 
 
 def _candidate_maxima(values: Array) -> Array:
-    """Positions (k,) of local maxima of samples that may be near the global maximum."""
+    """Indices (k,) of local maxima of samples that may be near the global maximum."""
     level = values.max() - _CANDIDATE_RANGE * np.ptp(values)
     tops = (values >= level) & (values >= np.roll(values, 1)) & (values > np.roll(values, -1))
     return np.flatnonzero(tops if tops.any() else values == values.max())[:_MAX_EXTREMA]
@@ -274,7 +275,7 @@ def _first(slopes: Array) -> Array:
 
 
 def _of_harmonic(quantity: Named, value: complex, weights: Array) -> Array:
-    """Weights (k,) of the derivative of the amplitude or phase angle of a harmonic. Raises NoDerivativeError.
+    """Weights (k,) in the derivative of the amplitude or phase angle of a harmonic. Raises NoDerivativeError.
 
     value: complex amplitude. weights (k, 2): weights of the derivatives of its real and imaginary part.
     """

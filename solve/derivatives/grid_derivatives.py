@@ -1,4 +1,4 @@
-"""Derivatives of quantities of an orbit and of its multipliers on one grid."""
+"""Derivatives of an orbit's quantities and of its multipliers on one grid."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -35,14 +35,14 @@ _STEP = 1e-5
 
 
 def dependence_of(solved: Stability, names: Sequence[str]) -> Dependence:
-    """Dependence of the equations on parameters or "speed", by the engine of the solution."""
+    """Dependence of the equations on parameters or "speed", evaluated with the engine of the solution."""
     return derivatives_of(solved.system).by(names, columns_by(solved.certified.request.engine))
 
 
 @dataclass(frozen=True, eq=False)
 class GridDerivatives:
-    """Derivatives on one grid with respect to quantities by name. adjoint: whether derivatives of the orbit
-    are computed by adjoint problems; starts: see `Figures`."""
+    """Derivatives on one grid with respect to quantities given by name. adjoint: whether derivatives of the
+    orbit are computed by adjoint problems; starts: see `Figures`."""
 
     solved: Stability
     rule: Collocated
@@ -54,7 +54,7 @@ class GridDerivatives:
 
     @cached_property
     def problem(self) -> PeriodicProblem:
-        """Periodic problem of the orbit, solved anchored for a free machine."""
+        """Linear periodic problem of the orbit; for a free machine, that of the anchored system."""
         system, engine = self.solved.system, self.solved.certified.request.engine
         grid = Grid.uniform(self.steps, system.period, system.breaks)
         point = OnePoint(system, self.solved.speed)
@@ -64,14 +64,14 @@ class GridDerivatives:
 
     @cached_property
     def _original(self) -> PeriodicProblem:
-        """Periodic problem without anchors, whose one-step maps have all multipliers."""
+        """Linear periodic problem without anchors. Its one-step maps have all multipliers."""
         problem = self.problem
         if problem.free is None:
             return problem
         return PeriodicProblem(problem.point, self.rule, problem.grid, self.solved.certified.request.engine)
 
     def _curve(self, grid: Grid, point: OnePoint, engine: str) -> Curve | None:
-        """Periodic solution on a grid, if it is known or quickly computed."""
+        """Periodic solution on a grid, if it is available or inexpensive to compute; otherwise None."""
         solutions = self.solved.certified.solutions
         if self.steps != self.solved.steps or self.rule != self.solved.certified.method:
             if engine != COMPILED:
@@ -96,8 +96,8 @@ class GridDerivatives:
 
     @cached_property
     def _level(self) -> Array | None:
-        """Derivatives of the means along rigid-body modes (modes, r). The inertia-weighted mean is zero, and
-        its weights depend on the parameters."""
+        """Derivatives (modes, r) of the mean motion along rigid-body modes. The inertia-weighted mean is
+        zero, but its weights depend on the parameters."""
         free, mean = self.problem.free, self.problem.curve.mean
         if free is None:
             return None
@@ -134,8 +134,8 @@ class GridDerivatives:
         return GridMultipliers(self._original, self.solved.spectrum)
 
     def log_multiplier_derivatives(self, at: int, modulus: bool, sizes: bool = False) -> Array:
-        """Derivatives (r,) of log ρ of one of the solution's multipliers, or of log |ρ|; or the sums of the
-        moduli of their terms if `sizes`."""
+        """Derivatives (r,) of log ρ, or of log |ρ| if `modulus`, for the multiplier with index `at`. With
+        `sizes`, the sums of the moduli of their terms."""
         problem, multipliers = self.problem, self._multipliers
         n, phases = problem.point.n, problem.phases[:, problem.stages].ravel()
         vectors = multipliers.vectors(at)
@@ -156,7 +156,7 @@ class GridDerivatives:
         return slopes
 
     def jumps(self, name: str) -> Array:
-        """Whether each of the quantities (r,) moves a jump of an output."""
+        """Whether (r,) each quantity moves a jump of an output."""
         system, speed = self.solved.system, self.solved.speed
         nodes = np.flatnonzero(self.nodes.any(axis=1))
         if name not in system.outputs or not len(nodes):
@@ -170,8 +170,8 @@ class GridDerivatives:
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 
     def slopes(self, quantities: Sequence[Named], sizes: bool = False) -> list[Array | NoDerivativeError]:
-        """Derivatives (r,) of each quantity, or the reason why it has none; if `sizes`, the sums of the
-        moduli of their terms instead."""
+        """Derivatives (r,) of each quantity, or the reason why it has none. With `sizes`, the sums of the
+        moduli of their terms."""
         derivatives: list[Any] = []
         of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
         if of_orbit:
@@ -192,8 +192,8 @@ class GridDerivatives:
         return derivatives
 
     def _of_multiplier(self, quantity: Named, sizes: bool) -> Array:
-        """Derivatives (r,) of a quantity of a multiplier; with `sizes` the sums of the moduli of their terms.
-        Raises NoDerivativeError."""
+        """Derivatives (r,) of a quantity that depends on a multiplier. With `sizes`, the sums of the moduli
+        of their terms. Raises NoDerivativeError."""
         at = multiplier_position(self.solved, quantity)
         _require_simple(self.solved, at, quantity)
         modulus = quantity.subject == RADIUS or quantity.figure == "abs"
@@ -211,8 +211,8 @@ class GridDerivatives:
 
 
 def multiplier_position(solved: Stability, quantity: Named) -> int:
-    """Index of the multiplier of a quantity; for the spectral radius the largest one without rigid-body
-    modes."""
+    """Index of the multiplier that determines a quantity. For the spectral radius, the largest one that does
+    not belong to a rigid-body mode."""
     if quantity.number:
         return quantity.number - 1
     others = np.flatnonzero(~solved.spectrum.rigid)
@@ -220,7 +220,7 @@ def multiplier_position(solved: Stability, quantity: Named) -> int:
 
 
 def _multipliers(solved: Stability, at: int) -> Array:
-    """Leading multipliers, or all multipliers if the index lies beyond the leading ones."""
+    """Leading multipliers, or all multipliers if the index `at` is beyond the leading ones."""
     leading = solved.spectrum.leading
     return leading if at < len(leading) else solved.multipliers
 

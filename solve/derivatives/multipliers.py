@@ -38,21 +38,22 @@ _MIN_MODULUS = 1e-100
 
 
 class Vectors(NamedTuple):
-    """Vectors of a multiplier of any size: right (m, N) at the starts of the steps, left (m, N) at their
-    ends."""
+    """Eigenvectors of a multiplier, in any norm: right vectors (m, N) at the starts of the steps, left
+    vectors (m, N) at their ends."""
 
     right: Array
     left: Array
 
 
 class GridMultipliers:
-    """Multipliers of a system on a grid, and their vectors. known: multipliers of a finer grid."""
+    """Multipliers of a system on a grid, and their eigenvectors. known: multipliers from a finer grid."""
 
     def __init__(self, problem: PeriodicProblem, known: Spectrum):
         self._problem, self._spectrum = problem, known
 
     def vectors(self, at: int) -> Vectors:
-        """Vectors of a known multiplier. Raises NoDerivativeError if it is too close to another."""
+        """Eigenvectors of the known multiplier with index `at`. Raises NoDerivativeError if it is too close
+        to another multiplier."""
         rho = self._spectrum.multiplier(at)
         vectors_of_multiplier = self._leading(rho, _PERIODIC)
         if vectors_of_multiplier is not None:
@@ -67,7 +68,7 @@ class GridMultipliers:
 
     def weights(self, vectors: Vectors, modulus: bool) -> list[tuple[complex, Array]]:
         """Weights (m, s, 3, n, n) of the entries of M, C and K at the stages in the derivative of log |ρ|, or
-        in those of the real and imaginary parts of log ρ, each with its unit (1 or i)."""
+        in those of the real and imaginary parts of log ρ, together with the units of these parts (1 or i)."""
         problem, n, right, left = self._problem, self._problem.point.n, vectors.right, vectors.left.conj()
         left = left / ((left[:, None] @ problem.A)[:, 0] * right).sum(axis=1, keepdims=True)
         X = problem.stage_states(_parts(right))
@@ -82,7 +83,7 @@ class GridMultipliers:
         return -complex(y @ self._problem.rate_jump(node) @ x) / complex(y @ x)
 
     def _leading(self, rho: complex, accuracy: float) -> Vectors | None:
-        """Vectors of a multiplier from Φ; None if the vectors are not unchanged after a period to this
+        """Eigenvectors of a multiplier from Φ; None if the map of the period does not reproduce them to this
         accuracy."""
         values, right, left = self._eigenvectors
         at = int(np.abs(values - rho).argmin())
@@ -133,12 +134,12 @@ class GridMultipliers:
 
     @cached_property
     def _places(self) -> Array:
-        """Indices of the known multipliers among those of this grid."""
+        """Indices of the known multipliers among the multipliers of this grid."""
         return matched_logarithms(self._known, self._eigenvalues.logarithms[0])
 
     @cached_property
     def _product_vectors(self) -> tuple[Array, Array]:
-        """Right vectors at the starts of the steps and left ones at their ends, in columns (m, N, N)."""
+        """Right vectors at the starts of the steps and left vectors at their ends, as columns (m, N, N)."""
         blocks, product, A = self._blocks, self._eigenvalues, self._problem.A
         assert product.right is not None
         assert product.left is not None

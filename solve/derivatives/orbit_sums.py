@@ -20,8 +20,8 @@ _DRAWS = 2
 
 @dataclass(frozen=True)
 class GridOrbit(PeriodicMotion):
-    """Orbit of a system on a grid. count: samples in sums over the period, in proportion to the steps, so
-    that differences between grids include the sampling error."""
+    """Orbit of a system on a grid. count: number of samples in sums over the period, proportional to the
+    steps, so that differences between grids include the sampling error."""
 
     system: PeriodicSystem
     speed: float
@@ -43,7 +43,7 @@ class GridOrbit(PeriodicMotion):
         return q, self.speed * v, self.speed**2 * a
 
     def states(self, phase: Array) -> Array:
-        """q″, q′, q (k, 3, n), derivatives with respect to the phase."""
+        """States q″, q′, q (k, 3, n) at phases (k,); derivatives are with respect to the phase."""
         return np.stack([self.problem.curve(phase, order).T for order in (2, 1, 0)], axis=1)
 
     @property
@@ -52,7 +52,7 @@ class GridOrbit(PeriodicMotion):
 
     @property
     def loaded(self) -> tuple[Array, float, Array]:
-        """Phases at which loads act, the speed, and the states there, (k,) and (k, 3, n)."""
+        """Phases (k,) at which loads act, the speed, and the states (k, 3, n) at these phases."""
         problem = self.problem
         phases = problem.phases[:, problem.loaded]
         states = problem.orbit.states[:, problem.loaded]
@@ -60,9 +60,9 @@ class GridOrbit(PeriodicMotion):
 
 
 class WeightedSums(NamedTuple):
-    """Statistic as a function of sums, with weights (k, c), over the values of a coordinate or output at
-    phases (k,). combine: function that returns the derivatives of the statistic from those (r, c) of the
-    sums. fractions: positions of the phases within every step, if these are the same in all steps."""
+    """Statistic as a function of c weighted sums, with weights (k, c), over the values of a coordinate or
+    output at phases (k,). combine: function that maps the derivatives (r, c) of the sums to those of the
+    statistic. fractions: positions of the phases within a step, if they are the same in all steps."""
 
     name: str
     phase: Array
@@ -73,9 +73,9 @@ class WeightedSums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Forward:
-    """Forward derivatives of the orbit with respect to r quantities θ, for many statistics. nodes (m, r):
-    shift of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times this
-    shift. level: derivatives of the means along rigid-body modes, see `PeriodicProblem.solve`."""
+    """Forward derivatives of the orbit with respect to r quantities θ, used for many statistics. nodes (m,
+    r): shift of the starts of steps with θ; where q″ jumps by a, the derivative of q′ jumps by -a times
+    this shift. level: derivatives of the means along rigid-body modes, see `PeriodicProblem.solve`."""
 
     orbit: GridOrbit
     dependence: Dependence
@@ -102,7 +102,7 @@ class Forward:
         return self.orbit.problem.data(self.motions)
 
     def signal(self, name: str, phase: Array) -> Array:
-        """Derivatives of a coordinate or output (r, k) at phases (k,)."""
+        """Derivatives (r, k) of a coordinate or output at phases (k,)."""
         problem, system = self.orbit.problem, self.orbit.system
         if name in system.coordinates:
             return problem.at(self._data[:, :, system.coordinates.index(name)], phase).T
@@ -114,7 +114,7 @@ class Forward:
         ).T
 
     def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of statistics, or the sizes of the terms that add up to them."""
+        """Derivatives (r,) of statistics; with `sizes`, the sizes of the terms that are summed."""
         whole_outputs = not self.dependence.partial_outputs or self.motions.drift is not None
         from_signal = [whole_outputs and figure.name in self.orbit.system.outputs for figure in figures]
         rest = [each for each, direct in zip(figures, from_signal, strict=True) if not direct]
@@ -134,14 +134,14 @@ class Forward:
 
 @dataclass(frozen=True, eq=False)
 class Adjoint:
-    """Derivatives from one adjoint problem with a column per sum: for many parameters that do not move
+    """Derivatives from one adjoint problem with a column per sum, used for many parameters that do not move
     jumps."""
 
     orbit: GridOrbit
     dependence: Dependence
 
     def of(self, figures: Sequence[WeightedSums], sizes: bool = False) -> list[Array]:
-        """Derivatives (r,) of statistics, or the sizes of the terms that add up to them."""
+        """Derivatives (r,) of statistics; with `sizes`, the sizes of the terms that are summed."""
         term = np.abs if sizes else np.asarray
         direct, data_weights = _direct_and_orbit_terms(self.orbit, self.dependence, figures, term)
         gradient = self.orbit.problem.adjoint(data_weights)
@@ -152,8 +152,8 @@ class Adjoint:
 
 
 def term_sizes(summed: Callable[[Array], Array], weights: Array) -> Array:
-    """Estimated bound of the sum of the moduli of the terms of sums with weights (k, …), from the root of the
-    sum of their squares, which is the standard deviation of sums with random signs."""
+    """Estimated size of the terms of sums with weights (k, …): the root of the sum of their squares, which is
+    the standard deviation of a sum with random signs."""
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (_DRAWS, *weights.shape))
     squares = np.mean([np.abs(summed(sign * weights)) ** 2 for sign in signs], axis=0)
     return np.sqrt(len(weights) * squares)
@@ -166,15 +166,15 @@ def _combined(figures: Sequence[WeightedSums], sums: Sequence[Array], sizes: boo
 
 
 def _split(sums: Array, figures: Sequence[WeightedSums]) -> list[Array]:
-    """Sums (r, c) of each statistic, from all sums (r, …)."""
+    """Divide the sums (r, …) of all statistics into the sums (r, c) of each."""
     return np.split(sums, np.cumsum([figure.weights.shape[1] for figure in figures])[:-1], axis=1)
 
 
 def _direct_and_orbit_terms(
     orbit: GridOrbit, dependence: Dependence, figures: Sequence[WeightedSums], term: Callable[[Array], Array]
 ) -> tuple[Array, Array]:
-    """Derivatives (r, c) of all sums with respect to θ at a fixed orbit, or 0, and weights (m, 2 + k, n, c)
-    of the data of the orbit's curve. term: function applied to each term: the modulus, or the identity."""
+    """Derivatives (r, c) of all sums with respect to θ at fixed orbit (or 0), and weights (m, 2 + k, n, c) of
+    the data of the orbit's curve. term: function applied to each term (modulus or identity)."""
     problem, ends = orbit.problem, np.cumsum([0, *(figure.weights.shape[1] for figure in figures)])
     (m, k), n = problem.phases.shape, orbit.system.n
     data_weights, direct = np.zeros((m, 2 + k, n, ends[-1])), {}

@@ -1,4 +1,5 @@
-"""A linear periodic problem on one grid, with stage systems that are factorised once for any number of loads.
+"""Linear periodic problem on one grid. Its stage systems are factorised once and solved for any number of
+loads.
 
 ∂q/∂θ solves the same problem under the load ∂d/∂θ - ∂M/∂θ q̈ - ∂C/∂θ q̇ - ∂K/∂θ q, evaluated at the stages
 with the states of the method. The result is the derivative of the numerical solution on this grid (A.
@@ -29,8 +30,9 @@ from solve.period.rigid_body import Free
 @dataclass(frozen=True, eq=False)
 class Motions:
     """Periodic solutions under r loads: x (m+1, 2n, r) at the nodes; accelerations (m, k, n, r), q″ with
-    respect to the phase, at the phases of a `PeriodicProblem`; compute_states: returns the states there;
-    drift (n, r): steady velocities of a free machine, contained only in the states at these phases."""
+    respect to the phase, at the k phases of each step of a `PeriodicProblem`; compute_states: function
+    that returns the states at these phases; drift (n, r): steady velocities of a free machine, which only
+    these states contain."""
 
     x: Array
     accelerations: Array
@@ -86,18 +88,17 @@ class PeriodicProblem:
 
     @property
     def A(self) -> Array:
-        """Maps of the steps (m, 2n, 2n)."""
+        """One-step maps (m, 2n, 2n)."""
         return self._systems.maps
 
     def propagate(self, start: Array, backwards: bool = False) -> Array:
-        """States (m+1, 2n, r), without loads, from the first state (2n, r); with the transposed maps if
-        backwards."""
+        """States (m+1, 2n, r) without loads, from the first state (2n, r). With `backwards`, by the
+        transposed maps in reverse order."""
         A = self.A.swapaxes(1, 2)[::-1] if backwards else self.A
         return propagate(A, start, self._engine)
 
     def _end_states(self, a: Array) -> Array:
-        """Contribution of stage accelerations (m, s n, r) to the states at the ends of the steps (m, 2n,
-        r)."""
+        """States (m, 2n, r) at the ends of the steps due to stage accelerations (m, s n, r)."""
         m, _, r = a.shape
         return (self._step_powers * (self._weights @ a.reshape(m, len(self.rule.c), -1))).reshape(m, -1, r)
 
@@ -130,7 +131,7 @@ class PeriodicProblem:
         return Motions(np.concatenate((x, x[:1]))[..., None], states[:, :, 0], lambda: states)
 
     def at_nodes(self, breaks: Sequence[float], values: Array) -> Array:
-        """Values (b, r) of breaks, placed at the starts of steps (m, r) that are breaks."""
+        """Values (b, r) of the breaks, assigned to those starts of steps (m, r) that are breaks."""
         at_starts, period = np.zeros((self.grid.steps, values.shape[1])), self.grid.period
         for phase, value in zip(breaks, values, strict=True):
             distance = np.abs((self.grid.nodes[:-1] - phase + period / 2) % period - period / 2)
@@ -142,7 +143,7 @@ class PeriodicProblem:
         return self.orbit.states[node, 0, 0, :, 0] - self.orbit.states[node - 1, -1, 0, :, 0]
 
     def rate_jump(self, node: int) -> Array:
-        """Jump of P (2n, 2n) in x′ = P x + f at the start of a step."""
+        """Jump of the matrix P (2n, 2n) of x′ = P x + f at the start of a step."""
         parts = (node, 0), (node - 1, -1)
         after, before = (rate_of(*(part[at] for part in self._matrices)) for at in parts)
         return (after - before)[:, :-1]
@@ -157,8 +158,8 @@ class PeriodicProblem:
 
     def solve(self, loads: Array, jumps: Array | None = None, level: Array | None = None) -> Motions:
         """Periodic solutions under loads (m, l, n, r) at the phases at which loads act, with jumps (m, 2n, r)
-        of the states at the starts of steps where the matrices jump. level (modes, r): means along rigid-body
-        modes, zero by default. Raises ResonanceError."""
+        of the states at the starts of steps where the matrices jump. level (modes, r): means along
+        rigid-body modes (default: zero). Raises ResonanceError."""
         motions, drift = self._solve(loads, jumps), None
         if self._anchored is None:
             return motions
@@ -171,7 +172,7 @@ class PeriodicProblem:
         return self._unanchored(motions, drift, level)
 
     def _solve(self, loads: Array, jumps: Array | None) -> Motions:
-        """Periodic solutions of the anchored system if the machine is free."""
+        """Periodic solutions; for a free machine, those of the anchored system."""
         m, _, n, r = loads.shape
         at_stages = loads[:, self._stages].reshape(m, -1, r)
         behind = np.zeros((m, 2 * n, r)) if jumps is None else np.roll(jumps, -1, axis=0)
@@ -186,8 +187,8 @@ class PeriodicProblem:
         return Motions(x, a, lambda: self._states(x, ends, a))
 
     def _unanchored(self, motions: Motions, drift: Array | None, level: Array | None) -> Motions:
-        """Motions of the free machine from those of the anchored system; drift (r, n): steady velocities
-        whose drag is already part of the loads."""
+        """Motions of the free machine from those of the anchored system. drift (r, n): steady velocities
+        whose drag the loads already include."""
         anchored, held = self._repeated(motions)
         curves = self.curves(motions)
         moved, _ = replace(anchored, drift=drift).motion(curves, held.mass)
@@ -229,12 +230,12 @@ class PeriodicProblem:
 
     @property
     def _ends_apart(self) -> bool:
-        """Whether the ends of the steps are phases other than the stages."""
+        """Whether the ends of the steps are not stages."""
         return self.phases.shape[1] > len(self.rule.c) + 1
 
     def _states(self, x: Array, ends: Array, a: Array) -> Array:
-        """q″, q′, q (m, k, 3, n, r) of states x (m+1, 2n, r) at the nodes and (m, 2n, r) at the ends of the
-        steps, and accelerations (m, k, n, r)."""
+        """States q″, q′, q (m, k, 3, n, r) at the k phases of each step, from states x (m+1, 2n, r) at the
+        nodes, states `ends` (m, 2n, r) at the ends of the steps, and accelerations (m, k, n, r)."""
         m, k, n, r = a.shape
         states = np.empty((m, k, 3, n, r))
         states[:, :, 0], states[:, 0, :0:-1] = a, x[:-1].reshape(m, 2, n, r)
@@ -243,13 +244,13 @@ class PeriodicProblem:
         return states
 
     def stage_states(self, x: Array) -> Array:
-        """q″, q′, q (m, s, 3, n, r) at the stages of steps from states x (m, 2n, r) at their starts, without
-        loads."""
+        """States q″, q′, q (m, s, 3, n, r) at the stages, without loads, from states x (m, 2n, r) at the
+        starts of steps."""
         m, N, r = x.shape
         return self._stage_states(x, (self._systems.by_state @ x).reshape(m, -1, N // 2, r))
 
     def _stage_states(self, x: Array, a: Array) -> Array:
-        """Same as `stage_states`, from given accelerations (m, s, n, r)."""
+        """As `stage_states`, with given accelerations (m, s, n, r)."""
         m, s, n, r = a.shape
         A, a = self.rule.A, a.reshape(m, s, -1)
         h, c = self.grid.h[:, None, None], np.array(self.rule.c)[:, None]
@@ -258,7 +259,8 @@ class PeriodicProblem:
         return states.reshape(m, s, 3, n, r)
 
     def _at_ends(self, place: int, x: Array, loads: Array) -> Array:
-        """Accelerations (m, 1, n, r) of states x (m, 2n, r) at the first or the last of the phases."""
+        """Accelerations (m, 1, n, r) for states x (m, 2n, r) at the first or the last of the phases of each
+        step."""
         q, v = np.split(x, 2, axis=1)
         M, C, K, _ = (part[:, place] for part in self._matrices)
         return solved(M, loads[:, place] - K @ q - C @ v)[:, None]
@@ -269,7 +271,7 @@ class PeriodicProblem:
         return Curve.of(self.grid.nodes, np.transpose(data, (3, 0, 2, 1)), self.rule.curve_powers)
 
     def data(self, motions: Motions) -> Array:
-        """Data (m, 2 + k, n, r) that define the curves of solutions: q, h q′ and h² q″ at the phases of a
+        """Data (m, 2 + k, n, r) that define the curves of solutions: q, h q′ and h² q″ at the phases of each
         step."""
         h = self.grid.h[:, None, None]
         q, v = np.split(motions.x[:-1], 2, axis=1)
@@ -284,8 +286,8 @@ class PeriodicProblem:
         return (weights[:, None] @ here.reshape(*here.shape[:2], -1)).reshape(len(step), *here.shape[2:])
 
     def data_weights(self, phase: Array, weights: Array) -> Array:
-        """Weights (m, 2 + k, n, c) of the data in sums with weights (p, 3, n, c) over q″, q′, q of the curve
-        at phases (p,)."""
+        """Weights (m, 2 + k, n, c) of the data that are equivalent to weights (p, 3, n, c) of q″, q′, q of
+        the curve at phases (p,)."""
         k, (count, _, n, c) = self.phases.shape[1], weights.shape
         by_phase = np.zeros((count, 2 + k, n * c))
         for order, part in enumerate(weights.swapaxes(0, 1)[::-1]):
@@ -294,16 +296,17 @@ class PeriodicProblem:
         return self._sum_in_steps(phase, by_phase).reshape(-1, 2 + k, n, c)
 
     def value_data_weights(self, phase: Array, weights: Array) -> Array:
-        """Weights (m, 2 + k, c) of the data in sums with weights (p, c) over values of one coordinate."""
+        """Weights (m, 2 + k, c) of the data that are equivalent to weights (p, c) of the values of one
+        coordinate."""
         return self._sum_in_steps(phase, self._basis(phase, 0)[1][:, :, None] * weights[:, None])
 
     def even_value_data_weights(self, fractions: Array, weights: Array) -> Array:
-        """Same as `value_data_weights` at fractions (a,) of every step, with weights (m a, c)."""
+        """As `value_data_weights`, at fractions (a,) of every step, with weights (m a, c)."""
         powers = fractions[:, None] ** np.arange(len(self.rule.curve_powers)) @ self.rule.curve_powers
         return powers.T @ weights.reshape(self.grid.steps, len(fractions), -1)
 
     def _sum_in_steps(self, phase: Array, values: Array) -> Array:
-        """Sums (m, …) over the phases (p,) of each step of values (p, …)."""
+        """Sums (m, …) of values (p, …) over those phases (p,) that lie in each step."""
         (inside, firsts), step = self._groups(phase), self._basis(phase, 0)[0]
         sums = np.zeros((self.grid.steps, *values.shape[1:]))
         sums[step[inside][firsts]] = np.add.reduceat(values[inside], firsts)
@@ -319,8 +322,8 @@ class PeriodicProblem:
         return self._cache[key]
 
     def _basis(self, phase: Array, order: int) -> tuple[Array, Array]:
-        """Steps (p,) that contain the phases, and weights (p, 2 + k) of their data in the derivative of the
-        curve."""
+        """Steps (p,) that contain the phases, and weights (p, 2 + k) of the data of each step in the
+        derivative of the curve."""
         key = phase.tobytes(), order
         if key not in self._cache:
             step, powers = self.curve.basis(phase, order)
@@ -328,8 +331,8 @@ class PeriodicProblem:
         return self._cache[key]
 
     def adjoint(self, of_data: Array) -> Array:
-        """Adjoint problem: derivatives (m, l, n, c), with respect to loads at the phases at which they act,
-        of sums with weights (m, 2 + k, n, c) over the data. The cost does not depend on the number of
+        """Adjoint problem: gradients (m, l, n, c), with respect to the loads at the phases at which they act,
+        of sums over the data with weights (m, 2 + k, n, c). The cost does not depend on the number of
         loads."""
         m, _, n, c = of_data.shape
         loaded, h = self.phases[:, self.loaded].shape[1], self.grid.h[:, None, None]
@@ -351,8 +354,8 @@ class PeriodicProblem:
         return found
 
     def _adjoint_of_ends(self, place: int, accelerations: Array) -> tuple[Array, Array]:
-        """Weights (m, n, c) of the loads and (m, 2n, c) of the states from those of the accelerations at the
-        first or the last phase."""
+        """Weights (m, n, c) of the loads and (m, 2n, c) of the states, from the weights of the accelerations
+        at the first or the last phase of each step."""
         M, C, K = (part[:, place].swapaxes(1, 2) for part in self._matrices[:3])
         load = solved(M, accelerations[:, place])
         return load, -np.concatenate((K @ load, C @ load), axis=1)
@@ -360,8 +363,8 @@ class PeriodicProblem:
 
 @cache
 def _power_basis(rule: Collocation, k: int) -> Array:
-    """Matrix (3 k, D) from the powers of θ in a step to h² q″, h q′ and q at its k phases; at the stages
-    these are the values of the method, which the curve matches to its order."""
+    """Matrix (3 k, D) that maps coefficients of powers of θ in a step to h² q″, h q′ and q at its k phases.
+    At the stages these are the values of the method, which the curve matches to its order."""
     data = np.linalg.inv(rule.curve_powers)
     a, basis, zero = data[2:], np.empty((k, 3, len(data))), np.zeros((1, len(rule.c)))
     at_stages = a[1 : 1 + len(rule.c)]

@@ -1,5 +1,5 @@
-"""Sensitivities of one point: derivatives of quantities of an orbit, or of its stability, on the grid of its
-solution, with errors estimated by a method with one stage more."""
+"""Sensitivities at one point: derivatives of quantities of an orbit, or of its stability, on the grid of its
+solution. Errors are estimated by a method with one more stage."""
 
 from collections.abc import Sequence
 from typing import Any, cast
@@ -112,7 +112,7 @@ def sensitivities(
 
 
 def periods_of(nonlinear: bool, periods: int | None) -> int:
-    """Number of periods of an orbit, 1 by default. Raises ValueOutOfBoundsError if it is given for a linear
+    """Number of periods of an orbit (default 1). Raises ValueOutOfBoundsError if it is given for a linear
     orbit."""
     if periods is not None and not nonlinear:
         raise ValueOutOfBoundsError(
@@ -124,8 +124,8 @@ def periods_of(nonlinear: bool, periods: int | None) -> int:
 def quantities_by(
     system: PeriodicSystem, of: Sequence[str] | None, by: Sequence[str] | None
 ) -> tuple[list[Named], list[str]]:
-    """Requested quantities and the names of the parameters to differentiate with respect to, without
-    duplicates. Raises UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
+    """Requested quantities, and names of the parameters for differentiation, without duplicates. Raises
+    UnknownNameError, ValueOutOfBoundsError, NoDerivativeError."""
     texts, names = _names("of", of, _default_quantities(system)), _names("by", by, _all_names(system))
     quantities = [Named.of(system, text) for text in texts]
     derivatives_of(system).by(names)
@@ -133,7 +133,7 @@ def quantities_by(
 
 
 def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[str]) -> Sensitivities:
-    """Sensitivities of a known solution, which must be an orbit if the quantities require one. Raises
+    """Sensitivities of an existing solution, which must be an orbit if the quantities require one. Raises
     ValueOutOfBoundsError for methods without stages."""
     rule, system, dependence = solved.certified.method, solved.system, dependence_of(solved, names)
     if not isinstance(rule, Collocated):
@@ -171,7 +171,7 @@ def _all_names(system: PeriodicSystem) -> list[str]:
 
 
 def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> list[str]:
-    """Names without duplicates. Raises ValueOutOfBoundsError if there are none."""
+    """Names without duplicates. Raises ValueOutOfBoundsError if the list is empty."""
     names = list(unique_names(default if given is None else given))
     if not names:
         raise ValueOutOfBoundsError(f"{what} is empty; give names, or leave {what} out")
@@ -179,8 +179,8 @@ def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> li
 
 
 def _multiplier_error(solved: Stability, quantity: Named) -> float:
-    """Relative error of the multiplier by which the derivative of its logarithm is multiplied; 0 for other
-    quantities. A difference between numbers of stages does not show this error."""
+    """Relative error of the multiplier that multiplies the derivative of its logarithm; 0 for other
+    quantities. The difference between numbers of stages does not include this error."""
     if quantity.of_orbit or quantity.subject == EXPONENT:
         return 0.0
     at = multiplier_position(solved, quantity)
@@ -196,8 +196,8 @@ def _with_errors(
     grid: GridDerivatives,
     coarse: GridDerivatives,
 ) -> dict[str, Sensitivity]:
-    """Sensitivity of each quantity, with errors estimated from the derivatives of the method and of one with
-    one stage more. Round-off is estimated on a coarse grid."""
+    """Sensitivity of each quantity, with errors estimated from the derivatives of the method and of the
+    method with one more stage. Round-off is estimated on a coarse grid."""
     found = {}
     sizes = coarse.slopes(quantities, sizes=True)
     for quantity, results, size in zip(quantities, slopes, sizes, strict=True):
@@ -214,7 +214,7 @@ def _with_errors(
 
 
 def _without(quantity: Named, reason: str, grid: GridDerivatives) -> Sensitivity:
-    """Sensitivity of a quantity without derivatives."""
+    """Entry for a quantity without derivatives, with the reason."""
     nothing = np.full(len(grid.names), np.nan)
     return Sensitivity(quantity.value(cast(Solved, grid.solved)), quantity.unit, nothing, nothing, reason)
 

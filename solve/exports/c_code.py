@@ -1,4 +1,5 @@
-"""Export of the generated functions of a model as C code by CasADi, with a simple wrapper for each."""
+"""Export of the generated functions of a model as C code, by CasADi, with a simple wrapper for each
+function."""
 
 import re
 from collections.abc import Sequence
@@ -27,8 +28,8 @@ _ARGUMENTS = "Phase in rad, speed in rad/s, time derivatives, SI units; matrices
 
 
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
-    """System, checked to be a model with formulas. Raises NoMotionError, LinearModelError for other
-    systems."""
+    """Return the system if it is a model with formulas. Raises NoMotionError or LinearModelError
+    otherwise."""
     system.require_motion()
     linearised = isinstance(system, LinearisedModel)
     if not isinstance(system, Model) or linearised or system.assembled or not system.nonlinear:
@@ -46,7 +47,7 @@ def identifier(model: Model) -> str:
 
 
 def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
-    """Text of FILE.c and FILE.h. Raises LinearModelError, NoMotionError, FileError."""
+    """Texts of FILE.c and FILE.h. Raises LinearModelError, NoMotionError, FileError."""
     if not file_stem.isprintable() or set(file_stem) & set('"\\'):
         raise FileError(
             f"{file_stem!r} cannot be the name of a C file; leave out quotes, backslashes and "
@@ -60,7 +61,7 @@ def c_code(system: PeriodicSystem, file_stem: str) -> tuple[str, str]:
 
 @symbolic
 def _by_rows(model: Model, name: str) -> "casadi.Function":
-    """Generated function with dense results by rows; outputs form one column y."""
+    """Generated function whose results are dense and by rows; the outputs form one column y."""
     import casadi
 
     function = model.setup.function(name)
@@ -160,7 +161,7 @@ def _banner(model: Model) -> list[str]:
 
 
 def _listed(symbol: str, model: Model, names: Sequence[str]) -> list[str]:
-    """Comment with name, unit and meaning of each entry of an array."""
+    """C comment with name, unit and meaning of each entry of an array."""
     lines = []
     for k, name in enumerate(names):
         default = model.units.get(name, ""), model.meanings.get(name, "")
@@ -170,5 +171,5 @@ def _listed(symbol: str, model: Model, names: Sequence[str]) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Text from which line breaks and comment ends are removed."""
+    """Text without line breaks and comment ends."""
     return text.replace("*/", "* /").replace("\n", " ")

@@ -1,4 +1,4 @@
-"""Export of a system to files of other tools, selected by the file's ending."""
+"""Export of a system to files for other programs, selected by the ending of the file."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Exported:
 def export(
     system: PeriodicSystem, path: str | Path, speed: float | str | None = None, samples: int = SAMPLES
 ) -> Exported:
-    """Write a system to a file of another tool, completely or not at all.
+    """Write a system to a file for another program, completely or not at all.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ _ASSIGNED = "__assign__"
 
 
 class _Variable(NamedTuple):
-    """Scalar variable of the FMU with its unit, meaning, start value (None for outputs) and nominal size."""
+    """Scalar variable of the FMU with unit, meaning, start value (None for outputs) and nominal size."""
 
     name: str
     unit: str
@@ -53,7 +53,7 @@ class _Variable(NamedTuple):
 
 
 class _Variables(NamedTuple):
-    """Variables of a model. drive: phase and speed. inputs: acceleration of the drive, followed by the
+    """Variables of a model. drive: phase and speed; inputs: acceleration of the drive, followed by the
     forces."""
 
     drive: list[_Variable]
@@ -69,7 +69,7 @@ class _Variables(NamedTuple):
 
 
 def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
-    """Archive of the FMU, and warnings about its initial orbit.
+    """FMU as the bytes of an archive, and warnings about its initial orbit.
 
     States are phase and speed of the drive, coordinates and their rates. They start on the periodic orbit of
     the nonlinear equations at the speed (rad/s). Inputs are the acceleration of the drive and a force along
@@ -94,7 +94,7 @@ def fmu(system: PeriodicSystem, speed: float) -> tuple[bytes, list[str]]:
 
 
 def _headers() -> Path:
-    """Folder of the FMI headers. Raises MissingLibraryError."""
+    """Folder with the FMI headers. Raises MissingLibraryError."""
     try:
         import fmpy
     except ImportError:
@@ -114,7 +114,7 @@ def _compiler() -> str:
 
 
 def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
-    """Variables with their start values, and warnings about these."""
+    """Variables with start values, and warnings about the orbit from which these are taken."""
     n, names = model.n, signals(model)
     state, sizes, warnings = _start(model, speed)
     meanings = [model.meanings.get(name, "") for name in model.coordinates]
@@ -138,8 +138,8 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
 
 
 def _start(model: Model, speed: float) -> tuple[Array, Array, list[str]]:
-    """q and q̇ (2n,) at phase 0 of the periodic orbit, their largest moduli, and warnings; without a load,
-    zeros and ones."""
+    """Initial q and q̇ (2n,) on the periodic orbit at phase 0, largest moduli on the orbit, and warnings.
+    Without a load, zeros and ones."""
     try:
         require_load(model, speed)
     except NoLoadError as reason:
@@ -162,7 +162,7 @@ def _require_different_names(variables: _Variables) -> None:
 
 
 def _exported(model: Model, variables: _Variables, headers: Path, compiler: str) -> Mapping[str, str]:
-    """Write the files of the FMU to the current folder, and return them with their paths in the archive."""
+    """Write the files of the FMU to the current folder. Returns them with their paths in the archive."""
     import casadi
 
     builder = casadi.DaeBuilder(identifier(model))
@@ -209,8 +209,8 @@ def _with_nominals(wrapper: Path, states: Sequence[_Variable]) -> None:
 
 @symbolic
 def _explicit(model: Model) -> "casadi.Function":
-    """Function of phase, speed, q, q̇, inputs and parameters that returns the rates of the states, and the
-    outputs: M q̈ = u - r(q̈ = 0)."""
+    """Function of phase, speed, q, q̇, inputs and parameters that returns the rates of the states and the
+    outputs, from M q̈ = u - r(q̈ = 0)."""
     import casadi
 
     n = model.n
@@ -231,7 +231,7 @@ def _explicit(model: Model) -> "casadi.Function":
 
 
 def _described(content: bytes, model: Model, variables: _Variables, speed: float) -> bytes:
-    """Model description written by CasADi, with units, start values of the states and the period added."""
+    """Model description from CasADi, with units, start values of the states and the period added."""
     root = ET.fromstring(content)
     root.set("description", model.title)
     root.set("generationTool", "parametric-vibration, CasADi")
@@ -276,7 +276,7 @@ def _unit(unit: str) -> str:
 
 
 def _packed(files: Mapping[str, str]) -> bytes:
-    """Archive of files of the current folder, with their paths in the archive."""
+    """Archive of files in the current folder, with their paths in the archive."""
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         for file, place in sorted(files.items()):

@@ -1,5 +1,6 @@
 """Harmonic transfer functions (N. M. Wereley, Analysis and Control of Linear Periodically Time Varying
-Systems, PhD thesis, MIT, 1990), from the harmonics of a force modulated by exp(st) to those of outputs."""
+Systems, PhD thesis, MIT, 1990). They map the harmonics of a force modulated by exp(st) to those of the
+outputs."""
 
 import math
 from collections.abc import Sequence
@@ -54,8 +55,8 @@ class TransferValues(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class HarmonicTransfer:
-    """Harmonic transfer function y_i = Σ_k H_ik(s) u_k for u = Σ_k u_k exp((s + ikω)t), y likewise, with
-    ω = 2π/T and harmonics i, k from -N to N.
+    """Harmonic transfer function H with y_i = Σ_k H_ik(s) u_k, for u = Σ_k u_k exp((s + ikω)t) and y of the
+    same form, with ω = 2π/T and harmonics i, k from -N to N.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ class HarmonicTransfer:
 
     @property
     def rotation(self) -> float:
-        """ω = 2π/T in rad/s."""
+        """Angular frequency ω = 2π/T in rad/s."""
         return 2 * math.pi / self.system.period * self.speed
 
     @cached_property
@@ -95,8 +96,8 @@ class HarmonicTransfer:
 
     @cached_property
     def error(self) -> float:
-        """Error of H at a point off the imaginary axis, estimated by a solution with twice as many harmonics
-        of the states."""
+        """Error of H at a point beside the imaginary axis, estimated with twice as many harmonics of the
+        states."""
         return self.at(_PROBE * self.rotation).error
 
     @property
@@ -122,7 +123,7 @@ class HarmonicTransfer:
 
     @property
     def rest(self) -> Array:
-        """Fourier coefficients (2N+1, p) of the outputs without states and forces; for a first-order system
+        """Fourier coefficients (2N+1, p) of the outputs without states and forces. For a first-order system
         with inputs, those of its outputs without inputs."""
         return self._truncated(self._spectra.y0) + self._spectra.free_response(
             2 * self.orders, self.harmonics, self.rotation
@@ -276,7 +277,7 @@ def harmonic_transfer(
 
 
 def _most_orders(system: PeriodicSystem) -> int:
-    """Maximum number of harmonics of the states, such that twice as many fit in dense matrices."""
+    """Largest number of harmonics of the states for which twice as many fit into dense matrices."""
     return (MOST_UNKNOWNS // system.multiplier_count - 1) // 4
 
 
@@ -302,7 +303,7 @@ class _Spectra:
 
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float, highest: int) -> "_Spectra":
-        """Spectra by Gauss's rule in steps that end at the jumps of the matrices."""
+        """Spectra by Gauss quadrature in steps that end at the jumps of the matrices."""
         grid = Grid.uniform(highest + 1, system.period, system.breaks)
         nodes, weights = np.polynomial.legendre.leggauss(_GAUSS_POINTS)
         phases = grid.stages((nodes + 1) / 2).ravel()
@@ -313,7 +314,8 @@ class _Spectra:
         return cls(*(np.tensordot(waves, matrix, 1) for matrix in matrices[:7]))
 
     def lifted(self, orders: int, harmonics: int, rotation: float) -> tuple[Array, Array, Array, Array]:
-        """A - N, B, C and D of the lifted system, with states of harmonics -orders … orders."""
+        """Matrices A - N, B, C and D of the lifted system, whose states have the harmonics -orders …
+        orders."""
         inner, outer = np.arange(-orders, orders + 1), np.arange(-harmonics, harmonics + 1)
         blocks = (
             (self.A, inner, inner),
@@ -334,14 +336,14 @@ class _Spectra:
         return matrix_balance(mean, permute=False, separate=True)[1][0]
 
     def transfer(self, s: complex, orders: int, harmonics: int, rotation: float) -> Array:
-        """C (s - A + N)⁻¹ B + D as (2N+1, p, 2N+1, r); NaN at a pole."""
+        """Transfer function C (s - A + N)⁻¹ B + D as (2N+1, p, 2N+1, r); NaN at a pole."""
         A, B, C, D = self.lifted(orders, harmonics, rotation)
         H = self._response(s, A, B, C) + D
         p, r = self.D.shape[1:]
         return H.reshape(2 * harmonics + 1, p, 2 * harmonics + 1, r)
 
     def free_response(self, orders: int, harmonics: int, rotation: float) -> Array:
-        """Coefficients (2N+1, p) of the outputs due to the load b; zero without such a load."""
+        """Coefficients (2N+1, p) of the outputs due to the load b; zero without this load."""
         p = self.D.shape[1]
         if not self.b.any():
             return np.zeros((2 * harmonics + 1, p))
@@ -351,7 +353,7 @@ class _Spectra:
         return self._response(0.0, A, loads, C).reshape(-1, p)
 
     def _response(self, s: complex, A: Array, B: Array, C: Array) -> Array:
-        """C (s - A)⁻¹ B of lifted matrices; NaN at a pole."""
+        """Values C (s - A)⁻¹ B for lifted matrices; NaN at a pole."""
         unit = np.tile(self.units, len(A) // len(self.units))
         try:
             return (C * unit) @ np.linalg.solve(
@@ -362,7 +364,7 @@ class _Spectra:
 
 
 def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Array:
-    """Lifted matrix between signals, converted to means and amplitudes of cosines and sines."""
+    """Lifted matrix between signals, in terms of means and amplitudes of cosines and sines."""
     blocks = matrix.reshape(2 * rows + 1, height, 2 * columns + 1, width)
     forward, backward = _amplitudes(rows), np.linalg.inv(_amplitudes(columns))
     converted = np.einsum("ij,jakb,kl->ialb", forward, blocks, backward, optimize=True)
@@ -370,7 +372,7 @@ def _real(matrix: Array, rows: int, columns: int, height: int, width: int) -> Ar
 
 
 def _amplitudes(orders: int) -> Array:
-    """Matrix that converts coefficients of exp(ikφ), k = -orders … orders, to mean, cosine and sine
+    """Matrix that converts the coefficients of exp(ikφ), k = -orders … orders, to mean, cosine and sine
     amplitudes."""
     matrix = np.zeros((2 * orders + 1, 2 * orders + 1), dtype=complex)
     matrix[0, orders] = 1.0

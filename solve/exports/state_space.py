@@ -1,6 +1,6 @@
-"""Linearised equations as a state space over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀,
-with derivatives with respect to time, x = (q, q̇), and forces u along the coordinates in addition to the load
-d. The load b is zero except for a first-order system with its own inputs u."""
+"""State-space form of the linearised equations over the phase: x′ = A x + B (u + d) + b, y = C x + D (u + d)
++ y₀. Derivatives are with respect to time, x = (q, q̇), and forces u act along the coordinates in addition
+to the load d. The load b is zero except for a first-order system with inputs u of its own."""
 
 import math
 from collections.abc import Iterable
@@ -31,7 +31,8 @@ _FORCES = {"m": "N", "rad": "N m"}
 
 class Coefficients(NamedTuple):
     """Coefficients at k phases: A (k, N, N), B (k, N, r), C (k, p, N), D (k, p, r), load d (k, r), y₀ (k, p),
-    the outputs without states and forces, and b (k, N); also mass, damping and stiffness (k, n, n)."""
+    which is the outputs without states and forces, and b (k, N); also mass, damping and stiffness matrices
+    (k, n, n)."""
 
     A: Array
     B: Array
@@ -57,9 +58,9 @@ class Signals(NamedTuple):
 
 
 def signals(system: PeriodicSystem) -> Signals:
-    """Signals of the state space of a system: states q and q_dot, inputs force_q, and as outputs the
-    coordinates and the outputs of the model that have derivatives. First-order states x have inputs load_x,
-    unless inputs are named."""
+    """Signals of a system's state space: states q and q_dot; inputs force_q; as outputs the coordinates and
+    those outputs of the model that have derivatives. First-order states x have inputs load_x, unless
+    inputs are named."""
     names = system.coordinates
     units = [system.units.get(name, "") for name in names]
     inertial = len(names) - system.first_order
@@ -111,7 +112,7 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
 
 
 def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, speed: float) -> Coefficients:
-    """Coefficients with the named inputs and outputs of a system, if any."""
+    """Coefficients for the named inputs and outputs of a system, if it has any."""
     if not (system.inputs or system.outputs):
         return made
     _, b, B, C, D = system.equations_at(phase, speed)
@@ -125,13 +126,13 @@ def _with_signals(system: FirstOrderSystem, made: Coefficients, phase: Array, sp
 
 
 def _coefficient(name: str, description: str) -> Any:
-    """Property that is one of the coefficients."""
+    """Property that returns one of the coefficients."""
     return property(lambda space: getattr(space.coefficients, name), doc=description)
 
 
 @dataclass(frozen=True, repr=False)
 class StateSpace:
-    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period, derivatives with
+    """State space x′ = A x + B (u + d) + b, y = C x + D (u + d) + y₀ over one period; derivatives are with
     respect to time.
 
     Parameters
@@ -165,8 +166,8 @@ class StateSpace:
     b = _coefficient("b", "Constant terms (m, N) of the states.")
 
     def frozen(self, phase: float) -> "control.StateSpace":
-        """Time-invariant state space of python-control at a fixed phase; if the matrices jump there, just
-        after the jump.
+        """Time-invariant state space (python-control) at a fixed phase. At a jump of the matrices, their
+        values just after the jump are used.
 
         Its poles do not determine the stability of the periodic system.
 
@@ -258,7 +259,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
 
 
 def _after(system: PeriodicSystem, phase: Array) -> Array:
-    """Phases (k,), moved just behind a jump of the matrices."""
+    """Phases (k,), of which those at a jump of the matrices are moved just behind it."""
     period, inset = system.period, SAME_PHASE * system.period
     distance = np.remainder(phase[:, None] - np.array(system.breaks) + period / 2, period) - period / 2
     return phase + 2 * inset * (np.abs(distance) <= inset).any(axis=1)
@@ -274,7 +275,7 @@ def python_control() -> Any:
 
 
 def labels(names: Iterable[str]) -> list[str]:
-    """Names of signals for python-control, which does not allow dots.
+    """Names of signals for python-control, which does not permit dots.
 
     >>> labels(["force_q.1"])
     ['force_q_1']

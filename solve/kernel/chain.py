@@ -10,7 +10,7 @@ from solve.kernel.library import address, loaded
 
 
 class _Chain(ctypes.Structure):
-    """The struct `problem` of chain.c."""
+    """Structure `problem` of chain.c."""
 
     _fields_ = (
         ("steps", ctypes.c_long),
@@ -35,7 +35,7 @@ def closed(A: Array, b: Array) -> tuple[Array, float] | None:
 
 
 def followed(A: Array, start: Array) -> Array | None:
-    """States (m+1, N, r) of x_{k+1} = A_k x_k from the first one (N, r), which may be complex; None without
+    """States (m+1, N, r) of x_{k+1} = A_k x_k from the first state (N, r), which may be complex; None without
     compiled code."""
     m, N, _ = A.shape
     kind = np.result_type(start, float)

@@ -1,5 +1,5 @@
-"""Collocation over one period in compiled code: many points, or segments of one period, in the lanes of
-vector registers."""
+"""Collocation over one period in compiled code. The lanes of vector registers contain many points, or
+segments of one period."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ _POINT_TABLES, _SEGMENTS = 1, 2
 
 
 class Samples(NamedTuple):
-    """Terms of the entries at the phases that a method samples.
+    """Terms of the entries at the phases that a method samples, with their coefficients.
 
     table: (k, R), shared by all points, or (P, k, R). coefficients: (P, R). entry (R,): number of the entry
     of each term, in ascending order."""
@@ -25,8 +25,8 @@ class Samples(NamedTuple):
 
     @property
     def summed(self) -> "Samples":
-        """Samples per point with one term per entry and coefficients 1, which lanes process without
-        coefficients and sums."""
+        """Samples per point with one term per entry. All coefficients are 1, so that lanes need no
+        multiplication and summation."""
         first = np.flatnonzero(np.diff(self.entry, prepend=-1))
         if len(first) == len(self.entry) and (self.coefficients == 1).all():
             return self
@@ -60,8 +60,8 @@ class Periods(NamedTuple):
 
 
 def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
-    """Memory per step and point: its curve with this number of powers, and its share of the workspace of a
-    group."""
+    """Memory in bytes per step and point: its curve with this number of powers, and its share of the
+    workspace of a group of points."""
     return 8 * n * (2 * powers + 12) if orbit else 8
 
 
@@ -74,7 +74,7 @@ def solved(
     nodes: Samples | None,
     alone: bool = False,
 ) -> Periods:
-    """Solutions of the points on steps of lengths h (m,), in compiled code.
+    """Solutions of the points on steps of lengths h (m,), by compiled code.
 
     Coefficients are sampled at the stages (m s phases, step by step). Orbits by a method whose steps do not
     end at a stage also need the starts of steps (m phases); with jumps at ends of steps, orbits by any method
@@ -128,13 +128,13 @@ def _joined(parts: Sequence[Array | None]) -> Array | None:
 
 
 def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Array:
-    """Table of the samples; tables per point (P, k, R) are arranged in groups (groups, k, R, width)."""
+    """Table of the samples. Tables per point (P, k, R) are rearranged to groups (groups, k, R, width)."""
     if samples.own and not segments:
         return _grouped(samples.table, groups, width)
     return np.ascontiguousarray(samples.table)
 
 
 def _grouped(values: Array, groups: int, width: int) -> Array:
-    """Values (P, …) as (groups, …, width); the last point fills the remaining lanes."""
+    """Values (P, …) rearranged to (groups, …, width); the last point fills the remaining lanes."""
     filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]
     return np.ascontiguousarray(filled.reshape(groups, width, -1).swapaxes(1, 2))

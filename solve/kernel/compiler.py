@@ -1,4 +1,4 @@
-"""Compilation of the C files of this package for this machine at first use, with a cache per user."""
+"""Compilation of this package's C files for the machine at first use, with a cache per user."""
 
 import ctypes
 import hashlib
@@ -37,7 +37,8 @@ _LOGGER = logging.getLogger(__name__)
 
 
 class CompilerError(Exception):
-    """Compiled code is not available: there is no C compiler, or it fails. The message is one line."""
+    """Raised if compiled code is not available, because there is no C compiler or it fails. The message has
+    one line."""
 
 
 _WHAT = {
@@ -54,8 +55,8 @@ _WHAT = {
 
 
 def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctypes.CDLL:
-    """Library of a C file, with the sizes as macros, and with FORMULAS as the name of a file if there are
-    formulas. Raises CompilerError."""
+    """Library from a C file, with the sizes as macros and, if there are formulas, with the macro FORMULAS
+    naming their file. Raises CompilerError."""
     library = library_file(source, sizes, formulas)
     try:
         return ctypes.CDLL(str(library))
@@ -64,7 +65,7 @@ def compiled(source: Path, sizes: Mapping[str, int], formulas: str = "") -> ctyp
 
 
 def library_file(source: Path, sizes: Mapping[str, int], formulas: str = "") -> Path:
-    """File of the library of a C file, see `compiled`. A first compilation is logged in one line. Raises
+    """File of the library from a C file, see `compiled`. A first compilation is logged in one line. Raises
     CompilerError."""
     compiler = c_compiler()
     macros = [f"-D{name}={value}" for name, value in sizes.items()]
@@ -99,7 +100,7 @@ def _sound(library: Path) -> bool:
 
 
 def _require_own(path: Path) -> None:
-    """Raise CompilerError if other users may change a file or a folder."""
+    """Raise CompilerError if other users may modify the file or folder."""
     if not hasattr(os, "getuid"):
         return
     found = path.lstat()
@@ -156,7 +157,7 @@ def zig() -> tuple[str, ...]:
 
 
 def _compile(command: list[str], library: Path, formulas: str) -> None:
-    """Write the library and its checksum, each atomically."""
+    """Write the library and its checksum, each as a whole."""
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         part, checksum, text = (Path(folder) / name for name in (library.name, "checksum", "formulas.h"))
         if formulas:
@@ -184,7 +185,7 @@ def _run(command: list[str]) -> str:
 
 
 def _folder() -> Path:
-    """Folder of compiled code in the cache of the user, created if missing. Raises CompilerError."""
+    """Folder for compiled code in the cache of the user; created if missing. Raises CompilerError."""
     given = Path(os.environ.get("XDG_CACHE_HOME", ""))
     try:
         # Relative paths are ignored, according to the XDG Base Directory specification.

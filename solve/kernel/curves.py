@@ -1,4 +1,4 @@
-"""Differences of curves in compiled code."""
+"""Differences between curves in compiled code."""
 
 import ctypes
 from functools import lru_cache
@@ -20,7 +20,7 @@ class _Side(ctypes.Structure):
 
 
 class _Problem(ctypes.Structure):
-    """The struct `problem` of curves.c."""
+    """Structure `problem` of curves.c."""
 
     _fields_ = (
         ("curves", ctypes.c_long),
@@ -32,7 +32,7 @@ class _Problem(ctypes.Structure):
 
 
 def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[Array, Array] | None:
-    """Largest moduli (…) of the differences of finite curves (…, m, D), and of the fine curves.
+    """Largest moduli (…) of the differences between finite curves (…, m, D), and of the fine curves.
 
     Curves are powers of θ in equal steps. `samples` are the numbers of samples per step of both, at most
     MOST, at the same phases. None without compiled code or memory."""
@@ -52,5 +52,5 @@ def differences(coarse: Array, fine: Array, samples: tuple[int, int]) -> tuple[A
 
 @lru_cache
 def _powers(samples: int, D: int) -> Array:
-    """Powers of θ (D, MOST) at the samples of a step; further columns are not used."""
+    """Powers of θ (D, MOST) at the samples of a step; columns beyond the samples are not used."""
     return (np.arange(MOST) / samples) ** np.arange(D)[:, None]

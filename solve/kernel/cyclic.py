@@ -1,4 +1,4 @@
-"""Linear systems and eigenvectors along closed chains x_{k+1} = B_k x_k of small blocks."""
+"""Linear systems and eigenvectors of cyclic chains x_{k+1} = B_k x_k of small blocks."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ _TRIANGULAR = 1e-12
 
 
 def cyclic(own: Array, following: Array, right: Array) -> Array:
-    """x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
+    """Solution x (r, m, b) of own_k x_k + following_k x_{k+1} = right_k with x_m = x_0, for r systems.
 
     Blocks own are (r, m, b, b), numbers following (r, m) and right-hand sides (r, m, b). x is 0 for systems
     that remain singular under a perturbation by round-off.
@@ -59,8 +59,8 @@ def _dense(own: Array, following: Array, right: Array) -> Array | None:
 
 
 def _banded(own: Array, following: Array, right: Array) -> Array | None:
-    """Solve the cyclic systems with their blocks in the order 0, m-1, 1, m-2, …: neighbours are then at most
-    two places apart, so that the matrix is banded. All systems are combined in one banded matrix."""
+    """Solve the cyclic systems as one banded system. The blocks are in the order 0, m-1, 1, m-2, …, in which
+    neighbours are at most two positions apart, so that the matrix is banded."""
     r, m, b = right.shape
     k = np.arange(m)
     place = np.where(2 * k < m, 2 * k, 2 * (m - k) - 1)
@@ -85,9 +85,9 @@ def _banded(own: Array, following: Array, right: Array) -> Array | None:
 
 
 def triangular_bases(blocks: Array) -> Array:
-    """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, of blocks B (m, 2, 2): the
-    first column is an eigenvector of the product at every node, by inverse iteration in units that make it
-    equally long at all nodes. Raises LinAlgError where that does not converge."""
+    """Unitary matrices U (m, 2, 2) for which U_{k+1}ᴴ B_k U_k is upper triangular, for blocks B (m, 2, 2). At
+    every node the first column is an eigenvector of the product. It is computed by inverse iteration in
+    units that make it equally long at all nodes. Raises LinAlgError if the iteration does not converge."""
     w, x = np.empty(blocks.shape[:2], dtype=complex), _START
     for k, block in enumerate(blocks):
         w[k] = x / np.linalg.norm(x)
@@ -103,15 +103,14 @@ def triangular_bases(blocks: Array) -> Array:
     below = (np.roll(U[..., 1], -1, axis=0).conj() * (blocks @ w[..., None])[..., 0]).sum(axis=-1)
     if not (np.abs(below) <= _TRIANGULAR * np.linalg.norm(blocks, axis=(1, 2))).all():
         raise np.linalg.LinAlgError(
-            "two eigenvalues of a product are nearly equal, so that their vectors are not accurate "
-            "to all digits"
+            "two eigenvalues of a product are nearly equal, and their eigenvectors are inaccurate"
         )
     return U
 
 
 def _eigenvalue_logarithm(blocks: Array) -> complex:
-    """log ρ of one eigenvalue of a product of blocks (m, 2, 2), as accurate as the product of the blocks
-    permits."""
+    """Logarithm log ρ of one eigenvalue of a product of blocks (m, 2, 2), as accurate as the product of the
+    blocks permits."""
     product, scale = np.eye(2, dtype=complex), 0.0
     for block in blocks:
         product = block @ product

@@ -10,14 +10,14 @@ from solve.kernel.library import address, loaded
 
 
 class _Problem(ctypes.Structure):
-    """The struct `problem` of eigenvalues.c."""
+    """Structure `problem` of eigenvalues.c."""
 
     _fields_ = (("count", ctypes.c_long), ("entries", ctypes.c_void_p), ("values", ctypes.c_void_p))
 
 
 def eigenvalues(pencils: Array, first_order: int = 0) -> Array | None:
-    """Finite eigenvalues (…, 2n - first_order) of fields (3, n, n, …), which are M, C and K; NaN without
-    convergence.
+    """Finite eigenvalues (…, 2n - first_order) for fields (3, n, n, …) of M, C and K; NaN if the iteration
+    does not converge.
 
     The last `first_order` columns of M are zero. None without compiled code, or if n is large."""
     n = pencils.shape[1]

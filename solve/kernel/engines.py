@@ -1,4 +1,4 @@
-"""Engines: compiled code if the machine has a C compiler, NumPy otherwise."""
+"""Engines: compiled code if the machine has a C compiler, otherwise NumPy."""
 
 from solve.errors import SolveError, UnknownNameError
 from solve.kernel.library import INSTEAD, trouble
@@ -7,11 +7,11 @@ AUTO, COMPILED, NUMPY = ENGINES = ("auto", "compiled", "numpy")
 
 
 class EngineError(SolveError):
-    """Compiled engine not available."""
+    """Raised if the compiled engine is not available."""
 
 
 def chosen_engine(name: str) -> tuple[str, list[str]]:
-    """COMPILED or NUMPY for the name of an engine, and notes about the selection.
+    """Engine (COMPILED or NUMPY) selected by a name, and notes about the selection.
 
     Raises UnknownNameError, and EngineError if "compiled" is not available.
     """

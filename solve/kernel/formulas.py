@@ -1,4 +1,4 @@
-"""Formulas of generated models in compiled code.
+"""Evaluation of the formulas of generated models by compiled code.
 
 Values at phases, statistics over one period of curves and of formulas of these, both for many points, and
 values of columns of numbers."""
@@ -19,7 +19,7 @@ _WIDEST = 8
 
 
 class _Turn(ctypes.Structure):
-    """The struct `problem` of figures.c."""
+    """Structure `problem` of figures.c."""
 
     _fields_ = (
         *((name, ctypes.c_long) for name in ("points", "steps", "samples")),
@@ -31,7 +31,7 @@ class _Turn(ctypes.Structure):
 
 
 class _Phases(ctypes.Structure):
-    """The struct `problem` of pointwise.c."""
+    """Structure `problem` of pointwise.c."""
 
     _fields_ = (
         *((name, ctypes.c_long) for name in ("points", "phases")),
@@ -40,7 +40,7 @@ class _Phases(ctypes.Structure):
 
 
 class _Columns(ctypes.Structure):
-    """The struct `problem` of columns.c."""
+    """Structure `problem` of columns.c."""
 
     _fields_ = (
         ("columns", ctypes.c_long),
@@ -51,7 +51,7 @@ class _Columns(ctypes.Structure):
 
 
 def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
-    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,), with parameters (P, p); None without
+    """Values (P, k, outputs) of formulas at phases (k,) and speeds (P,) with parameters (P, p); None without
     compiled code."""
     parameters = np.ascontiguousarray(formulas.values, dtype=float)
     sizes = ("OUTPUTS", formulas.outputs), ("PARAMETERS", parameters.shape[1])
@@ -69,7 +69,7 @@ def values(formulas: Formulas, phase: Array, speeds: Array) -> Array | None:
 def columns(
     formulas: Formulas, inputs: Sequence[Array], along: tuple[Array, Array] | None = None
 ) -> Array | None:
-    """Values (outputs, k) of formulas of inputs (width, k) by columns, and of parameters (p,); None without
+    """Values (outputs, k) of formulas for k columns of inputs (width, k) and parameters (p,); None without
     compiled code.
 
     along: row of weights (outputs,) of each output, and weights (rows, c, k), with which the values are
@@ -97,7 +97,7 @@ def columns(
 
 
 def columns_by(engine: str) -> Columns | None:
-    """Function that evaluates formulas of columns; None for NumPy."""
+    """Function that evaluates formulas for columns of inputs; None for the engine NUMPY."""
     return columns if engine == COMPILED else None
 
 
@@ -112,8 +112,8 @@ def figures(
     wanted: Array,
     formulas: Formulas | None = None,
 ) -> Array | None:
-    """Figures (P, k, 7) of the `wanted` quantities (k,), coordinates and behind them formulas, in the order
-    of `solve.contracts.Statistics`; None without compiled code or memory.
+    """Figures (P, k, 7), in the order of `solve.contracts.Statistics`, of the quantities with indices
+    `wanted` (k,): coordinates, followed by formulas. None without compiled code or memory.
 
     curves (P, n, m, D): of equal steps, powers of θ, lowest first; speeds (P,) in rad/s; samples: of a step;
     zooms: narrowings of an extremum to a sixteenth, each by values at these `parts` of its surroundings, at

@@ -22,9 +22,9 @@ _address: Callable[[Any], int] = ctypes.addressof
 
 
 class Size(NamedTuple):
-    """Sizes for which a library is compiled: coordinates, stages, accelerations of the curve of a step,
-    whether a step ends at a stage, whether orbits are computed, and coordinates without second derivatives,
-    which are the last ones."""
+    """Sizes for which a library is compiled: numbers of coordinates, of stages, and of accelerations of the
+    curve per step; whether a step ends at a stage; whether orbits are computed; and the number of
+    coordinates without second derivatives, which are the last ones."""
 
     n: int
     stages: int
@@ -35,7 +35,7 @@ class Size(NamedTuple):
 
 
 class _Problem(ctypes.Structure):
-    """The struct `problem` of lanes.c."""
+    """Structure `problem` of lanes.c."""
 
     _fields_ = (
         ("groups", ctypes.c_long),
@@ -51,20 +51,20 @@ class _Problem(ctypes.Structure):
 
 @lru_cache
 def library(size: Size) -> ctypes.CDLL:
-    """Library for a size. Raises CompilerError."""
+    """Library for the given sizes. Raises CompilerError."""
     names = ("N", "S", "NODES", "STIFF", "ORBIT", "P")
     sizes = *size[:-1], size.n - size.first_order
     return compiled(_SOURCE, dict(zip(names, map(int, sizes), strict=True)))
 
 
 def lanes(size: Size) -> int:
-    """Number of values per vector register of this machine in the library. Raises CompilerError."""
+    """Number of values per vector register of this machine for a library. Raises CompilerError."""
     return ctypes.c_int.in_dll(library(size), "lanes").value
 
 
 @lru_cache
 def trouble() -> str:
-    """Reason why nothing can be compiled on this machine, or an empty text."""
+    """Reason why compilation is impossible on this machine, or an empty text."""
     try:
         library(Size(1, 1, 2, True, False))
     except CompilerError as error:
@@ -74,7 +74,7 @@ def trouble() -> str:
 
 @lru_cache
 def available(size: Size) -> bool:
-    """Whether there is a library for a size; otherwise the reason is logged."""
+    """Whether there is a library for the given sizes; if not, the reason is logged."""
     try:
         library(size)
     except CompilerError as error:
@@ -85,7 +85,7 @@ def available(size: Size) -> bool:
 
 @lru_cache
 def loaded(source: str, sizes: tuple[tuple[str, int], ...], formulas: str = "") -> ctypes.CDLL | None:
-    """Library of another C file of this package; None if it is not available, with the reason logged."""
+    """Library from another C file of this package. None if it is not available; the reason is then logged."""
     try:
         return compiled(_SOURCE.with_name(source), dict(sizes), formulas)
     except CompilerError as error:
@@ -103,7 +103,7 @@ def address(numbers: Array) -> int:
 
 
 def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
-    """Addresses by name."""
+    """Addresses of arrays by name."""
     try:
         return {name: _address(_first(numbers)) for name, numbers in arrays.items()}
     except (TypeError, ValueError):
@@ -113,15 +113,15 @@ def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
 def run(
     kernel: str, size: Size, arrays: Mapping[str, Array], entry: Array | None = None, **numbers: float
 ) -> None:
-    """Call a kernel with arrays and numbers, passed by the names in `problem`; results are written into the
-    arrays.
+    """Call a kernel with arrays and numbers, which are passed by the names in `problem`. Results are written
+    into the arrays.
 
     Raises CompilerError, MemoryError.
     """
     indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
     problem = _Problem(entry=address(indices), **addresses(arrays), **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):
-        raise MemoryError(f"no memory for {numbers['steps']} steps of {size.n} coordinates")
+        raise MemoryError(f"not enough memory for {numbers['steps']} steps of {size.n} coordinates")
 
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Eigenvalues of many monodromy matrices and their condition numbers in compiled code."""
+"""Eigenvalues of many monodromy matrices, and their condition numbers, by compiled code."""
 
 import ctypes
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from solve.kernel.library import addresses, loaded
 
 
 class _Problem(ctypes.Structure):
-    """The struct `problem` of multipliers.c."""
+    """Structure `problem` of multipliers.c."""
 
     _fields_ = (
         ("count", ctypes.c_long),
@@ -22,7 +22,7 @@ class _Problem(ctypes.Structure):
     )
 
 
-class Found(NamedTuple):
+class Eigenvalues(NamedTuple):
     """Eigenvalues of matrices.
 
     values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
@@ -32,11 +32,11 @@ class Found(NamedTuple):
     sizes: Array
 
 
-class Conditioned(NamedTuple):
+class EigenvaluesWithConditions(NamedTuple):
     """Eigenvalues and condition numbers of matrices.
 
-    values and sizes as in `Found`. norms (P,): spectral norms of the balanced matrices. conditions (P, N):
-    condition numbers of their eigenvalues."""
+    values and sizes as in `Eigenvalues`. norms (P,): spectral norms of the balanced matrices. conditions
+    (P, N): condition numbers of their eigenvalues."""
 
     values: Array
     sizes: Array
@@ -44,25 +44,27 @@ class Conditioned(NamedTuple):
     conditions: Array
 
 
-def eigenvalues(matrices: Array, units: Array | None) -> Found | None:
+def eigenvalues(matrices: Array, units: Array | None) -> Eigenvalues | None:
     """Eigenvalues of finite matrices (P, N, N).
 
     units (P, N): powers of 2 that balance matrices of more than two rows. None without compiled code, for
     large N and without units."""
     P, N, _ = matrices.shape
-    made = Found(np.empty((P, N), dtype=complex), np.empty(P))
+    made = Eigenvalues(np.empty((P, N), dtype=complex), np.empty(P))
     return made if _written(matrices, units, made._asdict()) else None
 
 
-def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
-    """Eigenvalues of finite matrices (P, N, N), and their condition numbers."""
+def eigenvalues_with_conditions(matrices: Array, units: Array | None) -> EigenvaluesWithConditions | None:
+    """Eigenvalues of finite matrices (P, N, N), and condition numbers of the eigenvalues."""
     P, N, _ = matrices.shape
-    made = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
+    made = EigenvaluesWithConditions(
+        np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N))
+    )
     return made if _written(matrices, units, made._asdict()) else None
 
 
 def _written(matrices: Array, units: Array | None, results: dict[str, Array]) -> bool:
-    """Whether a library is available and has written the results."""
+    """Compute the results if a library is available. Returns whether they were written."""
     N = matrices.shape[-1]
     if N > 2 * SMALL or (N > 2 and units is None):
         return False

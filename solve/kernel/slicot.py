@@ -1,5 +1,5 @@
-"""The periodic Schur form by SLICOT (P. Benner et al., Applied and Computational Control, Signals, and
-Circuits 1 (1999) 499-539) through the package `ctrlsys`, which is not available on all platforms.
+"""Periodic Schur form by SLICOT (P. Benner et al., Applied and Computational Control, Signals, and Circuits 1
+(1999) 499-539) through the package `ctrlsys`, which is not available on all platforms.
 
 Of its two iterations the complex one, mb03bz, is used. The real one, mb03bd, did not converge for cyclic
 permutations nor for 768 steps of a beam structure with 54 states, and left entries unchanged in some
@@ -21,8 +21,8 @@ def available() -> bool:
 
 
 def product_logarithms(A: Array) -> Array:
-    """log ρ (N,) of the product A_{m-1} … A_0 of real factors (m, N, N), unordered; real part -inf for an
-    exact 0.
+    """Logarithms log ρ (N,) of the eigenvalues of the product A_{m-1} … A_0 of real factors (m, N, N),
+    unordered; the real part is -inf for an exact 0.
 
     Raises LinAlgError if the factors are not finite or the iteration does not converge."""
     from ctrlsys import mb03bz
@@ -37,8 +37,8 @@ def product_logarithms(A: Array) -> Array:
 
 
 def periodic_schur(A: Array) -> tuple[Array, Array]:
-    """Upper triangular F_k = Q_{k+1}ᴴ A_k Q_k and unitary Q_k, Q_m = Q_0, of real factors A_k, all
-    (m, N, N). Raises LinAlgError as `product_logarithms` does."""
+    """Upper triangular F_k = Q_{k+1}ᴴ A_k Q_k and unitary Q_k with Q_m = Q_0, for real factors A_k; all (m,
+    N, N). Raises LinAlgError under the same conditions as `product_logarithms`."""
     from ctrlsys import mb03bz, mb03vy
 
     H, reflections, tau = _hessenberg(A)
@@ -60,7 +60,7 @@ def periodic_schur(A: Array) -> tuple[Array, Array]:
 
 
 def _split(H: Array, Q: Array, at: int) -> None:
-    """Triangularise the block of rows `at` and `at` + 1 of factors (N, N, m) in place.
+    """Triangularise in place the 2×2 block in rows `at` and `at` + 1 of factors (N, N, m).
 
     Real shifts do not converge to nearly equal eigenvalues that round-off may have made complex."""
     if at < 0 or (at > 0 and H[at, at - 1, 0] != 0):
@@ -74,8 +74,8 @@ def _split(H: Array, Q: Array, at: int) -> None:
 
 
 def _hessenberg(A: Array) -> tuple[Array, Array, Array]:
-    """Reversed chain (N, N, m) in complex Hessenberg-triangular form, and the reflections of the
-    reduction."""
+    """Reversed chain (N, N, m) in complex Hessenberg-triangular form, and the reflections by which it was
+    reduced."""
     from ctrlsys import mb03vd
 
     # SLICOT does not return from infinite entries.
@@ -102,5 +102,5 @@ def _check(failed: int, routine: str) -> None:
 
 
 def _factors(chain: Array) -> Array:
-    """Chain (N, N, m) as (m, N, N)."""
+    """Chain (N, N, m) rearranged to factors (m, N, N)."""
     return np.ascontiguousarray(np.moveaxis(chain, -1, 0))

@@ -1,4 +1,4 @@
-"""Stage systems of collocation for the steps of one period in compiled code."""
+"""Stage systems of the collocation steps of one period, solved by compiled code."""
 
 import ctypes
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ _NUMBERS = "A", "A2", "b", "bA", "c"
 
 
 class _Steps(ctypes.Structure):
-    """The struct `problem` of stages.c."""
+    """Structure `problem` of stages.c."""
 
     _fields_ = (
         ("steps", ctypes.c_long),
@@ -60,14 +60,14 @@ class FactorisedStages:
         sizes = {"steps": m, "terms": table.shape[2], "between": table.shape[1] * table.shape[2]}
         self._problem = _Steps(**sizes, **addresses(self._arrays))
         if not library.factorised(ctypes.byref(self._problem)):
-            raise MemoryError(f"no memory for stage systems of {n} coordinates")
+            raise MemoryError(f"not enough memory for stage systems of {n} coordinates")
 
     def solved(self, loads: Array) -> Array:
-        """Accelerations at the stages due to loads at the stages, both (m, s n, r), from rest."""
+        """Accelerations at the stages due to loads at the stages, both (m, s n, r), for a start from rest."""
         return self._called(self._library.solved, loads)
 
     def pulled(self, weights: Array) -> Array:
-        """Derivatives of weighted sums of the accelerations at the stages with respect to the loads at the
+        """Gradients of weighted sums of the accelerations at the stages with respect to the loads at the
         stages; both are (m, s n, r)."""
         return self._called(self._library.pulled, weights)
 
@@ -82,8 +82,8 @@ class FactorisedStages:
 def factorised(
     weights: Mapping[str, Array], h: Array, samples: Samples, stages: slice, n: int
 ) -> FactorisedStages | None:
-    """Factorised stage systems of steps of lengths h (m,) of one point, sampled at m k phases, of which those
-    with indices `stages` are the stages.
+    """Factorised stage systems of one point for steps of lengths h (m,), from samples at m k phases. stages:
+    indices of the phases that are stages.
 
     weights: coefficients of the method. None without compiled code. Raises MemoryError."""
     s = len(weights["c"])

@@ -13,8 +13,8 @@ from solve.period.points import Points, matrices
 
 @dataclass(frozen=True)
 class BahgatWillmert(Fourier):
-    """Response to every harmonic of the load, computed at each phase as if the matrices of that phase were
-    constant: q(φ) = Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
+    """Response to each harmonic of the load, computed at each phase as if the matrices were constant: q(φ) =
+    Re Σ_k [K + iω_k C - ω_k² M]⁻¹ d_k exp(iω_k φ)."""
 
     name = "bahgat-willmert"
     order = 0

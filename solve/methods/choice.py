@@ -54,12 +54,12 @@ def auto(points: Points) -> Iterator[tuple[Method, Array]]:
 
 
 def damping(coordinates: int) -> Radau:
-    """Radau IIA of the order that suits the number of coordinates."""
+    """Radau IIA of the order that suits this number of coordinates."""
     return Radau(13) if coordinates <= _FEW else Radau()
 
 
 def chosen_for(method: Rule, points: Points) -> Iterator[tuple[Method, Array]]:
-    """Methods for the points: the given method for all points, or those of the automatic selection."""
+    """Method for each point: the given method, or the one from the automatic selection."""
     return iter([(method, np.arange(len(points)))]) if isinstance(method, Method) else method(points)
 
 
@@ -80,7 +80,7 @@ METHODS: dict[str, Callable[..., Any]] = {
 
 
 def chosen(method: str | Rule, **settings: Any) -> Rule:
-    """Method with a name and the settings that are not None, or `auto`; method objects are returned
+    """Method from its name and those settings that are not None, or `auto`. Method objects are returned
     unchanged.
 
     Raises UnknownNameError for other names, and ValueOutOfBoundsError for other objects and for settings that

@@ -55,7 +55,7 @@ class Collocation:
 
     @cached_property
     def _legendre(self) -> Array:
-        """Legendre polynomials P_0 … P_s, shifted to [0, 1], at the nodes (s, s+1).
+        """Shifted Legendre polynomials P_0 … P_s on [0, 1], evaluated at the nodes (s, s+1).
 
         With powers of the nodes, A would lose three digits at s = 8."""
         return np.polynomial.legendre.legvander(2 * np.array(self.c) - 1, len(self.c))
@@ -93,31 +93,31 @@ class Collocation:
         return {name: np.ascontiguousarray(part) for name, part in found.items()}
 
     def bytes_a_step(self, n: int) -> int:
-        """Memory in bytes per step with n coordinates: stage accelerations, maps with their products, and
-        those of the coarser grid; also samples and right-hand sides if steps are solved together."""
+        """Memory in bytes per step for n coordinates: stage accelerations, maps with their products, and the
+        same data of the coarser grid; also samples and right-hand sides if steps are solved together."""
         s = len(self.c)
         kept = s * n * (2 * n + 1) + 16 * n**2
         together = s * (3 * n**2 + n) + s * n * (2 * n + 1) + 4 * n**2
         return 8 * (kept + (together if n < _STEP_BY_STEP else 0))
 
     def stability_function(self, z: Array) -> Array:
-        """R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode of rate λ, with z = hλ
-        (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
+        """Stability function R(z) = 1 + z bᵀ(1 − zA)⁻¹e (…), the factor by which a step multiplies a mode
+        with eigenvalue λ, with z = hλ (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.2))."""
         above, below = self._stability
         z = np.where(np.abs(z) < _INFINITE, z, -_INFINITE)
         return _polynomial(above, z) / _polynomial(below, z)
 
     @cached_property
     def _stability(self) -> tuple[Array, Array]:
-        """Coefficients (s+1,) of det(1 − zA + z e bᵀ) and det(1 − zA), of which R is the ratio, highest power
-        first."""
+        """Coefficients (s+1,), highest power first, of the numerator det(1 − zA + z e bᵀ) and the denominator
+        det(1 − zA) of R."""
         above, below = (np.real(np.poly(part))[::-1] for part in (self.A - self.b, self.A))
         return above, below
 
     @cached_property
     def curve_powers(self) -> Array:
-        """Matrix (D, 2 + nodes) from q, h v and h² times the accelerations at the nodes of the curve to
-        powers of θ."""
+        """Matrix (D, 2 + nodes) that maps q, h v and h² times the accelerations at the nodes of the curve to
+        coefficients of powers of θ."""
         nodes = np.array(self.curve_nodes)
         k = np.arange(len(nodes))
         acceleration = np.linalg.inv(nodes[:, None] ** k)
@@ -128,8 +128,8 @@ class Collocation:
 
     @cached_property
     def rate_powers(self) -> Array:
-        """Matrix (D, 1 + nodes) from q and h times the rates at the nodes of the curve to powers of θ, for
-        first-order coordinates; the highest power is zero."""
+        """Matrix (D, 1 + nodes) that maps q and h times the rates at the nodes of the curve to coefficients
+        of powers of θ, for first-order coordinates. The coefficient of the highest power is zero."""
         powers = np.zeros_like(self.curve_powers)[:, 1:]
         powers[0, 0] = 1.0
         powers[1:-1, 1:] = self.curve_powers[2:, 2:] * np.arange(2, len(powers))[:, None]
@@ -147,7 +147,8 @@ class Collocation:
         return a.reshape(P, m, s, n, -1)
 
     def _solve_together(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
-        """Write the stage accelerations into a (P, m, s n, 2n+r), for many small steps at a time."""
+        """Write the stage accelerations into a (P, m, s n, 2n+r). Many steps are solved together, which suits
+        small systems."""
         P, m, s, n = d.shape[:4]
         # The number of steps per chunk does not depend on the number of points: round-off is reproducible.
         steps = min(m, max(1, _SYSTEMS // (8 * (s * n) ** 2)))
@@ -163,8 +164,8 @@ class Collocation:
         a[..., n : 2 * n] /= h[:, None, None]
 
     def _solve_step_by_step(self, a: Array, h: Array, M: Array, C: Array, K: Array, d: Array) -> None:
-        """Write the stage accelerations as `_solve_together`, with one factorisation in place for each step
-        and all right-hand sides together."""
+        """Write the same stage accelerations as `_solve_together`, with one in-place factorisation per step
+        for all right-hand sides."""
         # The package alone takes longer to be read than many a command.
         from scipy.linalg.lapack import dgesv  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -188,8 +189,8 @@ class Collocation:
             a[at] = np.nan if singular else x
 
     def _stage_systems(self, h: Array, M: Array, C: Array, K: Array) -> Array:
-        """Matrices (P, m, s n, s n + 2n) of the stage accelerations, followed by the matrices that multiply q
-        and h v.
+        """Matrices (P, m, s n, s n + 2n) of the equations for the stage accelerations: the system matrix,
+        followed by the matrices that multiply q and h v.
 
         All are combinations of M, hC and h²K with constant weights."""
         P, m, s, n = M.shape[:4]
@@ -203,8 +204,8 @@ class Collocation:
 
     @cached_property
     def stage_weights(self) -> Array:
-        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of a stage, for each acceleration, q and h
-        v."""
+        """Weights (s, s + 2, 3) of M, hC and h²K in the equation of a stage, for each stage acceleration and
+        for q and h v."""
         s, A = len(self.c), self.A
         rows = np.zeros((s, 3, s + 2))
         rows[:, 0, :s] = np.eye(s)
@@ -218,8 +219,9 @@ class Collocation:
         return Steps(maps[..., :-1], maps[..., -1])
 
     def maps(self, h: Array, a: Array, first_order: int = 0) -> Array:
-        """(q, v) at the ends of the steps as affine functions (P, m, N, N+r) of (q, v) and of r loads, from
-        stage accelerations (P, m, s, n, N+r), where those of the last `first_order` coordinates are rates."""
+        """State (q, v) at the ends of the steps as affine functions (P, m, N, N+r) of (q, v) at the starts
+        and of r loads, from stage accelerations (P, m, s, n, N+r). For the last `first_order` coordinates
+        these are rates."""
         P, m, s, n = a.shape[:4]
         p, N = n - first_order, 2 * n - first_order
         weights = np.stack((self.b @ self.A, self.b))
@@ -233,8 +235,8 @@ class Collocation:
         return maps
 
     def curve(self, nodes: Array, x: Array, a_start: Array, a: Array, a_end: Array) -> Curve:
-        """Polynomials through the states x (P, m+1, N) at the nodes and the accelerations at the starts of
-        steps (P, m, n), the stages (P, m, s, n) and the ends (P, m, n)."""
+        """Piecewise polynomials through the states x (P, m+1, N) at the nodes and the accelerations at the
+        starts of steps (P, m, n), the stages (P, m, s, n) and the ends (P, m, n)."""
         n, p = a.shape[-1], x.shape[-1] - a.shape[-1]
         h = np.diff(nodes)[:, None]
         accelerations = [a_start, *np.moveaxis(a, 2, 0), a_end][: len(self.curve_nodes)]
@@ -257,7 +259,7 @@ def _polynomial(coefficients: Array, x: Array) -> Array:
 
 
 def lagrange(nodes: Array, theta: Array) -> Array:
-    """Lagrange polynomials of k nodes at θ (Q,): (Q, k)."""
+    """Lagrange polynomials (Q, k) of k nodes, evaluated at θ (Q,)."""
     k = len(nodes)
     others = ~np.eye(k, dtype=bool)
     factors = np.where(others, theta[:, None, None] - nodes, 1.0)
@@ -266,13 +268,13 @@ def lagrange(nodes: Array, theta: Array) -> Array:
 
 @cache
 def _of_rows(method: Collocation, stage: int, n: int) -> Array:
-    """Weights (3n, (s + 2) n) of a stage for entire rows of M, hC, h²K."""
+    """Weights (3n, (s + 2) n) of a stage for complete rows of M, hC, h²K."""
     return np.kron(method.stage_weights[stage].T, np.eye(n))
 
 
 def _accelerations(method: Collocation, points: Points, h: Array, phases: Array) -> Array:
-    """Stage accelerations (P, m, s, n, N+1) of steps h (m,) with stages at phases (m, s); rates of
-    first-order coordinates."""
+    """Stage accelerations (P, m, s, n, N+1) of steps h (m,) with stages at phases (m, s). For first-order
+    coordinates these are rates."""
     M, C, K, d = matrices(points, phases.ravel())
     sampled = *by_rates(M, C, K, points.first_order), d
     M, C, K, d = (part.reshape(len(part), *phases.shape, *part.shape[2:]) for part in sampled)
@@ -287,8 +289,8 @@ def _accelerations(method: Collocation, points: Points, h: Array, phases: Array)
 def _end_accelerations(
     method: Collocation, points: Points, grid: Grid, x: Array, last: Array
 ) -> tuple[Array, Array]:
-    """Accelerations (P, m, n) at the start and the end of every step; last: accelerations of the last stages,
-    which a stiffly accurate method provides without further cost."""
+    """Accelerations (P, m, n) at the start and the end of every step. last: accelerations of the last stages,
+    which a stiffly accurate method provides at no extra cost."""
     ends = grid.stages(np.array([0.0, 1.0]))
     if not method.stiffly_accurate:
         starts = _acceleration(points, ends[:, 0], x[:, :-1])
@@ -312,7 +314,7 @@ def _acceleration(points: Points, phase: Array, x: Array) -> Array:
 
 
 class Collocated(OneStep):
-    """Base class of the Gauss and Radau methods.
+    """Base class of the Gauss and Radau methods, whose number of stages follows from their order.
 
     orders: available orders. follows: ω h up to which an undamped mode retains at least about half of its
     amplitude over 500 rad."""
@@ -338,8 +340,8 @@ class Collocated(OneStep):
 
     @property
     def with_another_stage(self) -> Self:
-        """Method of the same family with s + 1 stages, whose order is higher by two; it may exceed the orders
-        in `orders`."""
+        """Method of the same family with s + 1 stages. Its order is higher by two and may exceed those in
+        `orders`."""
         made = object.__new__(type(self))
         made._set(order=self.order + 2)
         made._state_facts()
@@ -352,8 +354,8 @@ class Collocated(OneStep):
 
     @property
     def error_constant(self) -> float:
-        """c of exp(z) − R(z) = ± c z^(p + 1) + …: a step is Padé's approximant of exp with s and p − s powers
-        (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.31))."""
+        """Constant c in exp(z) − R(z) = ± c z^(p + 1) + …, where R is the Padé approximant of exp with s and
+        p − s powers (E. Hairer, G. Wanner, Solving ODEs II, Eq. (IV.3.31))."""
         s, p = (self.order + 1) // 2, self.order
         return factorial(s) * factorial(p - s) / (factorial(p) * factorial(p + 1))
 

@@ -44,7 +44,7 @@ converged."""
 
 @dataclass(frozen=True)
 class Fourier(Method):
-    """Trigonometric polynomial that satisfies the equation of motion at m uniform phases, m odd.
+    """Trigonometric polynomial that satisfies the equation of motion at m uniform phases; m is odd.
 
     Multipliers come from the same collocation of x = exp(λφ) p(φ) with periodic p. The method converges
     faster than any power of m if m/2 exceeds the highest relevant harmonic. Its cost is proportional to m³.
@@ -79,7 +79,8 @@ class Fourier(Method):
         return Solutions(odd, Phi[None], curve, np.array([condition]), rounding=np.array([rounding]))
 
     def multiplied(self, point: Points, grid: Grid) -> tuple[Array, float]:
-        """Φ, and its round-off error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at the samples."""
+        """Monodromy matrix Φ, and its round-off error, from the solutions exp(λφ) p(φ) with p′ = P p - λ p at
+        the samples."""
         P, D = state_rate(point, grid.nodes[:-1])[0, ..., :-1], differentiation(grid)
         m, N = P.shape[:2]
         A = -np.einsum("jk,ab->jakb", D, np.eye(N))
@@ -93,7 +94,7 @@ class Fourier(Method):
         return FourierCurve.through(grid.nodes, q)[None], condition
 
     def collocated(self, point: Points, phases: Array) -> tuple[Array, float]:
-        """q (m, n) at the phases, and the condition number of the linear system.
+        """Coordinates q (m, n) at the phases, and the condition number of the linear system.
 
         The unknowns are u = q - q″; with q, the condition number would increase with m².
         """
@@ -116,15 +117,15 @@ class Fourier(Method):
 
 
 def in_balance(sizes: Array) -> tuple[Array, Array]:
-    """Factors of equations and units of coordinates (n,) that scale coefficients of sizes (n, n) to 1 on the
-    diagonal, and to similar sizes off the diagonal."""
+    """Factors of the equations and units of the coordinates (n,) that scale coefficients of sizes (n, n) to 1
+    on the diagonal and to similar sizes elsewhere."""
     own = np.where(np.diag(sizes) > 0, np.diag(sizes), 1.0)
     units = balance_matrices(sizes / own[:, None])[1]
     return 1.0 / (own * units), units
 
 
 def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
-    """Solution of the balance, and its condition number. Raises ResonanceError."""
+    """Solution of the harmonic balance, and its condition number. Raises ResonanceError."""
     # NumPy 2.0 gives that of a complex matrix as a complex number.
     condition = float(np.real(np.linalg.cond(matrix, 1)))
     if not condition < _SINGULAR:
@@ -133,7 +134,8 @@ def solved_balance(matrix: Array, load: Array) -> tuple[Array, float]:
 
 
 def differentiation(grid: Grid) -> Array:
-    """d/dphase (m, m) of the trigonometric interpolant through m uniform nodes, m odd."""
+    """Differentiation matrix (m, m) with respect to the phase of the trigonometric interpolant through m
+    uniform nodes; m is odd."""
     m = grid.steps
     offset = np.arange(m)[:, None] - np.arange(m)
     with np.errstate(divide="ignore"):
@@ -142,7 +144,7 @@ def differentiation(grid: Grid) -> Array:
 
 
 def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -> tuple[Array, float]:
-    """Φ (N, N) and the relative error of its eigenvalues, from the eigenpairs (λ, p) of A.
+    """Monodromy matrix Φ (N, N), and the relative error of its eigenvalues, from the eigenpairs (λ, p) of A.
 
     samples: function from columns p to their values (m, N, r) at m uniform phases from 0. Each multiplier
     exp(λT) belongs to a family λ + 2πik/T of such pairs. Truncation affects pairs with p at the highest
@@ -171,25 +173,25 @@ def from_exponents(A: Array, samples: Callable[[Array], Array], period: float) -
 
 
 def _mean_order(p: Array) -> Array:
-    """Mean distance (r,) of the spectrum of p (m, N, r) from harmonic 0."""
+    """Mean distance (r,) of the spectrum of p (m, N, r) from the zeroth harmonic."""
     weight = (np.abs(np.fft.fft(p, axis=0)) ** 2).sum(axis=1)
     return np.abs(np.fft.fftfreq(len(p), 1.0 / len(p))) @ weight / weight.sum(axis=0)
 
 
 def _alike(exponents: Array, rotation: float) -> bool:
-    """Whether two of the exponents (N,) differ by nearly a multiple of i·rotation: they may then belong to
-    the same family, with p(0) changed by truncation."""
+    """Whether two of the exponents (N,) differ by nearly a multiple of i·rotation. They may then belong to
+    the same solution, with p(0) changed by truncation."""
     return any((~_apart(exponents[at + 1 :] - exponents[at], rotation)).any() for at in range(len(exponents)))
 
 
 def _apart(differences: Array, rotation: float) -> Array:
-    """Whether exponents with these differences (r,) belong to different families."""
+    """Whether exponents with these differences (r,) belong to different solutions."""
     left = differences - 1j * rotation * np.round(np.imag(differences) / rotation)
     return np.abs(left) >= _CLUSTER * rotation
 
 
 def _closed(X: Array, exponent: Array) -> Array:
-    """Φ of the solutions p(φ) exp(Tφ) with p(0) = X and a common matrix exponent T."""
+    """Monodromy matrix Φ of the solutions p(φ) exp(Tφ) with p(0) = X, for a common matrix exponent T."""
     from scipy.linalg import expm
 
     return np.real(X @ expm(exponent) @ np.linalg.inv(X))
@@ -198,7 +200,8 @@ def _closed(X: Array, exponent: Array) -> Array:
 def _invariant_subspaces(
     A: Array, exponents: Array, vectors: Array, N: int, rotation: float
 ) -> tuple[Array, Array]:
-    """Z and T with A Z = Z T for the first N exponents among which no two differ by a multiple of i·rotation.
+    """Matrices Z and T with A Z = Z T, for the first N exponents of which no two differ by a multiple of
+    i·rotation.
 
     Exponents and eigenvectors are given in order of preference. Multiple exponents are treated together, so
     that Z has N columns even with fewer eigenvectors; it has another number if truncation has split a
@@ -222,8 +225,8 @@ def _invariant_subspaces(
 
 
 def _invariant_subspace(A: Array, exponents: Array, every: Array, near: float) -> tuple[Array, Array]:
-    """Orthonormal Z, and T with A Z = Z T for a cluster of exponents, by block inverse iteration; without
-    columns if it does not converge."""
+    """Orthonormal Z, and T, with A Z = Z T for a cluster of exponents, by block inverse iteration; empty if
+    it does not converge."""
     from scipy.linalg import lu_factor, lu_solve
 
     centre = exponents.mean()

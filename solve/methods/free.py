@@ -1,4 +1,4 @@
-"""Free machines: a method solves the anchored system, and the motion of the machine follows from its
+"""Free machines: the anchored system is solved by a method, and the motion of the machine follows from its
 solution."""
 
 from dataclasses import replace
@@ -44,7 +44,8 @@ _SMALLEST = float(np.finfo(float).tiny)
 
 
 def free(points: Points, modes: FrozenModes | None = None) -> Free | None:
-    """Rigid-body modes of the points, with their frozen modes if known; None if no point has one."""
+    """Rigid-body modes of the points, with their frozen modes if available; None if no point has a rigid-body
+    mode."""
     if modes is None:
         M, C, K, _ = matrices(points, np.array([0.3]) * points.period)
         if not rigid_body_modes(K, C, M).any.any():
@@ -79,9 +80,9 @@ def _further(points: Points) -> Array:
 def solutions_on(
     method: Method, points: Points, grid: Grid, orbit: bool, engine: str, held: Free | None
 ) -> Solutions:
-    """Solutions of a method for points, some of which have rigid-body modes. Their monodromy matrices are
-    those of the motion relative to the modes, see `Anchored.quotient`, and their orbits have zero mean along
-    the modes."""
+    """Solutions by a method for points, some of which have rigid-body modes. For these, the monodromy
+    matrices are those of the motion relative to the modes, see `Anchored.quotient`, and the orbits have
+    zero mean along the modes."""
     method.require_order(points)
     if held is None:
         return method.solutions(points, grid, orbit, engine)
@@ -109,16 +110,16 @@ def solutions_on(
 
 
 def anchored_for(method: Method, points: Points, held: Free) -> Anchored:
-    """Points with anchored rigid-body modes; the matrices remain symmetric if the method requires symmetric
+    """Points with anchored rigid-body modes. The matrices remain symmetric if the method requires symmetric
     matrices."""
     weights = held.modes.weighted(held.mass) if method.symmetric else None
     return Anchored(points, held.modes, weights=weights)
 
 
 def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> Solutions:
-    """Orbits of points that conserve a momentum μ although C e ≠ 0, so that a multiplier of the anchored
-    points is still +1. A jump at phase 0 removes μ; the result is the drift-free combination of the solutions
-    with μ = 0 and μ = 1 after the jump."""
+    """Orbits of points that conserve a momentum μ although C e ≠ 0, so that one multiplier of the anchored
+    points remains +1. A jump at phase 0 removes μ; the result is the combination, without drift, of the
+    solutions with μ = 0 and μ = 1 after the jump."""
     if not isinstance(method, OneStep):
         raise MatricesError(
             f"{method.name} cannot solve a machine that rotates freely if inertia or gyroscopic forces "
@@ -148,8 +149,8 @@ def _conserving(method: Method, anchored: Anchored, grid: Grid, held: Free) -> S
 
 
 def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array, Array]:
-    """States (P, m+1, N, 2) of two solutions that a jump of the momentum at phase 0 makes periodic. After the
-    jump the momentum is 0 in the first, with loads, and 1 in the second, without loads. Also returns the
+    """States (P, m+1, N, 2) of two solutions that become periodic by a jump of the momentum at phase 0. After
+    the jump the momentum is 0 in the first (with loads) and 1 in the second (without loads). Also the
     condition number (P,), and the momentum (P,) that the first solution gains in a period. rows, units (P,
     N): see `Anchored.momentum`."""
     A, loads = steps.A.copy(), np.stack((steps.b, np.zeros(steps.b.shape)), axis=-1)
@@ -164,8 +165,8 @@ def _by_momentum(steps: Steps, rows: Array, units: Array) -> tuple[Array, Array,
 
 
 def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
-    """Largest accelerations (P, r), with respect to the phase, of the coordinates that a mode moves, divided
-    by their components in the mode."""
+    """Maximum accelerations (P, r), with respect to the phase, of the coordinates moved by a mode, divided by
+    their components in the mode."""
     rate = 1.0 / float(curve.nodes[-1])
     sizes = np.abs(curve.sampled(2, 2)).max(axis=-1) + rate**2 * np.abs(curve.sampled(2)).max(axis=-1)
     along = np.abs(modes.vectors)
@@ -174,8 +175,8 @@ def _acceleration_scale(curve: PeriodicCurve, modes: RigidBodyModes) -> Array:
 
 
 def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
-    """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, where
-    gᵀK = 0; g = e if K is symmetric."""
+    """Mean over the period (r,) of the generalised force gᵀd along each rigid-body mode of one point, with
+    gᵀK = 0 (g = e if K is symmetric)."""
     grid = Grid.uniform(max(_PANELS, len(point.breaks)), point.period, point.breaks)
     places, weights = np.polynomial.legendre.leggauss(_PLACES)
     M, C, K, d = matrices(point, grid.stages((places + 1) / 2).ravel())
@@ -189,7 +190,7 @@ def mean_loads(point: Points, modes: RigidBodyModes) -> Array:
 
 
 def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
-    """Error to raise for a point without periodic vibration because its load drives a rigid-body mode."""
+    """Exception for a point without periodic vibration because its load drives a rigid-body mode."""
     loads = mean_loads(point, modes)
     loads = np.where(modes.present[0] & ~modes.dragged[0], loads, 0.0)
     at = int(np.abs(loads).argmax())
@@ -203,8 +204,8 @@ def driven_freely(point: Points, modes: RigidBodyModes) -> UnbalancedLoadError:
 
 
 def mean_weights(point: Points, modes: RigidBodyModes) -> Array:
-    """Weights (r, n) of the coordinates in the mean along each rigid-body mode of one point, with the
-    reference coordinates of known modes."""
+    """Weights (r, n) of the coordinates in the mean along each rigid-body mode of one point. The reference
+    coordinates are those of the given modes."""
     found = free(point)
     if found is None:
         return np.zeros((modes.references.shape[1], point.n))

@@ -1,4 +1,4 @@
-"""Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64): order 2s; they preserve |ρ| = 1."""
+"""Gauss methods (J. C. Butcher, Math. Comp. 18 (1964) 50-64) of order 2s, which preserve |ρ| = 1."""
 
 from dataclasses import dataclass
 from math import factorial

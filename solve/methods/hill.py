@@ -1,5 +1,5 @@
-"""Hill's infinite determinant, truncated: multipliers and stability boundaries (G. W. Hill, Acta Math.
-8 (1886) 1-36; V. V. Bolotin, 1964; thesis 7.2.1)."""
+"""Hill's infinite determinant, truncated: multipliers and stability boundaries (G. W. Hill, Acta Math. 8
+(1886) 1-36; V. V. Bolotin, 1964; thesis 7.2.1)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,8 +24,8 @@ Problem = Callable[[float], tuple[PeriodicSystem, float]]
 
 @dataclass(frozen=True)
 class Hill(Fourier):
-    """Hill's method: Galerkin method with Fourier series of matrices and solution, with m = 2N+1 steps for N
-    harmonics.
+    """Hill's method: Galerkin's method with Fourier series of matrices and solution, with m = 2N+1 steps for
+    N harmonics.
 
     Multipliers are computed from the eigenvalues of Hill's matrix, and the orbit from the forced balance."""
 
@@ -58,7 +58,7 @@ class Hill(Fourier):
 
 
 def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: int = 1) -> float:
-    """Hill's determinant with the harmonics -orders … orders at ρ = multiplier (+1 or -1).
+    """Hill's determinant with the harmonics -orders … orders, for a multiplier +1 or -1.
 
     It is real, and 0 on a stability boundary of this type. Its modulus is raised to the power 1/size, so that
     it neither over- nor underflows. `boundaries` finds its zeros for any parameter. Raises
@@ -70,7 +70,8 @@ def determinant(system: PeriodicSystem, speed: float, orders: int, multiplier: i
 def _sign_and_logarithm(
     system: PeriodicSystem, speed: float, orders: int, multiplier: int
 ) -> tuple[float, float, int]:
-    """Sign and logarithm of the modulus of Hill's determinant at ρ = multiplier, and its size."""
+    """Sign and logarithm of the modulus of Hill's determinant for a multiplier +1 or -1, and the size of the
+    matrix."""
     if multiplier not in (1, -1):
         raise ValueOutOfBoundsError(f"multiplier is {multiplier}; allowed: 1 (period T) or -1 (period 2T)")
     matrix = _hill_matrix(OnePoint(system, speed), orders, 0.0 if multiplier == 1 else 0.5)
@@ -80,7 +81,7 @@ def _sign_and_logarithm(
 
 @dataclass(frozen=True)
 class Boundary:
-    """Value of a parameter on a stability boundary.
+    """Value of a parameter on a stability boundary, with its error.
 
     Attributes
     ----------
@@ -100,7 +101,7 @@ class Boundary:
 def boundaries(
     problem: Problem, values: Sequence[float], multiplier: int = 1, rtol: float = 1e-10
 ) -> list[Boundary]:
-    """Values of a parameter at which a Floquet multiplier passes through +1 or -1 (thesis 7.2.1).
+    """Values of a parameter at which a Floquet multiplier passes +1 or -1 (thesis 7.2.1).
 
     Parameters
     ----------
@@ -187,8 +188,8 @@ def _zeros(problem: Problem, multiplier: int, orders: int, values: Array, tolera
 
 
 def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
-    """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x for harmonics j, k = -N … N; with the shift 1/2 for -N
-    … N-1, so that they remain symmetric about 0."""
+    """Blocks P_{j-k} - i(j + shift)ω0 δ_jk of x′ = P x for harmonics j, k = -N … N. With the shift 1/2 the
+    harmonics are -N … N-1, so that they remain symmetric about 0."""
     orders = np.arange(-N, N + 1) if shift == 0.0 else np.arange(-N, N)
     P = _spectrum(state_rate(point, _samples(point, 2 * N))[0, ..., :-1], 2 * N)
     size = P.shape[-1]
@@ -200,12 +201,13 @@ def _hill_matrix(point: Points, N: int, shift: float = 0.0) -> Array:
 
 
 def toeplitz(spectrum: Array, rows: Array, columns: Array) -> Array:
-    """Blocks (j, k, …) P_{row - column} for harmonics (j,) and (k,), of a spectrum with P_0 in its middle."""
+    """Blocks (j, k, …) P_{row - column} for harmonics (j,) and (k,), from a spectrum with P_0 in the
+    middle."""
     return spectrum[len(spectrum) // 2 + rows[:, None] - columns]
 
 
 def together(blocks: Array) -> Array:
-    """Blocks (j, k, a, b) as one matrix (j a, k b)."""
+    """Matrix (j a, k b) from blocks (j, k, a, b)."""
     j, k, a, b = blocks.shape
     return np.swapaxes(blocks, 1, 2).reshape(j * a, k * b)
 

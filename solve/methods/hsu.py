@@ -12,8 +12,8 @@ from solve.period.points import Points, state_rate, state_size
 
 @dataclass(frozen=True)
 class Hsu(OneStep):
-    """Hsu's method: exact solution, by matrix exponentials, of x′ = P x + f with P and f frozen at the middle
-    of each step.
+    """Hsu's method: x′ = P x + f with P and f frozen at the middle of each step is solved exactly by matrix
+    exponentials.
 
     The order is 2; piecewise-constant coefficients are solved exactly."""
 

@@ -77,8 +77,8 @@ class March(OneStep):
         )
 
     def marched(self, steps: Steps, limit: Array, radius: float) -> tuple[Array, int]:
-        """State at the start of the last period, from rest towards the limit (N,), and the number of previous
-        periods.
+        """State at the start of the last period, computed from rest towards the limit (N,), and the number of
+        preceding periods.
 
         Raises StepsError if the transient does not decay within `most_turns`.
         """

@@ -1,4 +1,4 @@
-"""Base classes of methods, which solve one period of many points on one grid."""
+"""Base classes of methods. A method solves one period of many points on one grid."""
 
 from collections.abc import Callable, Mapping
 from copy import copy
@@ -72,7 +72,7 @@ class Solutions:
         return len(self.Phi)
 
     def __getitem__(self, points: Array) -> "Solutions":
-        """Solutions of a selection of points, none of which failed."""
+        """Solutions of the selected points, none of which failed."""
         if covers_all(points, len(self)):
             return self
         subset = Solutions(
@@ -95,13 +95,13 @@ class Solutions:
 
     @property
     def known(self) -> Array:
-        """Indices (k,) of the points that have a solution."""
+        """Indices (k,) of the points with a solution."""
         has_solution = np.ones(len(self), dtype=bool)
         has_solution[list(self.failures)] = False
         return np.flatnonzero(has_solution)
 
     def with_multipliers(self, multipliers: Multipliers) -> "Solutions":
-        """Solutions in which given multipliers replace the eigenvalues of Φ."""
+        """Solutions with given multipliers in place of the eigenvalues of Φ."""
         changed = copy(self)
         changed.__dict__["multipliers"] = multipliers
         return changed
@@ -113,13 +113,13 @@ class Solutions:
 
     @cached_property
     def multiplier_rounding(self) -> Array:
-        """Round-off errors of the multipliers (P,), relative to the spectral radius."""
+        """Round-off errors (P,) of the multipliers relative to the spectral radius."""
         roundoff = multiplier_roundoff(self.Phi, self.units, self.engine, self.grid.steps)
         return np.maximum(roundoff, 8 * self.rounding)
 
 
 class Method:
-    """Numerical method for M q″ + C q′ + K q = d with derivatives with respect to the phase.
+    """Numerical method for M q″ + C q′ + K q = d; derivatives are with respect to the phase.
 
     order: order of convergence at the nodes and of the multipliers; infinite for spectral convergence
     (`spectral`). curve_order: order of the continuous curve. converges: False for an approximation that does
@@ -149,37 +149,37 @@ class Method:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Fields of the dataclass of the method, by name."""
+        """Settings of the method by name: the fields of its dataclass."""
         return {name: getattr(self, name) for name in getattr(self, "__dataclass_fields__", ())}
 
     def _set(self, **facts: Any) -> None:
-        """Set attributes that follow from the settings of a frozen dataclass."""
+        """Set attributes of a frozen dataclass that follow from its settings."""
         for name, value in facts.items():
             object.__setattr__(self, name, value)
 
     @property
     def linear(self) -> bool:
-        """Whether the points are solved directly, without linearisation along an orbit."""
+        """Whether the method solves points directly, without linearisation along an orbit."""
         return True
 
     def linearised(self, points: Points, solutions: "Solutions") -> Points:
-        """Linear equations that the solutions of points satisfy; linear points are returned unchanged."""
+        """Linear equations that the solutions of points satisfy. Linear points are returned unchanged."""
         return points
 
     @property
     def corrector(self) -> "Method":
-        """Method for the linear equations of `linearised`."""
+        """Method that solves the linear equations from `linearised`."""
         return self
 
     def in_phase(self, steps: Array, error: float) -> Array:
-        """Largest phase advance (…) in rad per period with which the phase error of a mode on these steps is
+        """Largest phase advance (…) in rad per period for which the phase error of a mode on these steps is
         at most `error` (rad)."""
         if not self.phase_constant:
             return np.full(np.shape(steps), np.inf)
         return steps * (error / (self.phase_constant * steps)) ** (1 / (self.order + 1))
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Smallest number of steps per period (P,) with which the method can be stable, from the frozen modes
+        """Smallest number of steps per period (P,) for which the method can be stable, from the frozen modes
         of points; 1 without a stability limit."""
         return np.ones(len(modes), dtype=int)
 
@@ -188,8 +188,8 @@ class Method:
         return 80 * (2 * n + 1) ** 2
 
     def most_steps(self, n: int, first_order: int = 0) -> int:
-        """Largest number of steps per period for n coordinates, of which the last `first_order` have no
-        second derivatives, limited by memory and time."""
+        """Largest number of steps per period for n coordinates, limited by memory and time. The last
+        `first_order` coordinates have no second derivatives."""
         steps = int(8 * most_numbers() / self.bytes_a_step(n))
         return max(steps, min(_LARGE_SYSTEMS * steps, _ENOUGH_STEPS))
 
@@ -202,8 +202,7 @@ class Method:
             )
 
     def require_steps(self, steps: Any, points: Points) -> None:
-        """Raise StepsError for a number of steps that cannot be used with an error estimate at any of the
-        points."""
+        """Raise StepsError for a number of steps that permits no error estimate at one of the points."""
         require_steps(steps, max(1, len(points.breaks)))
         most = self.most_steps(points.n, points.first_order) // (2 if self.converges else 1)
         if steps > most:
@@ -217,7 +216,7 @@ class Method:
         raise NotImplementedError
 
     def _no_map(self, point: Points, grid: Grid) -> SolveError:
-        """Error to raise for a point whose maps are not finite."""
+        """Exception for a point whose maps are not finite."""
         phase = grid.stages(np.array([0.0, 0.25, 0.5, 0.75])).ravel()
         M, C, _, _ = (part[0] for part in matrices(point, phase))
         M = leading(M, C, point.first_order)
@@ -239,7 +238,7 @@ class Method:
 
 @dataclass(frozen=True)
 class Discretisation:
-    """A one-step method on a grid, for P points.
+    """Discretisation of P points by a one-step method on a grid.
 
     steps: affine maps of the state. curve: function from states at the nodes (P, m+1, N) to continuous curves
     of q over the phase."""
@@ -251,8 +250,8 @@ class Discretisation:
     def of_rates(
         cls, grid: Grid, maps: Array, start: Array, end: Array, first_order: int = 0
     ) -> "Discretisation":
-        """Discretisation of the states x = (q, q′), with curves through q, q′ and q″ at both ends of every
-        step, or through q and q′ for the last `first_order` coordinates.
+        """Discretisation for the states x = (q, q′). Its curves pass through q, q′ and q″ at both ends of
+        every step; for the last `first_order` coordinates, through q and q′.
 
         maps: (A | b) of the steps. start, end: rates (P | f) of x′ = P x + f at both ends of every step. All
         are (P, m, N, N+1)."""
@@ -272,7 +271,7 @@ class Discretisation:
 
 
 class OneStep(Method):
-    """Base class of methods whose period is a chain of affine maps, which `discretise` returns."""
+    """Base class of methods that represent a period as a chain of affine maps, returned by `discretise`."""
 
     def discretise(self, points: Points, grid: Grid) -> Discretisation:
         """One-step maps and curves of the points on a grid."""
@@ -297,7 +296,7 @@ class OneStep(Method):
         units: Array | None = None,
         engine: str = NUMPY,
     ) -> Solutions:
-        """Solutions, with the reason of failure for points without a finite and unique solution."""
+        """Solutions, with the reason of failure for points whose solution is not finite or not unique."""
         is_unique = succeeds = is_finite = across(np.logical_and, np.isfinite(Phi).reshape(len(Phi), -1))
         if curve is not None and condition is not None:
             is_unique = is_finite & (condition < 1 / SINGULAR)
@@ -316,7 +315,7 @@ class OneStep(Method):
 
 
 def singular_inertia_error(where: str, first_order: int) -> MatricesError:
-    """Error to raise for a point whose equations do not determine the highest derivatives at a phase."""
+    """Exception for a point at which the equations do not determine the highest derivatives at a phase."""
     if first_order:
         return MatricesError(
             "the columns of M of coordinates and of C of first-order states are linearly dependent "
@@ -329,7 +328,7 @@ def singular_inertia_error(where: str, first_order: int) -> MatricesError:
 
 
 def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solutions:
-    """Solutions of points that a method solves one after the other, on one grid."""
+    """Solutions of points on one grid, computed one after the other by the function `solve_one`."""
     solved: list[Solutions] = []
     failures: dict[int, SolveError] = {}
     for at in range(len(points)):
@@ -370,7 +369,7 @@ def one_by_one(points: Points, solve_one: Callable[[Points], Solutions]) -> Solu
 
 
 def no_orbit(singular: str = "I - Φ") -> ResonanceError:
-    """Error to raise for a point without a unique periodic solution."""
+    """Exception for a point without a unique periodic solution."""
     return ResonanceError(
         f"{singular} is singular: a Floquet multiplier is at +1, so that the forced motion grows without "
         "bound or is not unique; change the speed or add damping"

@@ -17,7 +17,7 @@ from solve.period.points import Points, Tables, matrices
 
 @dataclass(frozen=True)
 class Modal(OneStep):
-    """Method that decouples each step by the modes at its middle, with unit modal masses.
+    """Method that decouples each step by the modes at its middle, normalised to unit modal masses.
 
     Damping between modes is neglected, and each modal coordinate continues in the next step as if the modes
     were constant."""
@@ -61,7 +61,7 @@ class Modal(OneStep):
 
 
 class _Uncoupled:
-    """Points in modal coordinates at ascending phases (k,): I, diag δ, diag ω², and loads.
+    """Points in modal coordinates at ascending phases (k,): M = I, C = diag δ, K = diag ω², and loads.
 
     Modes (P, k, n, n) are sorted by frequency, with φᵀMφ = 1 (thesis (6.12)) and continuous signs. They are
     NaN at points with `complex` (P,) modes. state_bases (P, 2n, 2n): constant maps between physical and modal
@@ -108,7 +108,7 @@ class _Uncoupled:
 
 
 def _of_states(coordinates: Array) -> Array:
-    """Maps of states (P, 2n, 2n) from maps of coordinates (P, n, n)."""
+    """Maps (P, 2n, 2n) of states, from maps (P, n, n) of coordinates."""
     n = coordinates.shape[-1]
     states = np.zeros((len(coordinates), 2 * n, 2 * n))
     states[:, :n, :n] = states[:, n:, n:] = coordinates

@@ -55,7 +55,7 @@ class Newmark(OneStep):
             )
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Smallest number of steps per period, from the stability limit of the undamped oscillator.
+        """Smallest number of steps per period, from the stability limit for the undamped oscillator.
 
         For γ < 1/2 every step is unstable. Numbers of steps are then not rejected; a warning is issued
         instead."""
@@ -93,8 +93,7 @@ class Newmark(OneStep):
 
     @staticmethod
     def _restart(points: Points, grid: Grid, q: Array, v: Array, a: Array) -> None:
-        """Compute the acceleration after each jump of the matrices, where the acceleration before the jump
-        does not apply."""
+        """Recompute the acceleration after each jump of the matrices, at which it is discontinuous."""
         into = np.flatnonzero(np.roll(grid.at_break, -1))
         behind = np.roll(grid.stages(np.zeros(1))[:, 0], -1)[into]
         M, C, K, d = matrices(points, behind)
@@ -104,8 +103,8 @@ class Newmark(OneStep):
 
 
 def spectral_radius(gamma: float, beta: float, angle: Array | float) -> Array:
-    """Largest |λ| of a step with the phase advance ω h of the oscillator, from the characteristic equation,
-    thesis (6.10)."""
+    """Largest |λ| of a step with phase advance ω h of the undamped oscillator, from the characteristic
+    equation, thesis (6.10)."""
     mu2 = np.square(angle) / (1 + beta * np.square(angle))
     half_sum, product = 1 - (gamma + 0.5) * mu2 / 2, 1 - (gamma - 0.5) * mu2
     root = np.sqrt(np.asarray(half_sum**2 - product, dtype=complex))
@@ -113,7 +112,7 @@ def spectral_radius(gamma: float, beta: float, angle: Array | float) -> Array:
 
 
 def stability_limit(gamma: float, beta: float) -> float:
-    """Largest ω h with which a step is stable: 1/sqrt(γ/2 - β), where an eigenvalue passes -1.
+    """Largest ω h for which a step is stable: 1/sqrt(γ/2 - β), where an eigenvalue passes -1.
 
     It is infinite for 2β ≥ γ ≥ 1/2, and 0 for γ < 1/2, where every step is unstable. The condition of the
     thesis, β ≥ (γ + 1/2)²/4, is stronger: the eigenvalues remain complex, see `oscillation_limit`."""
@@ -123,8 +122,8 @@ def stability_limit(gamma: float, beta: float) -> float:
 
 
 def oscillation_limit(gamma: float, beta: float) -> float:
-    """Largest ω h with complex eigenvalues, so that the step oscillates: 2/sqrt((γ + 1/2)² - 4β), thesis
-    (6.11).
+    """Largest ω h for which the eigenvalues are complex, so that the step oscillates: 2/sqrt((γ + 1/2)² -
+    4β), thesis (6.11).
 
     It is infinite for β ≥ (γ + 1/2)²/4."""
     rest = (gamma + 0.5) ** 2 - 4 * beta

@@ -1,4 +1,4 @@
-"""The classical Runge–Kutta method of order 4 as a period map (chapter Eqs. (15)-(21)).
+"""Classical Runge–Kutta method of order 4 as a period map (chapter Eqs. (15)-(21)).
 
 The affine maps follow from the stages, chapter Eq. (16), applied to unit states. Their closed forms in the
 chapter, Eqs. (18) and (19), have two wrong coefficients and are not used."""
@@ -16,7 +16,7 @@ from solve.period.points import Points, state_rate, state_size
 
 @dataclass(frozen=True)
 class RungeKutta4(OneStep):
-    """Explicit method, stable for h |λ| inside the region |R(hλ)| ≤ 1, up to about 2.8."""
+    """Explicit Runge–Kutta method, stable for hλ in the region |R(hλ)| ≤ 1, up to |hλ| of about 2.8."""
 
     name = "rk4"
     first_order = True
@@ -26,7 +26,8 @@ class RungeKutta4(OneStep):
     follows = 0.5
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Smallest number of steps with |R(hλ)| ≤ 1 for every frozen eigenvalue λ that does not grow.
+        """Smallest number of steps for which |R(hλ)| ≤ 1 holds for every frozen eigenvalue λ of a mode that
+        does not grow.
 
         R(z) = 1 + z + z²/2 + z³/6 + z⁴/24.
         """

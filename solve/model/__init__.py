@@ -1,1 +1,1 @@
-"""Systems made from a generated module and its parameter values: cases, options, bounds, sampling."""
+"""Systems from a generated module and its parameter values: cases, options, bounds, sampling."""

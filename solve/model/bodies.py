@@ -1,4 +1,4 @@
-"""Reduced matrices of elastic bodies, from files that a case names."""
+"""Reduced matrices of elastic bodies, from files that are named in a case."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ EXAMPLE = '{ file = "blade.mat", unit = "m kg s", source = "…" }'
 
 
 class Body(NamedTuple):
-    """Body declared by a generated module.
+    """Elastic body declared by a generated module.
 
     units: of the interface displacements, "m" or "rad". entries: parameter, matrix "M", "K" or "C", row and
     column from 1.
@@ -38,7 +38,8 @@ class Body(NamedTuple):
 
 
 def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[dict[str, float], str]:
-    """Parameters of a body from the entry of a case file, and their source with the hash of the file.
+    """Parameters of a body from the entry of a case file, and their source, which contains the hash of the
+    file.
 
     The file has M, K and, if declared, C of all coordinates, or reduced ones; `interface` lists the rows of
     the interface, from 1, by default the first ones. Raises CaseFileError.
@@ -48,7 +49,10 @@ def body_parameters(body: Body, entry: Mapping[str, Any], path: Path) -> tuple[d
         arrays, digest = _arrays(file, body.has_damping)
         given = entry.get("sha256", digest)
         if not isinstance(given, str) or len(given) < 8 or not digest.startswith(given.lower()):
-            raise CaseFileError(f"the SHA-256 of '{file}' is {digest}; the case states {given!r}")
+            raise CaseFileError(
+                f"the SHA-256 of '{file}' is {digest}, but the case states {given!r}; give the file with "
+                "this hash, or correct the case"
+            )
         rows = _interface(entry, arrays, len(body.units))
         M, K, C = _in_si(arrays, rows, body, _sizes(entry.get("unit")))
         reduced = craig_bampton(M, K, rows, body.modes)
@@ -96,7 +100,7 @@ def _symmetric(values: Any, symbol: str, n: tuple[int, ...], file: Path) -> Arra
 
 
 def _interface(entry: Mapping[str, Any], arrays: Mapping[str, Any], count: int) -> Array:
-    """Rows (count,) of the interface from 0. Raises ValueOutOfBoundsError."""
+    """Rows (count,) of the interface coordinates, counted from 0. Raises ValueOutOfBoundsError."""
     n = len(arrays["K"])
     rows = np.asarray(entry.get("interface", range(1, count + 1)))
     if rows.shape != (count,) or rows.dtype.kind != "i" or not ((rows >= 1) & (rows <= n)).all():
@@ -107,10 +111,10 @@ def _interface(entry: Mapping[str, Any], arrays: Mapping[str, Any], count: int) 
 
 
 def _sizes(unit: Any) -> tuple[float, float, float]:
-    """Units of length, mass and time of the matrices in SI. Raises UnitError."""
+    """Units of length, mass and time of the matrices, in SI. Raises UnitError."""
     words = unit.split() if isinstance(unit, str) else []
     if len(words) != 3:
-        raise UnitError(f'unit is {unit!r}; give those of length, mass and time, such as "mm t s"')
+        raise UnitError(f'unit is {unit!r}; give the units of length, mass and time, such as "mm t s"')
     length, mass, time = (conversion(word, si) for word, si in zip(words, ("m", "kg", "s"), strict=True))
     return length, mass, time
 
@@ -118,8 +122,8 @@ def _sizes(unit: Any) -> tuple[float, float, float]:
 def _in_si(
     arrays: Mapping[str, Any], rows: Array, body: Body, sizes: tuple[float, float, float]
 ) -> tuple[Array, Array, Array]:
-    """M, K and C (n, n) by SI displacements of the interface, with energies in joule. Interior coordinates
-    keep their units, on which the reduction does not depend."""
+    """M, K and C (n, n) for interface displacements in SI and energies in joule. Interior coordinates keep
+    their units, which do not affect the reduction."""
     length, mass, time = sizes
     scale = np.ones(len(arrays["K"]))
     scale[rows] = [1 / length if unit == "m" else 1.0 for unit in body.units]

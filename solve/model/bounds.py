@@ -1,4 +1,4 @@
-"""Values of parameters and options, checked against the bounds that generated modules state."""
+"""Validation of parameters and options against the bounds stated by generated modules."""
 
 import math
 import re
@@ -14,7 +14,7 @@ from solve.units import in_unit, require_size_of_number
 
 
 def clauses(bound: str) -> list[str]:
-    """Conditions that a bound consists of, such as "> 0"; all must hold.
+    """Conditions that make up a bound, such as "> 0". All must hold.
 
     >>> clauses("integer, >= 1")
     ['integer', '>= 1']
@@ -72,7 +72,8 @@ def checked_parameters(module: ModuleType, values: Mapping[str, Any]) -> dict[st
 def stated_limits(
     rows: Sequence[tuple[str, str, str]], validity: Mapping[str, float], units: Mapping[str, str]
 ) -> list[Limit]:
-    """Limits of validity by coordinate, and of the rows (quantity, bound, meaning) of a generated module."""
+    """Limits of validity by coordinate, and limits from the rows (quantity, bound, meaning) of a generated
+    module."""
     return [
         *(_validity_limit(name, bound, units[name]) for name, bound in validity.items()),
         *(
@@ -94,7 +95,7 @@ def _validity_limit(name: str, bound: float, unit: str) -> Limit:
 
 
 def _bound_limit(name: str, meaning: str, unit: str, clause: str) -> Limit:
-    """Limit from a condition of a bound in a generated module."""
+    """Limit derived from a condition of a bound in a generated module."""
 
     def extreme(values: Statistics) -> Any:
         return values.min if clause.startswith(">") else values.max
@@ -113,7 +114,7 @@ REDUCE = "reduce"
 
 
 def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of all options, with defaults for those not in `values`. Raises UnknownNameError and
+    """Values of all options, with the defaults of those not in `values`. Raises UnknownNameError and
     ValueOutOfBoundsError."""
     link_options, motion_options = getattr(module, "LINK_OPTIONS", ()), getattr(module, "MOTION_OPTIONS", ())
     declared = (*module.OPTIONS, *link_options, *motion_options)
@@ -132,8 +133,8 @@ def checked_options(module: ModuleType, values: Mapping[str, Any]) -> dict[str, 
 
 
 def _modes_a_link(module: ModuleType, value: Any) -> int:
-    """Number of modes per link; its allowed range depends on the elements and is checked at their
-    assembly."""
+    """Number of modes per link. Its allowed range depends on the elements and is checked when they are
+    assembled."""
     if not hasattr(module, "LINKS"):
         raise ValueOutOfBoundsError(
             f"{module.NAME} is not a beam structure, and reduce requires one; omit reduce"
@@ -145,7 +146,7 @@ def _modes_a_link(module: ModuleType, value: Any) -> int:
 
 
 def _option_per_link(module: ModuleType, name: str, value: Any, allowed: Sequence[Any]) -> Any:
-    """Value of an option: one for all links, or a comma-separated text with one value per link."""
+    """Value of an option: one value for all links, or a comma-separated text with one value per link."""
     parts = (
         value.split(",") if isinstance(value, str) else value if isinstance(value, list | tuple) else [value]
     )

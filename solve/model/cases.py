@@ -99,8 +99,8 @@ def chosen_case(
     required: bool = True,
     otherwise: Mapping[str, float | str] = MappingProxyType({}),
 ) -> Case:
-    """Case from a file, by default the first, with a value for every declared parameter, of which some may be
-    replaced.
+    """Case from a file (default: the first), with a value for every declared parameter. Values in `replaced`
+    take precedence.
 
     path: None for a model in memory. required: whether the file must exist; otherwise a missing file yields a
     case without name and numbers. otherwise: values of parameters that are given nowhere else. Raises
@@ -136,7 +136,7 @@ def chosen_case(
 
 
 def functions_of(module: ModuleType) -> dict[str, Series | Body]:
-    """Declared series and elastic bodies, whose parameters a case may take from files, by name."""
+    """Declared series and elastic bodies by name. A case may take their parameters from files."""
     bodies = [Body(*row) for row in getattr(module, "BODIES", ())]
     return {**series_of(getattr(module, "SERIES", ())), **{body.name: body for body in bodies}}
 
@@ -144,7 +144,7 @@ def functions_of(module: ModuleType) -> dict[str, Series | Body]:
 def read_cases(
     path: Path, units: Mapping[str, str], series: Mapping[str, Series | Body] = MappingProxyType({})
 ) -> dict[str, Case]:
-    """Cases of a file, in its order; `units`, and `series` and bodies, are declared by the model.
+    """Cases of a file in the order of the file. units, series: declared by the model, bodies included.
 
     An entry is { value, unit, source }. { values = […] } defines NAME1, NAME2, …; { value, count } assigns
     the same value to NAME1 … NAMEcount; `tolerance` or `distribution` states the spread of each number;
@@ -193,7 +193,8 @@ def _read(path: Path) -> dict[str, Any]:
 def _parameters(
     raw: Any, units: Mapping[str, str], series: Mapping[str, Series | Body], path: Path
 ) -> tuple[dict[str, float], dict[str, Fit], dict[str, str], dict[str, str], dict[str, str]]:
-    """Values in the units declared by the model, fitted series, sources, units in the file, and spreads."""
+    """Values in the units declared by the model, fitted series, sources, units used in the file, and
+    spreads."""
     spreads: dict[str, str] = {}
     values: dict[str, float] = {}
     fits: dict[str, Fit] = {}
@@ -239,7 +240,7 @@ def _fit(
     series: Mapping[str, Series | Body],
     path: Path,
 ) -> Fit:
-    """Fit of a series to a table."""
+    """Series fitted to a table."""
     _require_known_keys(entry, _TABLE_KEYS, f"key of {name} in {path.name}")
     function, columns = name.removesuffix("'"), entry.get("columns")
     chosen = series.get(function)
@@ -257,7 +258,7 @@ def _fit(
 
 
 def _numbers(name: str, entry: dict[str, Any], units: Mapping[str, str], path: Path) -> dict[str, float]:
-    """Values of the parameters of an entry that states numbers."""
+    """Parameter values of an entry that states numbers."""
     _require_known_keys(entry, _NUMBER_KEYS, f"key of {name} in {path.name}")
     unit = _text(entry, "unit", name, path)
     _text(entry, "source", name, path)
@@ -290,7 +291,8 @@ def _spreads(
 
 
 def _members(name: str, entry: dict[str, Any], path: Path) -> Iterator[tuple[str, float]]:
-    """Name and number of each parameter of an entry with `value`, `value` and `count`, or `values`."""
+    """Name and value of each parameter of an entry with `value`, with `value` and `count`, or with
+    `values`."""
     forms = entry.keys() & {"value", "values", "count"}
     if forms == {"value"}:
         pairs = iter([(name, entry["value"])])
@@ -338,8 +340,8 @@ def _require_known_keys(table: Mapping[str, Any], allowed: set[str], kind: str) 
 
 
 def case_text(name: str, title: str, system: Labels, sources: Mapping[str, str]) -> str:
-    """Case file with the parameters of a system, every number with its unit and source; sources: of some
-    parameters by name."""
+    """Text of a case file with the parameters of a system, every number with its unit and source. sources:
+    sources of some parameters by name."""
     unchanged = f"as in case {system.case}" if system.case else "as given"
     lines = [f"[case.{name}]", f"title = {json.dumps(title)}", f"[case.{name}.parameters]"]
     for parameter, value in system.parameters.items():

@@ -1,4 +1,5 @@
-"""Checks of generated matrices: periodicity, jumps at the breaks only, and positive definite M."""
+"""Checks of generated matrices: periodic, without jumps except at the breaks, and with positive definite
+M."""
 
 from contextlib import suppress
 
@@ -76,7 +77,8 @@ def valid_at_all_speeds(system: PeriodicSystem, sampler: MatrixSampler) -> bool:
 
 
 def require_no_jump(system: PeriodicSystem, speed: float) -> None:
-    """Raise MatricesError if matrices at a speed (rad/s) jump within the period without a break."""
+    """Raise MatricesError if matrices at a speed (rad/s) jump within the period at a phase that is not a
+    break."""
     phase = _check_phases(system)
 
     def entries(matrices: Matrices) -> Array:
@@ -127,12 +129,12 @@ def _steep_intervals(
 
 
 def _check_phases(system: PeriodicSystem) -> Array:
-    """Phases of the period at which matrices are checked, except phases at a break."""
+    """Phases of the period at which matrices are checked; phases at a break are excluded."""
     phase = (np.arange(_CHECK_PHASES) + 0.5) * (system.period / _CHECK_PHASES)
     breaks = np.array(system.breaks)
     return phase[np.abs(phase[:, None] - breaks).min(axis=1, initial=np.inf) > 1e-9 * system.period]
 
 
 def _not_positive(M: Array) -> Array:
-    """Whether each of the matrices (k, n, n) is not positive definite (k,)."""
+    """Whether (k,) each of the matrices (k, n, n) is not positive definite."""
     return np.linalg.eigvalsh(M).min(axis=1) <= 0

@@ -1,4 +1,4 @@
-"""Component modes of an elastic body from its matrices.
+"""Craig–Bampton reduction of an elastic body from its matrices.
 
 R. R. Craig, M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA J. 6 (1968) 1313-1319.
 
@@ -95,7 +95,7 @@ def craig_bampton(M: Array, K: Array, interface: Sequence[int] | Array, modes: i
 
 
 def static_shapes(K: Array, basis: Array, interface: Sequence[int] | Array, loads: Array) -> Array:
-    """Static response of a body to loads, without the component that a basis contains.
+    """Static response of a body to loads, without its component in the span of a basis.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ _PIVOT = 1e-12
 
 
 def _flexible(K: Array, inner: Array, loads: Array) -> Array:
-    """K_ii⁻¹ times loads (i, c). Raises MatricesError if K_ii is not positive definite."""
+    """Static response K_ii⁻¹ f to loads f (i, c). Raises MatricesError if K_ii is not positive definite."""
     from scipy.linalg import cho_factor, cho_solve
 
     stiffness = K[np.ix_(inner, inner)]
@@ -158,7 +158,8 @@ def _flexible(K: Array, inner: Array, loads: Array) -> Array:
 
 
 def _lowest(M: Array, K: Array, modes: int) -> tuple[Array, Array]:
-    """ω² of the lowest modes and of the next one, and the shapes of the lowest modes with ΦᵀMΦ = I.
+    """Squared frequencies ω² of the lowest modes and of the next one, and the shapes of the lowest modes with
+    ΦᵀMΦ = I.
 
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
     of the highest modes.

@@ -1,4 +1,4 @@
-"""Derivatives of the equations and outputs of a model with respect to its parameters and its speed."""
+"""Derivatives of a model's equations and outputs with respect to its parameters and its speed."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class _Slopes:
         return Sampler(self.function, shared=1)
 
     def values(self, compiled: Columns | None, p: Array, inputs: Sequence[Array]) -> Array:
-        """Derivatives (len(rows), k) at inputs (k, …) or (k,)."""
+        """Derivatives (len(rows), k) for inputs (k, …) or (k,)."""
         if not len(self.rows):
             return np.zeros((0, len(inputs[0])))
         values = self._compiled(compiled, p, inputs)
@@ -60,13 +60,13 @@ class _Slopes:
         return compiled(Formulas(self.text, len(self.rows), (), p), columns, by_row)
 
     def dense(self, values: Array) -> Array:
-        """Dense array (rows, columns, k) of the derivatives."""
+        """Derivatives as a dense array (rows, columns, k)."""
         dense = np.zeros((self.shape[0] * self.shape[1], values.shape[1]))
         dense[self.rows * self.shape[1] + self.columns] = values
         return dense.reshape(*self.shape, -1)
 
     def weighted(self, compiled: Columns | None, p: Array, inputs: Sequence[Array], weights: Array) -> Array:
-        """Weighted sums (columns, c) over k and the rows, with weights (k, rows, c)."""
+        """Sums (columns, c) over k and the rows with weights (k, rows, c)."""
         sums = np.zeros((self.shape[1], weights.shape[2]))
         compiled_sums = self._compiled(compiled, p, inputs, weights) if len(self.rows) else None
         if compiled_sums is not None:
@@ -83,7 +83,7 @@ class _Slopes:
 
 class GeneratedSlopes:
     """Derivatives of the generated functions by automatic differentiation in CasADi (J. A. E. Andersson et
-    al., Math. Program. Comput. 11 (2019) 1-36), for any values of the parameters.
+    al., Math. Program. Comput. 11 (2019) 1-36), for any parameter values.
 
     Functions are built at their first use. nonlinear: whether of the nonlinear equations, or of those
     linearised about the fundamental motion.
@@ -117,8 +117,8 @@ class GeneratedSlopes:
     @cached_property
     @symbolic
     def matrices(self) -> _Slopes:
-        """Derivatives of a weighted sum of the entries with respect to θ and the states; the weights are an
-        input."""
+        """Derivatives of a weighted sum of the entries with respect to θ and to the states. The weights are
+        an input."""
         import casadi
 
         n, states = self._n, self._symbols[2:5]
@@ -128,7 +128,7 @@ class GeneratedSlopes:
 
     @symbolic
     def _output(self, name: str) -> _Slopes:
-        """Derivatives of an output with respect to θ and the states."""
+        """Derivatives of an output with respect to θ and to the states."""
         phase, speed, a, v, q, p = self._symbols
         state = [phase, speed, q, speed * v, speed**2 * a, p]
         values = self._setup.function("outputs").call(state, True, False)
@@ -136,7 +136,8 @@ class GeneratedSlopes:
         return self._slopes(values[names.index(name)], [a, v, q])
 
     def _slopes(self, value: Any, states: Sequence[Any], *further: Any) -> _Slopes:
-        """Derivatives of a symbolic column with respect to θ, then to the states."""
+        """Derivatives of a symbolic column with respect to θ, followed by those with respect to the
+        states."""
         import casadi
 
         *inputs, p = self._symbols
@@ -151,7 +152,7 @@ class GeneratedSlopes:
 
 
 class GeneratedDependence:
-    """Derivatives of the generated functions at the parameters of a setup; see `Dependence`."""
+    """Derivatives of the generated functions for the parameters of a setup; see `Dependence`."""
 
     partial_outputs = True
 
@@ -163,8 +164,8 @@ class GeneratedDependence:
         names: Sequence[str],
         compiled: Columns | None = None,
     ):
-        """names: names of the quantities θ, which the slopes must contain. compiled: optional compiled
-        evaluation."""
+        """names: names of the quantities θ, all of which the slopes must contain. compiled: evaluation by
+        compiled code, if available."""
         self._slopes, self._p, self._n, self._compiled = slopes, setup.p, n, compiled
         self._chosen = [slopes.names.index(name) for name in names]
         self.linear = not slopes.nonlinear
@@ -208,13 +209,14 @@ class GeneratedDependence:
         return [phase, np.full(len(phase), speed), *_by_order(states)]
 
     def _partial(self, slopes: _Slopes, values: Array) -> tuple[Array, Array]:
-        """Derivatives of one quantity at phases (k,) with respect to θ (k, r) and to the states (k, 3, n)."""
+        """Derivatives of one quantity at phases (k,): with respect to θ (k, r), and with respect to the
+        states (k, 3, n)."""
         (dense,), count = slopes.dense(values), len(self._slopes.names)
         return dense[self._chosen].T, dense[count:].T.reshape(-1, 3, self._n)
 
 
 class DampedDependence(GeneratedDependence):
-    """Derivatives of generated equations with modal damping C(φ) q′, by finite differences of C; see
+    """Derivatives of generated equations with modal damping C(φ) q̇, by finite differences of C; see
     `Dependence`."""
 
     def __init__(
@@ -226,8 +228,8 @@ class DampedDependence(GeneratedDependence):
         compiled: Columns | None,
         damping: Callable[[Mapping[str, float], Array], Array],
     ):
-        """damping: function that returns C (k, n, n), for derivatives with respect to time, at phases (k,)
-        with some parameters changed."""
+        """damping: function of changed parameters and of phases (k,) that returns C (k, n, n), for
+        derivatives with respect to time."""
         super().__init__(slopes, setup, n, names, compiled)
         self._damping, self._varied = cache(partial(_damping_slopes, damping, setup, tuple(names))), names
 
@@ -254,7 +256,8 @@ class DampedDependence(GeneratedDependence):
 def _damping_slopes(
     damping: Callable[[Mapping[str, float], Array], Array], setup: Setup, names: Sequence[str], phases: bytes
 ) -> Array:
-    """Derivatives of C with respect to parameters, and C itself for the speed: (k, n, n, r)."""
+    """Derivatives (k, n, n, r) of the damping matrix C with respect to parameters. In the column of the
+    speed, C itself."""
     phase = np.frombuffer(phases)
     columns = [
         damping({}, phase)
@@ -266,13 +269,13 @@ def _damping_slopes(
 
 
 def _in_chunks(*arrays: Array) -> Iterator[tuple[Array, ...]]:
-    """Arrays (k, …) in chunks of rows."""
+    """Yield chunks of rows of arrays (k, …)."""
     starts = range(_CHUNK, len(arrays[0]), _CHUNK)
     return zip(*(np.split(array, starts) for array in arrays), strict=True)
 
 
 def _by_order(states: Array) -> tuple[Array, Array, Array]:
-    """q″, q′ and q (k, n)."""
+    """Split states into q″, q′ and q (k, n)."""
     a, v, q = (states[:, order] for order in range(3))
     return a, v, q
 
@@ -281,7 +284,7 @@ _Interpolant = Callable[[Array], Array]
 
 
 class AssembledDependence:
-    """Finite differences of assembled matrices and outputs; see `Dependence`."""
+    """Derivatives of assembled matrices and outputs by finite differences; see `Dependence`."""
 
     linear, partial_outputs = True, False
 
@@ -292,7 +295,7 @@ class AssembledDependence:
 
     @property
     def less_accurate(self) -> "AssembledDependence":
-        """The same derivatives without the smallest step of the finite differences."""
+        """The same derivatives, computed without the smallest step of the finite differences."""
         made = AssembledDependence(self._system, self._names)
         made._less, made._interpolants = 1, self._interpolants
         return made
@@ -323,7 +326,7 @@ class AssembledDependence:
         return np.stack([column(at) for at in range(len(self._names))], axis=-1)
 
     def _entries(self, phase: Array, speed: float) -> Array:
-        """Derivatives of Ω²M, ΩC, K by rows and d, (k, 3n² + n, r); the last ones are cached."""
+        """Derivatives (k, 3n² + n, r) of Ω²M, ΩC, K by rows and of d. The last result is cached."""
         key = phase.tobytes(), speed
         if key not in self._cache:
             columns = [
@@ -335,8 +338,8 @@ class AssembledDependence:
 
     def _blocks(self, name: str, speed: float) -> list[tuple[_Interpolant, _Interpolant]]:
         """Derivatives of Ω²M, ΩC, K by rows and of d, and less accurate ones for error estimates, as
-        functions of phases (k,). A varied system takes longer to assemble than to sample: interpolants serve
-        all grids."""
+        functions of phases (k,). Interpolants are used for all grids, because assembling a varied system
+        takes longer than sampling it."""
         if (name, speed) not in self._interpolants:
             n, moved = self._system.n, cache(self._moved(name, speed))
 
@@ -362,8 +365,8 @@ class AssembledDependence:
     def _slope(
         self, name: str, speed: float, value: Callable[[PeriodicSystem, float, float], Array]
     ) -> Array:
-        """Derivative of a value with respect to the quantity of this name. value: function of a system and a
-        speed."""
+        """Derivative of a value with respect to the quantity with this name. value: function of a system and
+        a speed."""
         at, moved = self._value(name, speed), self._moved(name, speed)
         return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
@@ -371,8 +374,7 @@ class AssembledDependence:
         return speed if name == SPEED else self._system.parameters[name]
 
     def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
-        """Function that returns the system and the speed for a value of the parameter of this name, or of the
-        speed."""
+        """Function that maps a value of the named parameter, or of the speed, to a system and a speed."""
         if name == SPEED:
             return lambda number: (self._system, number)
         return lambda number: (self._system.varied({name: number}), speed)

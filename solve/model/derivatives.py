@@ -1,5 +1,5 @@
-"""Derivatives of a model with respect to its parameters: availability, derivatives of the breaks and of the
-equations."""
+"""Derivatives of a model with respect to its parameters: their availability, and the derivatives of breaks
+and equations."""
 
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -31,7 +31,7 @@ SlopesCache = dict[tuple[tuple[str, ...], bool], GeneratedSlopes]
 
 
 class ModelDerivatives:
-    """Derivatives of the linearised, or the nonlinear, equations of a model; see `ParameterDerivatives`.
+    """Derivatives of a model's linearised or nonlinear equations; see `ParameterDerivatives`.
 
     assembled: whether the matrices are assembled numerically, and hence differentiated by finite differences.
     slopes: cache of the derivatives of generated functions, by names, and whether of the nonlinear equations.
@@ -67,8 +67,8 @@ class ModelDerivatives:
         return np.tile(slopes.reshape(len(names), -1).T, (self._periods, 1))
 
     def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
-        """Derivatives with respect to parameters, or the "speed". compiled: optional compiled evaluation of
-        formulas. Raises UnknownNameError, NoDerivativeError."""
+        """Derivatives with respect to the named parameters, or the "speed". compiled: compiled evaluation of
+        formulas, if available. Raises UnknownNameError, NoDerivativeError."""
         self._require(names)
         damped = self._setup.ratios is not None
         if self._assembled and not damped:
@@ -82,7 +82,8 @@ class ModelDerivatives:
         return DampedDependence(*arguments, self._damping) if damped else GeneratedDependence(*arguments)
 
     def _require(self, names: Sequence[str]) -> None:
-        """Raise UnknownNameError or NoDerivativeError for parameters without derivatives."""
+        """Raise UnknownNameError for unknown parameters, and NoDerivativeError for those without
+        derivatives."""
         parameters, smooth = self._setup.case.parameters, {SPEED, *self.names}
         for name in names:
             require_name(f"quantity of {self._setup.module.NAME}", name, [SPEED, *parameters])
@@ -105,13 +106,14 @@ class ModelDerivatives:
         return self._slopes[key]
 
     def _damping(self, parameters: Mapping[str, float], phase: Array) -> Array:
-        """Modal damping (k, n, n) at phases (k,) with some parameters changed."""
+        """Modal damping matrix (k, n, n) at phases (k,) for changed parameters."""
         setup = self._setup.varied(parameters, {})
         assert setup.ratios is not None
         return DampedSampler(setup.function("linearised"), setup.p, setup.ratios).damping(phase)
 
     def _has_smooth_breaks(self, name: str) -> bool:
-        """Whether the breaks, and the equations there, are differentiable with respect to a parameter."""
+        """Whether the breaks, and the equations at the breaks, are differentiable with respect to a
+        parameter."""
         slopes = self._of_break(name)
         return slopes is not None and not (self._assembled and slopes.any())
 
@@ -139,8 +141,8 @@ class ModelDerivatives:
 
 
 def _moved_breaks(breaks: Array, moved: Array, period: float) -> Array:
-    """Positions (b,) to which breaks (b,) have moved, each matched to the nearest of the moved breaks (c,).
-    Raises ValueOutOfBoundsError if breaks have merged or split."""
+    """New position (b,) of each of the breaks (b,), matched to the nearest of the moved breaks (c,). Raises
+    ValueOutOfBoundsError if breaks have merged or split."""
     ends = _distinct(moved, period)
     distances = (ends - breaks[:, None] + period / 2) % period - period / 2
     nearest = np.abs(distances).argmin(axis=1)

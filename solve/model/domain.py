@@ -1,4 +1,4 @@
-"""Domain of the fundamental motion of a generated module: where it is real and finite."""
+"""Domain of a generated module's fundamental motion, in which the motion is real and finite."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -45,7 +45,7 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 
 class _Violations(NamedTuple):
-    """Violated conditions: points, rows, phases and margins (f,)."""
+    """Violations of conditions: indices of points and of conditions, phases, and margins (f,)."""
 
     point: Array
     row: Array
@@ -54,8 +54,8 @@ class _Violations(NamedTuple):
 
 
 class Domain:
-    """Domain conditions of a generated module on phase, speed and parameters, some of which vary between
-    points."""
+    """Domain conditions of a generated module on phase, speed and parameters. Some parameters may vary
+    between points."""
 
     def __init__(
         self,
@@ -64,8 +64,8 @@ class Domain:
         rows: Sequence[tuple[str, str, str, str]],
         period: float,
     ):
-        """function: generated function of the margins; sampler: evaluates it at phases, speeds and free
-        parameters; rows: selected conditions of DOMAIN."""
+        """function: generated function that returns the margins; sampler: evaluates it for phases, speeds and
+        free parameters; rows: selected conditions of DOMAIN."""
         self._rows, self._sampler, self._period = rows, sampler, float(period)
         relations = np.array([relation for *_, relation in self._rows])
         self._zero, self._positive = relations == "!= 0", relations == "> 0"
@@ -79,7 +79,7 @@ class Domain:
         return bool(self._by_speed.any())
 
     def holds(self, speeds: Array, values: Array) -> Array:
-        """Whether all conditions hold (P,) at speeds (P,) with the free parameters (P, v)."""
+        """Whether (P,) all conditions hold at speeds (P,) with the free parameters (P, v)."""
         key = len(values), speeds.tobytes() if self.by_speed else b"", values.tobytes()
         if key not in self._cache:
             while len(self._cache) >= _CACHE_SIZE:
@@ -98,8 +98,8 @@ class Domain:
         return is_satisfied[group.ravel()]
 
     def require(self, speed: float | None = None, at: str = "") -> None:
-        """Raise DesiredMotionError if a condition fails at a speed (rad/s); without a speed, if a condition
-        that does not depend on the speed fails. at: text of the speed for the message."""
+        """Raise DesiredMotionError if a condition fails at a speed (rad/s). Without a speed, only the
+        conditions that do not depend on it are tested. at: text of the speed for the message."""
         violations = self._violations(np.array([1.0 if speed is None else speed]), np.zeros((1, 0)))
         if speed is None:
             independent = ~self._by_speed[violations.row]
@@ -122,7 +122,7 @@ class Domain:
         return (np.arange(count) + _SHIFT) * (self._period / count)
 
     def _where(self, row: int, phase: Array, value: Array) -> str:
-        """Text with the smallest failing margin and its phase."""
+        """Text that states the smallest failing margin and its phase."""
         worst = int(np.argmax(np.isnan(value))) if np.isnan(value).any() else int(np.argmin(value))
         if len(self._phases) == 1:
             return f"{value[worst]:.4g} at every phase"
@@ -133,12 +133,12 @@ class Domain:
         return f"{value[worst]:.4g} at phase {phase[worst]:.4g}{share}"
 
     def _margins(self, phase: Array, speeds: Array, values: Array) -> Array:
-        """Margins (k, R) at phases (k,) for k points."""
+        """Margins (k, R) of the conditions at phases (k,), one phase per point."""
         with np.errstate(all="ignore"):
             return self._sampler(phase, speeds, values)
 
     def _violations(self, speeds: Array, values: Array) -> _Violations:
-        """Violations at points (P,), at sampled phases or else between them."""
+        """Violations at points (P,), at the sampled phases; without any, at phases between the samples."""
         phase, P = self._phases, len(speeds)
         k = len(phase)
         grid = np.tile(phase, P), np.repeat(speeds, k), np.repeat(values, k, axis=0)
@@ -157,7 +157,7 @@ class Domain:
         return _Violations(*(np.concatenate(field) for field in zip(*violations, strict=True)))
 
     def _fails(self, margins: Array, allowed: Array) -> Array:
-        """Whether margins (…, R) violate their relations."""
+        """Whether margins (…, R) violate their conditions."""
         size = np.where(self._zero, np.abs(margins), margins)
         strict = self._zero | self._positive
         return ~np.isfinite(margins) | np.where(strict, size <= allowed, size < -allowed)
@@ -165,7 +165,7 @@ class Domain:
     def _crossings(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Zeros between samples of opposite sign, for margins that must not be zero."""
+        """Zeros between samples of opposite sign, for margins that must not vanish."""
         changes = (margins * np.roll(margins, -1, axis=1) < 0) & self._zero & ~failed
         point, at, row = np.nonzero(changes)
         step = self._period / margins.shape[1]
@@ -183,8 +183,8 @@ class Domain:
     def _minima(
         self, margins: Array, allowed: Array, failed: Array, speeds: Array, values: Array
     ) -> _Violations:
-        """Violating minima between samples, searched for where the differences between neighbouring samples
-        permit one."""
+        """Violations at minima between samples. They are searched for where the differences between
+        neighbouring samples permit one."""
         size = np.where(self._zero, np.abs(margins), margins)
         before, behind = np.roll(size, 1, axis=1), np.roll(size, -1, axis=1)
         reach = np.maximum(before - size, behind - size)
@@ -209,7 +209,7 @@ class Domain:
         return _Violations(point[fails], row[fails], middle[fails] % self._period, value[fails])
 
     def _at(self, phase: Array, point: Array, row: Array, speeds: Array, values: Array) -> Array:
-        """Margins (f,) of rows at phases of points."""
+        """Margins (f,) of the given conditions at given phases and points."""
         if not len(phase):
             return np.zeros(0)
         return self._margins(phase, speeds[point], values[point])[np.arange(len(row)), row]

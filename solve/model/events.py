@@ -1,4 +1,5 @@
-"""Phases at which a motion passes the switches of the equations: stops, clearances, contacts.
+"""Events: phases at which a motion passes the switches of the equations, such as stops, clearances and
+contacts.
 
 The switches are the arguments of |x|, sign, max, min and comparisons in the residual that depend on the
 motion."""
@@ -40,7 +41,8 @@ _REST = 1e-13
 @lru_cache(MAX_CACHED)
 @symbolic
 def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function | None":
-    """Function of the inputs of a generated residual that returns its switches (s,); None without any."""
+    """Function of the inputs of a generated residual that returns its switching functions (s,); None if there
+    are none."""
     import casadi
 
     residual, names = module.residual(**dict(options)), operation_names()
@@ -69,13 +71,13 @@ def switches(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casad
 
 
 class EventFinder:
-    """Switches of a model as functions of the phase along a motion at a speed (rad/s). p (p,): parameters."""
+    """Switching functions of a model over the phase along a motion at a speed (rad/s). p (p,): parameters."""
 
     def __init__(self, function: "casadi.Function", p: Array):
         self._function, self._sampler, self._p = function, Sampler(function, shared=1), p
 
     def along(self, motion: Motion, speed: float) -> Events:
-        """Events over the period of a motion."""
+        """Events of a motion over its period."""
         count = max(_MIN_SAMPLES, _SAMPLES * (len(motion.nodes) - 1))
         phase = np.linspace(0.0, float(motion.nodes[-1]), count + 1)
         values = self._values(motion, speed, phase)
@@ -98,8 +100,8 @@ class EventFinder:
         return Events(_ascending(phases, same), _ascending(grazing, same))
 
     def normals(self, motion: Motion, speed: float, phase: Array) -> Array:
-        """Derivatives (k, 1 + 2n) with respect to the phase, q and q' = dq/dφ of the switch that is passed at
-        each event of a motion, at phases (k,)."""
+        """Derivatives (k, 1 + 2n), with respect to the phase, q and q' = dq/dφ, of the switching function
+        that vanishes at each event of a motion, at phases (k,)."""
         period, n = float(motion.nodes[-1]), len(motion(phase[:1]))
         ranges = np.ptp(
             self._values(motion, speed, np.arange(_MIN_SAMPLES) * (period / _MIN_SAMPLES)), axis=0
@@ -115,7 +117,7 @@ class EventFinder:
     @cached_property
     @symbolic
     def _gradient(self) -> Sampler:
-        """Derivatives of the switches with respect to the phase, q and q̇, by columns."""
+        """Derivatives of the switching functions with respect to the phase, q and q̇, in columns."""
         import casadi
 
         inputs = inputs_of(self._function)
@@ -130,14 +132,14 @@ class EventFinder:
         return [(speed**order * motion(phase, order)).T for order in range(3)]
 
     def _values(self, motion: Motion, speed: float, phase: Array) -> Array:
-        """Switches (k, s) at phases (k,)."""
+        """Switching functions (k, s) at phases (k,)."""
         speeds = np.full(len(phase), speed)
         return self._sampler(phase, speeds, *self._states(motion, speed, phase), self._p)
 
     def _passed(
         self, motion: Motion, speed: float, phase: Array, values: Array, columns: Array
     ) -> list[Array]:
-        """Phases at which each of some switches changes its sign."""
+        """Phases at which each of the selected switching functions changes sign."""
         from scipy.optimize.elementwise import find_root
 
         above = values[:, columns] > 0
@@ -154,7 +156,8 @@ class EventFinder:
 
 
 def _grazed(phase: Array, values: Array, passed: Array) -> Array:
-    """Phases at which a switch is near zero between two of its zeros, or at an extremum without zeros."""
+    """Phases at which a switching function is near zero between two of its zeros, or at an extremum if it has
+    no zeros."""
     moduli, limit = np.abs(values[:-1]), _GRAZING * np.ptp(values)
     turns = (moduli <= np.roll(moduli, 1)) & (moduli < np.roll(moduli, -1)) & (moduli <= limit)
     same = (np.roll(values[:-1], 1) > 0) == (np.roll(values[:-1], -1) > 0)
@@ -167,6 +170,6 @@ def _grazed(phase: Array, values: Array, passed: Array) -> Array:
 
 
 def _ascending(groups: list[Array], same: float) -> tuple[float, ...]:
-    """All phases in ascending order; coincident phases of several switches appear once."""
+    """All phases in ascending order. Phases that coincide within a tolerance appear once."""
     phases = np.sort(np.concatenate(groups)) if groups else np.zeros(0)
     return tuple(phases[np.diff(phases, prepend=-np.inf) > same].tolist())

@@ -46,7 +46,7 @@ _TEXTS = {
 
 
 def c_text(function: "casadi.Function") -> str | None:
-    """C code `void formulas(const lane *const *in, lane *out)` of a function with one output; `lane` is a
+    """C code `void formulas(const lane *const *in, lane *out)` for a function with one output; `lane` is a
     vector of doubles.
 
     Returns None for functions with unsupported operations, or with too many.
@@ -80,7 +80,7 @@ def c_text(function: "casadi.Function") -> str | None:
 
 
 def operation_names() -> dict[int, str]:
-    """CasADi's names of operations by their codes."""
+    """Names of CasADi's operations by their codes."""
     import casadi
 
     return {getattr(casadi, name): name[3:] for name in dir(casadi) if name.startswith("OP_")}

@@ -1,4 +1,5 @@
-"""Files of models, and generated modules: located by path, executed once, never imported by name."""
+"""Files of models, and generated modules, which are located by path and executed once, never imported by
+name."""
 
 import hashlib
 import re
@@ -41,8 +42,8 @@ def model_names() -> list[str]:
 
 
 def model_files(model: str) -> Files:
-    """Files of a model given by name or by the path of a mechanism file. Raises UnknownNameError, and
-    ModelFileError if the mechanism or its code is missing, or the code is out of date."""
+    """Files of a model, given by name or by the path of a mechanism file. Raises UnknownNameError, and
+    ModelFileError if the mechanism or its code is missing, or if the code is out of date."""
     files = _located(model)
     if not files.generated.is_file():
         raise ModelFileError(f"no generated code for '{model}'; run: python -m derive {model}")
@@ -88,7 +89,7 @@ def model_module(path: Path) -> ModuleType:
 
 
 def kind_of(module: ModuleType) -> str:
-    """Kind of a generated module, EQUATIONS or STRUCTURE, by the names that it contains."""
+    """Kind of a generated module (EQUATIONS or STRUCTURE), determined from the names it contains."""
     return next(kind for kind, names in _NAMES_OF_KIND.items() if not _missing(module, names))
 
 
@@ -122,14 +123,14 @@ def _verified(text: str, path: str) -> str:
 
 
 def module_of(code: str) -> ModuleType:
-    """Module of generated code in memory, with the code as CODE. Raises ModelFileError."""
+    """Module from generated code in memory, which its attribute CODE contains. Raises ModelFileError."""
     module = _execute(_verified(code, "<derived>"), "<derived>")
     module.__dict__["CODE"] = code
     return module
 
 
 def readable(path: Path) -> str:
-    """Text of a file of a model. Raises ModelFileError if it cannot be read."""
+    """Read a file of a model as text. Raises ModelFileError if it cannot be read."""
     try:
         return path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:

@@ -23,7 +23,7 @@ _NO_WARNINGS = {"show_eval_warnings": False, "disable_internal_warnings": True}
 
 class ModelIntegrator:
     """Time integration of r(φ, Ω, Ω̇, q, q̇, q̈) = 0 over periods by CVODES (A. C. Hindmarsh et al., ACM
-    Trans. Math. Softw. 31 (2005) 363-396) in CasADi, with `count` equidistant states per period.
+    Trans. Math. Softw. 31 (2005) 363-396) through CasADi, with `count` equidistant states per period.
 
     residual: generated `residual_varying`. sizes (n,): scales of the coordinates, to which rtol is relative.
     """
@@ -67,7 +67,7 @@ class ModelIntegrator:
         self._sizes, self.nodes, self._n = np.tile(sizes, 2), grid, n
 
     def __call__(self, state: Array, start: float, speed: float, last: float | None = None) -> Array:
-        """See `Integrator`. Raises TransientError if the integration fails."""
+        """Integrate over a period, see `Integrator`. Raises TransientError if the integration fails."""
         drive = speed, speed if last is None else last, start
         try:
             later = self._integrator(x0=state / self._sizes, p=drive)["xf"].full()
@@ -88,8 +88,8 @@ class ModelIntegrator:
 def damped_residual(
     residual: "casadi.Function", damping: Callable[[Array], Array], period: float
 ) -> "casadi.Function":
-    """Generated `residual` with C(φ) q̇ added, where C is interpolated trigonometrically. Raises
-    TransientError if C is not smooth."""
+    """Generated `residual` plus C(φ) q̇, with a trigonometric interpolant of C. Raises TransientError if C is
+    not smooth."""
     import casadi
 
     curve = interpolated(damping, period)

@@ -22,20 +22,20 @@ _CHUNK = 4096
 
 
 class ModelPoints:
-    """Model at many points, each with its speed and with separate values (v,) of some parameters."""
+    """Model at many points. Each point has its own speed and its own values (v,) of the varied parameters."""
 
     def __init__(self, setup: Setup, n: int, names: Sequence[str]):
         self._setup, self._n, self._names = setup, n, names
 
     @cached_property
     def formulas(self) -> Formulas | None:
-        """M, C, K by rows and d, for derivatives with respect to time, as C code with phase, speed and
-        parameters, including the varied ones, as inputs; None if no C code is available."""
+        """C code of M, C, K by rows and d, for derivatives with respect to time. Its inputs are phase, speed
+        and all parameters, including the varied ones. None if no C code is available."""
         return self._setup.formulas("linearised", self._names)
 
     def entries(self, phase: Array, speeds: Array, values: Array, by_time: Array | None = None) -> Array:
-        """Ω²M, ΩC, K by rows and d at phases (k,): (P, k, 3n² + n); NaN at points without a system. by_time:
-        values of the formulas, if computed before; may be overwritten."""
+        """Entries (P, k, 3n² + n) of Ω²M, ΩC, K by rows and d at phases (k,); NaN at points without a system.
+        by_time: values of the formulas, if computed before; may be overwritten."""
         P, k, n = len(speeds), len(phase), self._n
         phases, parameters = np.tile(phase, P), np.repeat(values, k, axis=0)
         if by_time is None:
@@ -51,13 +51,13 @@ class ModelPoints:
         return entries
 
     def exist(self, speeds: Array, values: Array) -> Array:
-        """Whether the fundamental motion exists (P,)."""
+        """Whether (P,) the fundamental motion exists."""
         return (
             np.ones(len(speeds), dtype=bool) if self._domain is None else self._domain.holds(speeds, values)
         )
 
     def breaks(self, values: Array) -> list[tuple[float, ...] | None]:
-        """Phases at which the matrices jump, for each point; None at points without a system."""
+        """Phases of jumps of the matrices, for each point; None at points without a system."""
         p = np.tile(self._setup.p, (len(values), 1))
         order = list(self._setup.case.parameters)
         p[:, [order.index(name) for name in self._names]] = values
@@ -68,7 +68,7 @@ class ModelPoints:
         return breaks
 
     def outputs(self, phase: Array, speeds: Array, values: Array, q: Array, qd: Array, qdd: Array) -> Array:
-        """Outputs (P, o, k) at phases (P, k) and states (P, n, k), derivatives with respect to time."""
+        """Outputs (P, o, k) at phases (P, k) and states (P, n, k). Derivatives are with respect to time."""
         P, n, k = q.shape
         states = (np.swapaxes(state, 1, 2).reshape(P * k, n) for state in (q, qd, qdd))
         outputs = self._outputs(phase.ravel(), np.repeat(speeds, k), *states, np.repeat(values, k, axis=0))
@@ -95,7 +95,7 @@ class ModelPoints:
         return self._setup.sampler("conditions", self._names)
 
     def _admitted(self, values: Array) -> Array:
-        """Whether bounds and conditions hold (P,) for values (P, v) of the parameters."""
+        """Whether (P,) bounds and conditions hold for parameter values (P, v)."""
         admitted = np.asarray(np.isfinite(values).all(axis=1))
         bounds = {name: bound for name, _, _, bound in self._setup.module.PARAMETERS}
         for name, column in zip(self._names, values.T, strict=True):
@@ -106,7 +106,7 @@ class ModelPoints:
         return admitted
 
     def _conditions_hold(self, values: Array) -> Array:
-        """Whether the conditions hold over the entire period (P,)."""
+        """Whether (P,) the conditions hold over the whole period."""
         phase = self._setup.condition_phases
         unique, group = np.unique(values, axis=0, return_inverse=True)
         hold = np.zeros(len(unique), dtype=bool)

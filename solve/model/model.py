@@ -83,13 +83,13 @@ class Model(PeriodicSystem):
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        """Model of a setup."""
+        """Model from a setup."""
         linearised, p, ratios = setup.function("linearised"), setup.p, setup.ratios
         sampler = MatrixSampler(linearised, p) if ratios is None else DampedSampler(linearised, p, ratios)
         return cls(setup, sampler, setup.module.COORDINATES[: sampler.n])
 
     def _repr_html_(self) -> str:
-        """Title and linearised equations, in a notebook."""
+        """HTML of the title and the linearised equations, for notebooks."""
         return "".join(f"<p>{line}</p>" for line in (escape(self.title), *self.equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -102,7 +102,7 @@ class Model(PeriodicSystem):
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
     ) -> Self:
-        """Model with some parameters and options changed.
+        """Model with changed parameters or options.
 
         Parameters
         ----------
@@ -163,8 +163,8 @@ class Model(PeriodicSystem):
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
     def checked(self, speed: float) -> None:
-        """Check, in addition, that the fundamental motion exists, that generated matrices are periodic and
-        jump at the breaks only, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
+        """As for any system. Also checks that the fundamental motion exists, that generated matrices jump
+        only at the breaks, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
         self.shown_in(speed).require_desired_motion(np.array([speed]))
         if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
@@ -177,7 +177,7 @@ class Model(PeriodicSystem):
         return self.sampler is not None and valid_at_all_speeds(self, self.sampler)
 
     def field(self, name: str, position: Array | float) -> Array:
-        """Mode functions of a deflection field.
+        """Mode functions of a declared deflection field.
 
         Multiplied by the coordinates, they give the deflection: `model.field("w", [0.25, 0.5]) @ orbit.q`.
 
@@ -250,7 +250,8 @@ class Model(PeriodicSystem):
 
     @property
     def assembled(self) -> bool:
-        """Whether the matrices are assembled numerically: modal damping requires eigenvalues."""
+        """Whether the matrices are assembled numerically, as for modal damping, which requires
+        eigenvalues."""
         return self.setup.ratios is not None
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
@@ -269,7 +270,8 @@ class Model(PeriodicSystem):
         return self.with_damping(phase, entries)
 
     def with_damping(self, phase: Array, entries: Array) -> Matrices:
-        """M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping in C.
+        """Matrices M, C, K and d from entries (k, 3n² + n) by rows at phases (k,), with modal damping added
+        to C.
 
         It cancels in d about a motion, where it occurs in C q̇ and in the residual.
         """
@@ -284,13 +286,13 @@ class Model(PeriodicSystem):
 
     @cached_property
     def tangent(self) -> Sampler:
-        """Sampler of M, C, K by rows and d of the system linearised by `along`, at phases, speeds and states
-        q, qd, qdd (k, n)."""
+        """Sampler of M, C, K by rows and d of the system linearised by `along`. Inputs are phases, speeds and
+        states q, qd, qdd (k, n)."""
         return Sampler(tangent(self.setup.function("residual"), self.setup.p))
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """Matrices of `tangent` as C code; None if unavailable."""
+        """C code of the matrices of `tangent`; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
 
     @cached_property
@@ -328,7 +330,7 @@ class Model(PeriodicSystem):
 
     @cached_property
     def _input_entries(self) -> Sampler:
-        """B by rows at phases and speeds (k,), with no free parameters."""
+        """Input matrix B by rows at phases and speeds (k,), without free parameters."""
         return Sampler(folded(self.setup.function("inputs"), self.setup.p), shared=1)
 
     @property
@@ -347,7 +349,7 @@ of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration
 
 
 class LinearisedModel(Model):
-    """Model linearised about a motion, see `PeriodicSystem.along`.
+    """Model linearised about a motion, returned by `PeriodicSystem.along`.
 
     The bounds of validity and the neglected terms of the linearisation about the fundamental motion do not
     apply.
@@ -390,7 +392,7 @@ class LinearisedModel(Model):
         return entries
 
     def _motion_states(self, phase: Array, speed: float) -> list[Array]:
-        """q, q̇ and q̈ (n, k) of the motion."""
+        """States q, q̇ and q̈ (n, k) of the motion."""
         states_of = getattr(self.motion, "states", None)
         if states_of and self.events.phases:
             # Beside an event the sides of a switch must be distinguished.

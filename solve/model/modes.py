@@ -1,4 +1,4 @@
-"""Natural frequencies and modes of M q̈ + K q = 0 at many positions at once, and modal damping."""
+"""Natural frequencies and modes of M q̈ + K q = 0 at many positions simultaneously, and modal damping."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -28,20 +28,20 @@ A choice."""
 
 
 class Modes(NamedTuple):
-    """Modes: frequencies (m, k) in rad/s, ascending; vectors (m, n, k) with ΦᵀMΦ = I."""
+    """Ascending natural frequencies (m, k) in rad/s, and mode vectors (m, n, k) with ΦᵀMΦ = I."""
 
     frequencies: Array
     vectors: Array
 
 
 def lowest_frequencies(M: Array, K: Array, count: int) -> Array:
-    """Lowest `count` frequencies (m, count) in rad/s, ascending; see `modes`."""
+    """Lowest `count` frequencies (m, count) in rad/s in ascending order; see `modes`."""
     shift, _, pencil = _pencil(M, K)
     return _frequencies(np.linalg.eigvalsh(pencil), shift, roundoff_frequency(M, K))[:, :count]
 
 
 def modes(M: Array, K: Array) -> Modes:
-    """All modes for M, K (m, n, n); M positive definite, K positive semidefinite.
+    """All modes of M and K (m, n, n); M positive definite, K positive semidefinite.
 
     1/ω² are eigenvalues of the pencil M − (1/ω²) K, so that low frequencies remain accurate for any stiffness
     of the highest modes. The highest modes lose digits; they are recomputed from the pencil K − ω² M in the
@@ -60,8 +60,8 @@ def modes(M: Array, K: Array) -> Modes:
 
 
 def _rayleigh_ritz(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
-    """ω² (m, r), descending, and modes (m, n, r) of M and K in the span of a basis (m, n, r), by the
-    Rayleigh-Ritz method."""
+    """Squared frequencies ω² (m, r), descending, and modes (m, n, r) of M and K in the span of a basis (m, n,
+    r), by the Rayleigh-Ritz method."""
     mass, stiffness = (np.swapaxes(basis, 1, 2) @ matrix @ basis for matrix in (M, K))
     L = np.linalg.cholesky(mass)
     squares, vectors = np.linalg.eigh(_congruent(stiffness, L))
@@ -70,20 +70,20 @@ def _rayleigh_ritz(M: Array, K: Array, basis: Array) -> tuple[Array, Array]:
 
 
 def _pencil(M: Array, K: Array) -> tuple[Array, Array, Array]:
-    """Shift (m,), L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
+    """Shift (m,), Cholesky factor L with LLᵀ = K + shift M, and L⁻¹ M L⁻ᵀ."""
     shift = _shifts(M, K)
     L = np.linalg.cholesky(K + shift[:, None, None] * M)
     return shift, L, _congruent(M, L)
 
 
 def _congruent(matrix: Array, L: Array) -> Array:
-    """L⁻¹ A L⁻ᵀ of symmetric matrices A (m, n, n) and triangular L."""
+    """Products L⁻¹ A L⁻ᵀ for symmetric matrices A (m, n, n) and triangular L."""
     return np.linalg.solve(L, np.swapaxes(np.linalg.solve(L, matrix), 1, 2))
 
 
 def roundoff_frequency(M: Array, K: Array) -> Array:
-    """Frequency (m,) below which computed frequencies are round-off, for M, K (m, n, n); 0 if K is regular,
-    so that low frequencies are accurate."""
+    """Frequency (m,) below which computed frequencies are round-off, for M and K (m, n, n); 0 if K is
+    regular, so that low frequencies are accurate."""
     if M.shape[1] == 0:
         return np.zeros(len(M))
     rounding = np.sqrt(_RIGID * (np.einsum("mii->mi", K) / np.einsum("mii->mi", M)).max(axis=1))
@@ -96,7 +96,7 @@ def _frequencies(values: Array, shift: Array, rest: Array) -> Array:
 
 
 def _shifts(M: Array, K: Array) -> Array:
-    """Shift of ω² (m,): 0 unless some K is singular up to round-off."""
+    """Shift of ω² (m,); 0 unless a K is singular within round-off."""
     try:
         pivots = np.einsum("mii->mi", np.linalg.cholesky(K)) ** 2
         singular = (pivots < _PIVOT * np.einsum("mii->mi", K)).any()
@@ -119,8 +119,8 @@ def modal_damping(M: Array, K: Array, ratio: Array | float) -> Array:
 
 
 def has_modes(M: Array, K: Array) -> Array:
-    """Whether M and K (m, n, n) have modes (m,): both are finite, and K is symmetric and positive
-    semidefinite up to round-off."""
+    """Whether (m,) M and K (m, n, n) have modes: both are finite, and K is symmetric and positive
+    semidefinite within round-off."""
     unit = 1 / np.sqrt(np.einsum("mii->mi", M))
     with np.errstate(invalid="ignore"):
         scaled = K * unit[:, :, None] * unit[:, None, :]
@@ -139,7 +139,7 @@ def beyond_critical(ratio: float) -> str:
 
 
 class DampedSampler(MatrixSampler):
-    """M, C, K, d of a generated `linearised` function with modal damping.
+    """Sampler of M, C, K, d of a generated `linearised` function, with modal damping.
 
     ratios (k,): damping ratios of the modes of M and K at speed 0 at every phase. Raises MatricesError where
     there are no modes.
@@ -158,21 +158,21 @@ class DampedSampler(MatrixSampler):
         return None
 
     def damping(self, phase: Array) -> Array:
-        """Modal damping matrix, (m, n, n)."""
+        """Modal damping matrices (m, n, n) at phases (m,)."""
         C = damped(super().entries(phase, _SPEED_ZERO)[0], self.n, self._ratios)
         without = np.isnan(C).any(axis=(1, 2))
         if without.any():
             raise MatricesError(
                 f"damping ratios: at phase {phase[np.argmax(without)]:.4g} and speed 0, K is not "
-                "symmetric or not positive, so that there are no modes; state a dissipation function "
-                "instead"
+                "symmetric, or not positive semidefinite, so that there are no modes; state a dissipation "
+                "function instead"
             )
         return C
 
 
 def damped(entries: Array, n: int, ratios: Array) -> Array:
-    """Modal damping (m, n, n) with damping ratios (k,) or (m, k), for the M and K contained in entries (m,
-    3n² + n) by rows; NaN where there are no modes."""
+    """Modal damping matrices (m, n, n) for damping ratios (k,) or (m, k) and the M and K in entries (m, 3n² +
+    n) by rows; NaN where there are no modes."""
     M, _, K, _ = split_entries(entries, n)
     C, valid = np.full(M.shape, np.nan), has_modes(M, K)
     if valid.any():

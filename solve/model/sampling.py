@@ -26,7 +26,7 @@ _CACHE_BYTES = 2**24
 
 
 class Sampler:
-    """Evaluation of a CasADi function at many columns, in NumPy memory and chunks; thread-safe.
+    """Evaluation of a CasADi function at many columns of inputs, in chunks, with NumPy arrays. Thread-safe.
 
     shared: number of last inputs that are the same for all columns.
     """
@@ -48,7 +48,7 @@ class Sampler:
         self._buffer.set_res(0, self._result.data)  # pyright: ignore[reportCallIssue]
 
     def __call__(self, *inputs: Array) -> Array:
-        """Results (k, rows) for inputs (k, columns), for inputs (k,) of one column, and for inputs (columns,)
+        """Results (k, rows). Inputs are (k, columns), (k,) for a single column, or (columns,) if they are
         shared by all k."""
         count = len(inputs[0])
         columns = [x.reshape(count, -1) if x.size else x for x in inputs[: self._varying]]
@@ -73,7 +73,7 @@ def symbol(name: str, size: int = 1) -> Any:
 
 
 def inputs_of(function: "casadi.Function", *without: str) -> dict[str, Any]:
-    """Symbols for the inputs of a generated function, by name; `without` lists inputs to omit."""
+    """Symbols for the inputs of a generated function, by name. without: inputs to omit."""
     return {name: symbol(name, function.size1_in(name)) for name in function.name_in() if name not in without}
 
 
@@ -87,7 +87,7 @@ def by_rows(matrices: Iterable[Any]) -> Any:
 
 @symbolic
 def folded(function: "casadi.Function", parameters: Array, free: Sequence[int] = ()) -> "casadi.Function":
-    """Generated function with its parameters substituted, except the free ones, which become the last input.
+    """Generated function after substitution of its parameters. The free parameters become its last input.
 
     Its outputs, each by rows, are concatenated.
     """
@@ -121,7 +121,7 @@ def tangent(residual: "casadi.Function", parameters: Array, free: Sequence[int] 
 
 
 class MatrixSampler:
-    """M, C, K (m, n, n) and d (m, n) of a generated `linearised` function at fixed parameters.
+    """Sampler of M, C, K (m, n, n) and d (m, n) of a generated `linearised` function with fixed parameters.
 
     If the entries are polynomials of the speed, as for most mechanisms, their coefficients are sampled once
     per grid of phases and cached. The next solution on this grid, at any speed, is then a matrix product.
@@ -147,7 +147,7 @@ class MatrixSampler:
         return split_entries(self.entries(phase, np.array([speed]))[0], self.n)
 
     def entries(self, phase: Array, speeds: Array) -> Array:
-        """M, C, K by rows and d (P, m, 3n² + n) at speeds (P,)."""
+        """Entries (P, m, 3n² + n) of M, C, K by rows and d at speeds (P,)."""
         P, m, E = len(speeds), len(phase), 3 * self.n**2 + self.n
         if self._terms is None:
             return self._evaluate(np.tile(phase, P), np.repeat(speeds, m)).reshape(P, m, E)
@@ -161,8 +161,8 @@ class MatrixSampler:
         return entries
 
     def terms(self, phase: Array) -> tuple[Array, Array, Array] | None:
-        """Coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d, and for each coefficient its entry,
-        ascending, and its power (R,); None if the entries are not polynomials in the speed."""
+        """Coefficients (m, R) of powers of the speed in Ω²M, ΩC, K and d, and for each coefficient its entry
+        (ascending) and its power (R,). None if the entries are not polynomials in the speed."""
         return None if self._terms is None else (self._table(phase), self._terms.entry, self._powers)
 
 
@@ -175,7 +175,7 @@ class _SpeedTerms(NamedTuple):
 
 
 def _speed_terms(entries: "casadi.SX", speed: "casadi.SX") -> _SpeedTerms | None:
-    """Entries as polynomials in the speed; None if they are not polynomials."""
+    """Entries expanded as polynomials in the speed; None if they are not polynomials."""
     import casadi
 
     parts, entry, power = [], [], []

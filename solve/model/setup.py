@@ -40,8 +40,8 @@ def samples_of(kind: str, fineness: float = 1.0) -> int:
 
 @dataclass(frozen=True)
 class Setup:
-    """Setup of a model: generated module, case with a value in the declared unit for every parameter, and all
-    options."""
+    """Setup of a model: generated module, case with a value in the declared unit for every parameter, and
+    values of all options."""
 
     module: ModuleType
     case: Case
@@ -49,7 +49,7 @@ class Setup:
 
     @classmethod
     def checked(cls, module: ModuleType, case: Case, options: Mapping[str, Any]) -> "Setup":
-        """Setup with defaults for options that are not given; every parameter needs a value. Raises
+        """Setup with defaults for options that are not given. Every parameter must have a value. Raises
         UnknownNameError, ValueOutOfBoundsError and DesiredMotionError."""
         case = replace(case, parameters=checked_parameters(module, case.parameters))
         setup = cls(module, case, checked_options(module, options))
@@ -59,18 +59,18 @@ class Setup:
         return setup
 
     def varied(self, parameters: Mapping[str, float], options: Mapping[str, Any]) -> "Setup":
-        """Setup with some parameters and options changed."""
+        """Setup with changed parameters or options."""
         return Setup.checked(self.module, self.case.replaced(parameters), {**self.options, **options})
 
     @cached_property
     def p(self) -> Array:
-        """Parameters in the order of the generated functions."""
+        """Parameter values in the order of the generated functions."""
         return np.array(list(self.case.parameters.values()))
 
     @cached_property
     def ratios(self) -> Array | None:
-        """Damping ratios (k,) of the modes by ascending frequency; the last holds for all higher modes. None
-        if the mechanism states none."""
+        """Damping ratios (k,) of the modes in order of frequency. The last ratio applies to all higher modes.
+        None if the mechanism states no ratios."""
         if not hasattr(self.module, "damping_ratios"):
             return None
         return self.function("damping_ratios")(self.p).full().ravel()
@@ -82,12 +82,12 @@ class Setup:
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Phases at which the generated matrices have jumps or kinks, ascending. Raises
+        """Phases, ascending, at which the generated matrices have jumps or kinks. Raises
         ValueOutOfBoundsError."""
         return self.breaks_with(self.p)
 
     def breaks_with(self, p: Array) -> tuple[float, ...]:
-        """Breaks for other parameter values p, in the order of the generated functions."""
+        """Breaks for other parameter values p, which are in the order of the generated functions."""
         phases = getattr(self.module, "BREAKS", ())
         if self.moves_breaks:
             try:
@@ -98,12 +98,13 @@ class Setup:
 
     @property
     def _module_options(self) -> dict[str, Any]:
-        """Options of the generated functions; those of a structure's elements concern its assembly only."""
+        """Options of the generated functions. Options of a structure's elements concern its assembly only and
+        are excluded."""
         return {option: self.options[option] for option, *_ in self.module.OPTIONS}
 
     @symbolic
     def function(self, name: str) -> "casadi.Function":
-        """Generated function of this name."""
+        """Generated function with this name."""
         return getattr(self.module, name)(**self._module_options)
 
     def sampler(self, name: str, free: Sequence[str]) -> Sampler:
@@ -120,7 +121,7 @@ class Setup:
 
     @cached_property
     def event_finder(self) -> EventFinder | None:
-        """Switches of the residual that depend on the motion, if any."""
+        """Finder of the events of switches that depend on the motion; None without such switches."""
         function = switches(self.module, tuple(self._module_options.items()))
         return None if function is None else EventFinder(function, self.p)
 
@@ -130,8 +131,8 @@ class Setup:
         varied: Sequence[str],
         transform: "Callable[[casadi.Function, Array, Sequence[int]], casadi.Function]" = folded,
     ) -> Formulas | None:
-        """C code of a transformed generated function. Parameters with value 0 are substituted unless they are
-        `varied`."""
+        """C code of a generated function after `transform`. Parameters with value 0 are substituted unless
+        they are in `varied`."""
         order = list(self.case.parameters)
         free = [k for k, parameter in enumerate(order) if self.p[k] != 0 or parameter in varied]
         options = tuple(self._module_options.items())
@@ -145,7 +146,7 @@ class Setup:
         return self.domain_with(())
 
     def exist(self, speeds: Array) -> Array:
-        """Whether the fundamental motion exists at speeds (P,) in rad/s."""
+        """Whether (P,) the fundamental motion exists at speeds (P,) in rad/s."""
         domain = self.domain
         if domain is None or not domain.by_speed:
             return np.ones(len(speeds), dtype=bool)
@@ -160,15 +161,15 @@ class Setup:
 
     @property
     def conditions(self) -> Sequence[tuple[str, str, Sequence[str]]]:
-        """Conditions on several parameters, such as lengths with which a linkage can turn: the condition, its
-        meaning, and the parameters concerned."""
+        """Conditions on several parameters, such as lengths for which a linkage can rotate: the condition,
+        its meaning, and the parameters it contains."""
         return getattr(self.module, "CONDITIONS", ())
 
     @cached_property
     @symbolic
     def condition_phases(self) -> Array:
         """Phases over the period at which the conditions must hold; a single phase if no condition depends on
-        it."""
+        the phase."""
         over_phase = self.function("conditions").jac_sparsity(0, 0).nnz() > 0
         return (np.arange(_CONDITION_PHASES if over_phase else 1) + 0.5) * (
             self.module.PERIOD / _CONDITION_PHASES
@@ -194,8 +195,8 @@ def stated_lines(
     setup: Setup, phase: Array, speed: float, q: Array, fineness: float = 1.0
 ) -> dict[str, Plane]:
     """Points x + iy (points, k) of the sketched lines by name, in coherent units, for q (n, k) at phases
-    (k,). fineness: fraction of the usual points of curves. Raises ValueOutOfBoundsError for a line
-    without finite points."""
+    (k,). fineness: fraction of the usual number of points of curves. Raises ValueOutOfBoundsError for a
+    line without finite points."""
     lines: dict[str, Plane] = {}
     if not getattr(setup.module, "SKETCH", ()):
         return lines
@@ -225,8 +226,8 @@ def _text_of(
     free: tuple[int, ...],
     count: int,
 ) -> tuple[str | None, int]:
-    """C code of a transformed generated function, and its number of outputs. Its inputs are the free ones of
-    `count` parameters; the others are 0."""
+    """C code of a generated function after `transform`, and its number of outputs. Of `count` parameters, the
+    free ones are inputs and the others are 0."""
     function = transform(getattr(module, name)(**dict(options)), np.zeros(count), free)
     return c_text(function), function.size1_out(0)
 
@@ -234,5 +235,5 @@ def _text_of(
 @lru_cache(MAX_CACHED)
 @symbolic
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
-    """Function of the bounds on the round-off in the residual."""
+    """Function that returns the bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))

@@ -34,16 +34,16 @@ class Spread(NamedTuple):
 
     @property
     def low(self) -> float:
-        """Lower end; of a normal distribution, EXTENT standard deviations below the mean."""
+        """Lower end of the spread; for a normal distribution, EXTENT standard deviations below the mean."""
         return self.first - EXTENT * self.second if self.normal else self.first
 
     @property
     def high(self) -> float:
-        """Upper end; of a normal distribution, EXTENT standard deviations above the mean."""
+        """Upper end of the spread; for a normal distribution, EXTENT standard deviations above the mean."""
         return self.first + EXTENT * self.second if self.normal else self.second
 
     def values(self, z: Array) -> Array:
-        """Values of a standard normal variable z."""
+        """Parameter values for values of a standard normal variable z."""
         from scipy.special import ndtr
 
         if self.normal:
@@ -52,14 +52,14 @@ class Spread(NamedTuple):
         return np.clip(self.first + (self.second - self.first) * ndtr(z), self.first, self.second)
 
     def slopes(self, z: Array) -> Array:
-        """Derivatives of the values."""
+        """Derivatives of the parameter values with respect to z."""
         if self.normal:
             return np.full(np.shape(z), self.second)
         return (self.second - self.first) * np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
 
 
 def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | None = None) -> Spread:
-    """Spread of a parameter with a nominal value in the model's unit.
+    """Spread of a parameter from a text, with a nominal value in the model's unit.
 
     text: a tolerance about the value, or a distribution. Numbers without a unit are in `file_unit`, by
     default the model's. Raises ValueOutOfBoundsError, UnitError.
@@ -84,8 +84,8 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
         width = number(part) if not part.endswith("%") else _percent(part, text, where) * abs(value)
         if not width > 0:
             raise ValueOutOfBoundsError(
-                f"{where} is '{text}' about {value:g}, which leaves no range; give a tolerance > 0, for a "
-                "value of 0 in its unit"
+                f"{where} is '{text}' with the nominal value {value:g}, so that the range is empty; give a "
+                "tolerance > 0; if the nominal value is 0, give it in the parameter's unit"
             )
         return Spread(text, False, value - width, value + width)
     distribution = _DISTRIBUTION.fullmatch(text.strip())
@@ -95,7 +95,9 @@ def spread_of(name: str, text: str, value: float, unit: str, file_unit: str | No
     if kind == "normal" and not second > 0:
         raise ValueOutOfBoundsError(f"{where} is '{text}'; give a standard deviation > 0")
     if kind == "uniform" and not first < second:
-        raise ValueOutOfBoundsError(f"{where} is '{text}', which ends before it begins; write uniform(A, B)")
+        raise ValueOutOfBoundsError(
+            f"{where} is '{text}', whose upper end is below its lower end; write uniform(A, B) with A < B"
+        )
     return Spread(text, kind == "normal", first, second)
 
 

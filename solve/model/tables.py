@@ -24,7 +24,7 @@ _SAME_ANGLE = 1e-9
 
 
 class Series(NamedTuple):
-    """Periodic function declared by a generated module, with harmonics k = 1 … `harmonics`.
+    """Fourier series declared by a generated module, with harmonics k = 1 … `harmonics`.
 
     form: "cosine-sine" or "amplitude-phase". integrated: whether the coefficients are those of the
     derivative. mean: name of the parameter of the mean, "" without one. first, second: prefixes of the
@@ -42,7 +42,7 @@ class Series(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Fit of a series to the rows of a table.
+    """Series fitted to the rows of a table.
 
     name: series, with ' for its derivative. angles (m,): rad. values (m,): in `unit`. coefficients
     (1 + 2 harmonics,): mean, cosines, sines. parameters: the corresponding parameters of the model.
@@ -61,17 +61,17 @@ class Fit:
         return len(self.coefficients) // 2
 
     def at(self, angles: Array) -> Array:
-        """Values of the fitted function."""
+        """Values of the fitted series at given angles."""
         return _columns(angles, self.harmonics) @ self.coefficients
 
     @cached_property
     def errors(self) -> Array:
-        """Errors of the fitted function at the rows (m,)."""
+        """Errors of the fitted series at the rows (m,)."""
         return self.at(self.angles) - self.values
 
     @property
     def sentence(self) -> str:
-        """Sentence on the fit and its errors."""
+        """Sentence on the fitted series and its errors."""
         largest, rms = np.abs(self.errors).max(), math.sqrt(np.mean(self.errors**2))
         percent = 100 * largest / (np.ptp(self.values) or 1.0)
         return (
@@ -83,7 +83,7 @@ class Fit:
 def fitted(
     name: str, path: Path, columns: Sequence[str], harmonics: int | None, series: Series, unit: str
 ) -> Fit:
-    """Fit a declared series to a table; harmonics that are not fitted are 0.
+    """Fit a declared series to a table. Harmonics that are not fitted are 0.
 
     name: series, with ' for its derivative. columns: headers of angle and value, with units in brackets.
     harmonics: by default all declared ones. unit: unit of the parameters. Raises CaseFileError, UnitError.
@@ -116,7 +116,7 @@ def _columns(angles: Array, harmonics: int) -> Array:
 
 
 def _parameters(series: Series, derivative: bool, coefficients: Array) -> dict[str, float]:
-    """Parameters of the model that hold the coefficients of a series."""
+    """Parameters of the model that contain the coefficients of a series."""
     k = np.arange(1, len(coefficients) // 2 + 1)
     cosine, sine = coefficients[1:].reshape(2, -1)
     if series.integrated and not derivative:
@@ -174,7 +174,7 @@ def _read(name: str, path: Path, columns: Sequence[str], unit: str) -> tuple[Arr
 
 
 def cells_of(name: str, path: Path) -> list[list[str]]:
-    """Cells of the nonempty lines of a CSV file, header first; separators are comma, semicolon or tab."""
+    """Cells of the nonempty lines of a CSV file, header first. Separators are comma, semicolon or tab."""
     try:
         if path.exists() and not path.is_file():
             raise CaseFileError(f"{name}: table '{path}' is not a file; give a CSV file")
@@ -214,7 +214,7 @@ def number_in(name: str, path: Path, row: Sequence[str], place: int) -> float:
 
 
 def size_in_header(name: str, column: str, unit: str) -> float:
-    """Factor to `unit` from the unit in brackets at the end of a column header."""
+    """Factor that converts the unit in brackets at the end of a column header to `unit`."""
     bracket = re.search(r"\(([^()]*)\)\s*$", column)
     if not bracket:
         raise CaseFileError(f"{name}: column '{column}' has no unit; write it as in 'angle (deg)'")
@@ -225,5 +225,5 @@ def size_in_header(name: str, column: str, unit: str) -> float:
 
 
 def series_of(rows: Sequence[Sequence]) -> Mapping[str, Series]:
-    """Series by name, from the rows of a generated module."""
+    """Series by name, from rows of a generated module."""
     return {row[0]: Series(*row) for row in rows}

@@ -1,1 +1,2 @@
-"""Nonlinear orbits by Newton's method, a sequence of linear ones, and strategies for its start."""
+"""Nonlinear orbits by Newton's method, and strategies that supply its initial guess. Each iteration solves a
+linear periodic problem."""

@@ -1,5 +1,5 @@
-"""Continuation of nonlinear orbits in a parameter, such as the speed, through folds: continuation by
-arclength (H. B. Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
+"""Continuation of nonlinear orbits in a parameter, such as the speed, also through folds, by arclength (H. B.
+Keller, in P. Rabinowitz (ed.), Applications of Bifurcation Theory, Academic Press, 1977)."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import ContinuationParameters, Place, Point
+from solve.newton.branch_points import ContinuationParameters, Point, Unknowns
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -45,14 +45,15 @@ it does, another branch crosses it, or the step has left it, which a shorter ste
 
 
 def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
-    """Point of an orbit at the first value of the parameter, directed towards the last."""
+    """First point of the branch, from an orbit at the first value of the parameter. Its tangent points
+    towards the last value."""
     grid = parameters.task.grid(orbit.steps)
     first, last = parameters.ranges[0]
-    place = Place(on(grid, orbit.curve), np.array([first]))
-    towards = Place(parameters.task.rest(grid), np.array([last - first]))
-    if parameters.task_at(place.values).system.along_events(orbit.curve, orbit.speed).events.phases:
-        place = replace(place, curve=orbit.curve)
-    return Manifold(parameters).first(place, towards, grid)
+    unknowns = Unknowns(on(grid, orbit.curve), np.array([first]))
+    towards = Unknowns(parameters.task.rest(grid), np.array([last - first]))
+    if parameters.task_at(unknowns.values).system.along_events(orbit.curve, orbit.speed).events.phases:
+        unknowns = replace(unknowns, curve=orbit.curve)
+    return Manifold(parameters).first(unknowns, towards, grid)
 
 
 def follow_branch(
@@ -61,8 +62,8 @@ def follow_branch(
     most: int,
     left: Callable[[Point], bool] = lambda _: False,
 ) -> tuple[list[Point], str]:
-    """Points of a branch from its first point on, up to a given number, and the reason if they end within the
-    range of the parameter. left: whether a point no longer counts."""
+    """Continue a branch from its first point. Returns at most `most` points, and the reason if they end
+    inside the range of the parameter. left: returns True for a point that has left the branch."""
     task = parameters.task
     with one_thread(task.system.n), progress.task("points", most) as count:
         follower = _BranchFollower(parameters)
@@ -95,7 +96,7 @@ class _BranchFollower:
                 new_points = [*special_points(self.manifold, before, after), after]
                 for one, other in pairwise([before, *new_points]):
                     if not self.ends[0] <= other.value <= self.ends[1]:
-                        return [*points, self._at_the_end(one, other)], ""
+                        return [*points, self._at_end_of_range(one, other)], ""
                     points.append(other)
                     count()
             except NoOrbitError as reason:
@@ -105,9 +106,9 @@ class _BranchFollower:
         return points[:most], f"the branch continues beyond the {most} points requested; request more"
 
     def with_radius_errors(self, points: list[Point]) -> list[Point]:
-        """Points whose errors of the spectral radius include the effect of errors of the parameter, which
-        move the orbit along the branch. At a turning point they also include the distance from +1 of the
-        multiplier that is +1 there.
+        """Add the effect of the parameter's error, which moves the orbit along the branch, to the errors of
+        the spectral radius. At a fold, also add the distance from +1 of the multiplier that is +1 there.
+        Returns the points.
 
         With derivatives with respect to the arclength s, an error e of the parameter p moves the orbit by
         e/|p'|, but at a turning point, where p' = 0, by √(2e/|p''|).
@@ -115,7 +116,7 @@ class _BranchFollower:
         none = np.zeros(2)
         rates = [none]
         for before, after in pairwise(points):
-            chord = after.place.on(before.grid).plus(-1.0, before.place)
+            chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
             length = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
             changes = after.orbit.radius - before.orbit.radius, after.direction.value - before.direction.value
             rates.append(np.abs(changes) / length if length > 0 else none)
@@ -123,7 +124,7 @@ class _BranchFollower:
         for point, rates_beside in zip(points, pairwise([*rates, none]), strict=True):
             orbit, (slope, bend) = point.orbit, np.max(rates_beside, axis=0)
             error, radius_error = orbit.errors
-            moved = abs(point.value - point.place.value) + _ROUNDOFF * max(abs(point.value), self.span)
+            moved = abs(point.value - point.unknowns.value) + _ROUNDOFF * max(abs(point.value), self.span)
             with np.errstate(divide="ignore"):
                 along = min(moved / np.abs(point.direction.value), np.sqrt(2 * moved / bend))
             radius_error = max(radius_error, slope * along, orbit.nearest if point.kind == FOLD else 0.0)
@@ -131,7 +132,7 @@ class _BranchFollower:
         return with_errors
 
     def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
-        """Next point, the length of the step to it, and its number of corrections."""
+        """Return the next point, the step length to it, and the number of corrections."""
         while length > _MIN_STEP:
             try:
                 after, corrections = self.manifold.reached(before, [before.direction], [length])
@@ -145,9 +146,9 @@ class _BranchFollower:
         raise NoOrbitError(f"the branch cannot be continued beyond the orbit at {at}")
 
     def _require_same_branch(self, before: Point, after: Point) -> None:
-        """Raise NoOrbitError if the branch curves so much within a step that the step may have left the
-        branch or passed two folds."""
-        chord = after.place.on(before.grid).plus(-1.0, before.place)
+        """Raise NoOrbitError if the branch curves so much within a step that the step may have jumped to
+        another branch or passed two folds."""
+        chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
         ends = before.direction, after.direction.on(before.grid)
         long = math.sqrt(self.manifold.inner(chord, chord, before.sizes))
         for end in ends:
@@ -157,45 +158,48 @@ class _BranchFollower:
         if max(end.value * chord.value for end in ends) < 0:
             raise NoOrbitError("the step passes over two folds")
 
-    def _at_the_end(self, before: Point, after: Point) -> Point:
-        """Point between two others at which the branch first leaves the range."""
+    def _at_end_of_range(self, before: Point, after: Point) -> Point:
+        """Point between two points of the branch at which the parameter first reaches the end of its
+        range."""
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
-            at = _crossing(length, change, slopes, edge - before.place.value)
+            at = _crossing(length, change, slopes, edge - before.unknowns.value)
             near, _ = self.manifold.reached(before, [before.direction], [at])
             if self.ends[0] <= near.value <= self.ends[1]:
                 before = near
             else:
                 after = near
-        along = near.place.plus((edge - near.place.value) / near.direction.value, near.direction)
-        near = replace(near, place=replace(along, values=np.array([edge])))
+        along = near.unknowns.plus((edge - near.unknowns.value) / near.direction.value, near.direction)
+        near = replace(near, unknowns=replace(along, values=np.array([edge])))
         return self.manifold.reached(near, [self._parameter_direction(near.grid)], [0.0])[0]
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
-        """Length between two points along the direction at the first, change of the value, and derivatives of
-        the value with respect to that length at both. Raises NoOrbitError if the branch bends too much."""
-        way = after.place.on(before.grid).plus(-1.0, before.place)
-        length = self.manifold.inner(way, before.direction, before.sizes)
+        """Distance between two points along the tangent at the first point, change of the parameter, and
+        derivatives of the parameter with respect to this distance at both points. Raises NoOrbitError if
+        the branch bends too much."""
+        direction = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
+        length = self.manifold.inner(direction, before.direction, before.sizes)
         slope = self.manifold.inner(after.direction.on(before.grid), before.direction, before.sizes)
         if not (length > 0 and slope > 0):
-            raise NoOrbitError("the step bends too much")
-        return length, way.value, (before.direction.value, after.direction.value / slope)
+            raise NoOrbitError("the branch curves too much within the step")
+        return length, direction.value, (before.direction.value, after.direction.value / slope)
 
-    def _parameter_direction(self, grid: Grid) -> Place:
-        """Direction of the parameter towards the last value."""
+    def _parameter_direction(self, grid: Grid) -> Unknowns:
+        """Tangent that changes only the parameter, towards its last value."""
         first, last = self.parameters.ranges[0]
-        return Place(self.parameters.task.rest(grid), np.array([last - first]))
+        return Unknowns(self.parameters.task.rest(grid), np.array([last - first]))
 
 
 def _orientation(point: Point) -> float:
-    """Sign of det(I - Φ) times the direction of the parameter, which is constant along a branch that no other
-    crosses (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+    """Sign of det(I - Φ) times the direction of the parameter. It is constant along a branch without branch
+    points (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
     return float(np.sign(np.prod(1 - point.orbit.multipliers).real * point.direction.value))
 
 
 def _crossing(length: float, change: float, slopes: tuple[float, float], level: float) -> float:
-    """First point at which the same cubic reaches a level between 0 and the change."""
+    """First argument at which the cubic Hermite interpolant of the parameter reaches a level between 0 and
+    its change."""
     first, last = (length * slope for slope in slopes)
     found = np.roots([first + last - 2 * change, 3 * change - 2 * first - last, first, -level])
     real = found[np.isreal(found)].real

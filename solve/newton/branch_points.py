@@ -22,9 +22,9 @@ _MAX_TASKS = 8
 
 
 @dataclass(frozen=True)
-class Place:
-    """Point of a continuation: the orbit as a curve with the values (k,) of the parameters, or a difference
-    of two such points."""
+class Unknowns:
+    """Unknowns of a continuation: an orbit as a curve, and the values (k,) of the parameters. Also the
+    difference of two such vectors."""
 
     curve: Curve
     values: Array
@@ -34,49 +34,50 @@ class Place:
         """Value of the first parameter."""
         return float(self.values[0])
 
-    def plus(self, factor: float, other: "Place") -> "Place":
-        """Sum with a multiple of another place, on the nodes of the other."""
+    def plus(self, factor: float, other: "Unknowns") -> "Unknowns":
+        """Sum of these unknowns and a multiple of others, on the nodes of the others."""
         curve, nodes = self.curve, other.curve.nodes
         if not np.array_equal(curve.nodes, nodes):
             curve = on(Grid(nodes, np.zeros(len(nodes) - 1, dtype=bool)), curve)
-        return Place(add(curve, factor, other.curve), self.values + factor * other.values)
+        return Unknowns(add(curve, factor, other.curve), self.values + factor * other.values)
 
-    def on(self, grid: Grid) -> "Place":
-        """Same place on the nodes of a grid."""
-        return Place(on(grid, self.curve), self.values)
+    def on(self, grid: Grid) -> "Unknowns":
+        """These unknowns on the nodes of a grid."""
+        return Unknowns(on(grid, self.curve), self.values)
 
-    def times(self, factor: float) -> "Place":
-        """Place multiplied by a factor."""
+    def times(self, factor: float) -> "Unknowns":
+        """These unknowns multiplied by a factor."""
         curve = self.curve
         drift = None if curve.drift is None else factor * curve.drift
-        return Place(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
+        return Unknowns(Curve(curve.nodes, factor * curve.coefficients, drift=drift), factor * self.values)
 
     @property
     def amplitudes(self) -> Array:
-        """Half of the ranges (n,) of the coordinates at the samples, which an offset of angles by full
-        revolutions does not change."""
+        """Half the peak-to-peak ranges (n,) of the coordinates at the samples; unchanged if a full revolution
+        is added to an angle."""
         return np.ptp(self.curve.sampled(SAMPLES), axis=1) / 2
 
     @property
     def largest(self) -> Array:
-        """Largest moduli (n,) of the coordinates at the samples."""
+        """Maximum modulus (n,) of each coordinate at the samples."""
         return np.abs(self.curve.sampled(SAMPLES)).max(axis=1)
 
 
-def sampled_together(*places: Place) -> list[Array]:
-    """Values (n, k) of several places at the same phases: of steps if they have the same nodes."""
-    nodes = places[0].curve.nodes
-    if all(np.array_equal(place.curve.nodes, nodes) for place in places[1:]):
-        return [place.curve.sampled(SAMPLES) for place in places]
+def sampled_together(*vectors: Unknowns) -> list[Array]:
+    """Values (n, k) of several curves, sampled at the same phases: on each step if they share nodes,
+    uniformly otherwise."""
+    nodes = vectors[0].curve.nodes
+    if all(np.array_equal(unknowns.curve.nodes, nodes) for unknowns in vectors[1:]):
+        return [unknowns.curve.sampled(SAMPLES) for unknowns in vectors]
     phase = np.arange(_PHASES) * (nodes[-1] / _PHASES)
-    return [place.curve(phase) for place in places]
+    return [unknowns.curve(phase) for unknowns in vectors]
 
 
 @dataclass(frozen=True)
 class FollowedOrbit:
-    """Orbit of a branch: values (k,) of the parameters; figures (q, 7) of coordinates and outputs, the fields
-    of `Statistics`, and their relative errors (q,); multipliers (2n,) and spectral radius; errors (2,) of the
-    orbit, relative, and of the spectral radius; whether the orbit has fewer periods."""
+    """Orbit of a branch: parameter values (k,); statistics (q, 7) of coordinates and outputs in the order of
+    `Statistics`, and their relative errors (q,); multipliers (2n,) and spectral radius; errors (2,) of the
+    orbit (relative) and of the spectral radius; and whether the orbit repeats after fewer periods."""
 
     values: Array
     figures: Array
@@ -88,26 +89,26 @@ class FollowedOrbit:
 
     @property
     def nearest(self) -> float:
-        """Distance of the nearest multiplier from +1."""
+        """Smallest distance of a multiplier from +1."""
         return float(np.abs(self.multipliers - 1).min())
 
 
 @dataclass(frozen=True)
 class Point:
-    """Point of a branch: its place, converged on a grid; sizes (n,) of the coordinates, which scale steps;
-    unit tangents, orthogonal to each other, one per parameter; the orbit on a grid twice as fine; its kind,
-    one of `solve.results.branch.KINDS`; periods of the model per period of the orbit."""
+    """Point of a branch: its converged unknowns on a grid; scales (n,) of the coordinates for step lengths;
+    orthonormal tangents, one per parameter; the orbit on a grid twice as fine; its kind (one of
+    `solve.results.branch.KINDS`); and the number of the model's periods in the period of the orbit."""
 
-    place: Place
+    unknowns: Unknowns
     sizes: Array
-    tangents: tuple[Place, ...]
+    tangents: tuple[Unknowns, ...]
     grid: Grid
     orbit: FollowedOrbit
     kind: str = ""
     periods: int = 1
 
     @property
-    def direction(self) -> Place:
+    def direction(self) -> Unknowns:
         """Unit tangent of a branch with one parameter."""
         return self.tangents[0]
 
@@ -119,9 +120,8 @@ class Point:
 
 @dataclass(frozen=True)
 class ContinuationParameters:
-    """Parameters of a continuation: "speed" (rad/s), or names of parameters with respect to which the
-    equations have derivatives, with the first and last value (k, 2) of each. Everything else is as in the
-    task."""
+    """Parameters of a continuation, with the first and last value (k, 2) of each: "speed" (rad/s), or names
+    of parameters for which the equations have derivatives. The task defines everything else."""
 
     task: Task
     names: tuple[str, ...]
@@ -130,15 +130,16 @@ class ContinuationParameters:
 
     @property
     def spans(self) -> Array:
-        """Lengths (k,) of the ranges, to which values are relative."""
+        """Lengths (k,) of the parameter ranges, which scale the parameters."""
         return np.abs(self.ranges[:, 1] - self.ranges[:, 0])
 
     def over_periods(self, periods: int) -> "ContinuationParameters":
-        """Parameters for orbits with another number of periods."""
+        """The same parameters for orbits with another number of periods."""
         return replace(self, task=replace(self.task, periods=periods))
 
     def task_at(self, values: Array) -> Task:
-        """Task at values (k,). Raises SolveError subclasses for values that the model does not allow."""
+        """Task at parameter values (k,). Raises SolveError subclasses for values that the model does not
+        permit."""
         key = np.asarray(values).tobytes()
         if key not in self._tasks:
             if len(self._tasks) >= _MAX_TASKS:
@@ -155,6 +156,6 @@ class ContinuationParameters:
         return replace(self.task, system=system, speed=speed)
 
     def text(self, values: Array) -> str:
-        """Text of values with their units."""
+        """Format parameter values with their units."""
         units = (self.task.system.unit_of(name) for name in self.names)
         return ", ".join(unit.text(float(value), ".4g") for unit, value in zip(units, values, strict=True))

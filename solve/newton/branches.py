@@ -116,7 +116,8 @@ def continuation(
     rtol: float,
     engine: str,
 ) -> tuple[ContinuationParameters, Sequence[str]]:
-    """Parameters of a continuation, and notes of the engine. Raises SolveError subclasses for bad input."""
+    """Validate the input; return the parameters of a continuation, and notes on the engine. Raises SolveError
+    subclasses for invalid input."""
     rtol, (used, notes) = checked_rtol(rtol), chosen_engine(engine)
     if over is None:
         if speeds is None or isinstance(speeds, float | int):
@@ -138,7 +139,8 @@ def continuation(
 
 
 def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
-    """Name, first and last value of a text NAME=A:B, values in the model's unit. Raises SolveError."""
+    """Parse the text NAME=A:B, with values in the model's unit, into the name and the first and last value.
+    Raises SolveError."""
     usage = f"over is {over!r}; write NAME=A:B, two different values, such as 'k1=1e4:9e4'"
     name, equals, values = over.partition("=")
     name, (limits, _, unit) = name.strip(), apart(values.strip()).partition(" ")
@@ -188,4 +190,4 @@ def _result(parameters: ContinuationParameters, followed: Sequence[Followed], no
 def _sampled(point: Point) -> Array:
     """Coordinates (n, k) of an orbit at uniform phases of its period."""
     end = float(point.grid.nodes[-1])
-    return point.place.curve(np.arange(_SAMPLES) * (end / _SAMPLES))
+    return point.unknowns.curve(np.arange(_SAMPLES) * (end / _SAMPLES))

@@ -1,7 +1,7 @@
-"""Newton's iteration for a nonlinear orbit (Newton–Kantorovich): every correction is a linear periodic
+"""Newton's iteration for a nonlinear orbit (Newton–Kantorovich). Each correction solves the linear periodic
 problem along the last curve (U. Ascher, R. Mattheij, R. Russell, Numerical Solution of Boundary Value
-Problems, 2.3.4), damped until corrections decrease (P. Deuflhard, Newton Methods for Nonlinear Problems,
-3.3)."""
+Problems, 2.3.4). Corrections are damped until their norms decrease (P. Deuflhard, Newton Methods for
+Nonlinear Problems, 3.3)."""
 
 import math
 from collections.abc import Sequence
@@ -49,8 +49,8 @@ _COARSE = 256
 
 @dataclass(frozen=True)
 class Task:
-    """Orbit to find: of a system at a speed (rad/s), over a number of its periods, by a method, to a
-    tolerance. factors (1, n): multipliers of the equations, if their units differ by orders of magnitude."""
+    """Orbit to compute: system, speed (rad/s), number of periods, method and tolerance. factors (1, n): scale
+    factors of the equations, if their units differ by orders of magnitude."""
 
     system: PeriodicSystem
     speed: float
@@ -61,7 +61,7 @@ class Task:
     factors: Array | None = None
 
     def speed_text(self, speed: float) -> str:
-        """Text of a speed (rad/s) with its unit."""
+        """Format a speed (rad/s) with its unit."""
         return self.system.speed_unit.text(speed, ".4g")
 
     @property
@@ -75,23 +75,23 @@ class Task:
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Phases at which the equations jump, over the period of the orbit."""
+        """Phases of jumps of the equations over the period of the orbit."""
         offsets = np.arange(self.periods) * self.system.period
         return tuple((offsets[:, None] + np.array(self.system.breaks)).ravel().tolist())
 
     @cached_property
     def rigid(self) -> RigidBodyModes | None:
-        """Rigid-body modes at rest, if any."""
+        """Rigid-body modes of the system linearised about the fundamental motion; None without such modes."""
         return rigid_at_rest(self.system, self.speed)
 
     def rest(self, grid: Grid) -> Curve:
-        """Fundamental motion, q = 0; the next iterate is the linear orbit."""
+        """Fundamental motion, q = 0. The iterate after it is the linear orbit."""
         return at_rest(self.system.n, grid)
 
 
 @dataclass(frozen=True)
 class Converged:
-    """Last iterate, number of corrections, and relative size of the last correction."""
+    """Last iterate, number of corrections, and relative norm of the last correction."""
 
     solutions: Solutions
     iterations: int
@@ -106,23 +106,24 @@ class Converged:
 
 
 def at_rest(n: int, grid: Grid) -> Curve:
-    """Motion q = 0 of n coordinates on a grid."""
+    """Motion q = 0 of n coordinates on the nodes of a grid."""
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
 
 
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
-    """Rigid-body modes of a system linearised about the fundamental motion, None if it has none."""
+    """Rigid-body modes of a system linearised about the fundamental motion; None if it has none."""
     free_machine = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
     return None if free_machine is None else free_machine.modes
 
 
 def without_zeros(sizes: Array) -> Array:
-    """Sizes (n,) of coordinates, with zeros replaced by the largest, or by 1 if all are zero."""
+    """Sizes (n,) of the coordinates. A zero is replaced by the largest size, or by 1 if all are zero."""
     return np.where(sizes > 0, sizes, sizes.max() or 1.0)
 
 
 def iterate(task: Task, start: Motion, grid: Grid, most: int = _MAX_CORRECTIONS) -> Converged:
-    """Newton's iteration on a grid from a motion. Raises NoOrbitError, which states the progress."""
+    """Apply Newton's iteration on a grid, from an initial motion, until it converges. Raises NoOrbitError,
+    whose text includes the smallest correction."""
     with one_thread(task.system.n), progress.task(f"Newton's iteration on {grid.steps} steps"):
         return _iterate(task, start, grid, most)
 
@@ -161,8 +162,8 @@ def _iterate(task: Task, start: Motion, grid: Grid, most: int) -> Converged:
 
 
 class _CorrectionNorm:
-    """Norm of corrections: relative to max|q| of each coordinate or, once these no longer decrease, to scales
-    that do not vanish with the coordinates; 0 for corrections within round-off."""
+    """Norm of corrections, relative to max|q| of each coordinate. Once the corrections no longer decrease,
+    scales are used that do not vanish with the coordinates. Corrections within round-off have norm 0."""
 
     def __init__(self, task: Task, grid: Grid):
         self._task, self._grid = task, grid
@@ -170,7 +171,7 @@ class _CorrectionNorm:
         self._curve: Curve | None = None
 
     def __call__(self, curve: Curve, solutions: Solutions) -> float:
-        """Norm of the correction to a curve: the largest over the coordinates."""
+        """Largest norm over the coordinates of the correction to a curve."""
         change, largest = correction(curve, solutions)
         return self._relative(np.where(change > self._roundoff, change, 0.0), largest)
 
@@ -179,7 +180,7 @@ class _CorrectionNorm:
         return float((change / np.where(scale > 0, scale, 1.0)).max())
 
     def refined(self, curve: Curve, solutions: Solutions) -> bool:
-        """Compute the scales along a curve; False if they are already known."""
+        """Compute the nonvanishing scales along a curve. Returns False if they were computed before."""
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
@@ -192,7 +193,7 @@ class _CorrectionNorm:
         return True
 
     def converged(self, curve: Curve, solutions: Solutions, count: int) -> Converged:
-        """Converged result; coordinates that are zero within round-off are set to zero."""
+        """Return the converged result, with coordinates set to zero if they are zero within round-off."""
         size, reached = self._relative(*correction(curve, solutions)), Converged(solutions, count, 0.0).curve
         zero = np.abs(reached.sampled(1)).max(axis=1) <= self._roundoff
         if zero.any():
@@ -202,7 +203,7 @@ class _CorrectionNorm:
 
 
 def interpolate(one: Curve, other: Curve, fraction: float) -> Curve:
-    """Curve at a fraction of the way from one to the other, or beyond, on the nodes of the other."""
+    """Linear interpolation (or extrapolation) from one curve to the other, on the nodes of the other."""
     if fraction == 1:
         return other
     if not np.array_equal(one.nodes, other.nodes):
@@ -227,8 +228,9 @@ def _drift(one: Curve, factor: float, other: Curve) -> Array | None:
 
 
 def joined(turns: Sequence[Array], period: float, rigid: RigidBodyModes | None) -> Curve:
-    """Curve over the whole period from motions (3, n, k) over successive revolutions, without mean and steady
-    velocity along rigid-body modes; a velocity determined by drag is the drift of the curve."""
+    """Join the motions (3, n, k) of successive revolutions to a curve over the whole period. The mean and the
+    steady velocity along rigid-body modes are removed; a velocity that drag determines becomes the drift
+    of the curve."""
     q, v, a = np.concatenate([*(turn[..., :-1] for turn in turns), turns[-1][..., -1:]], axis=-1)
     nodes, drift = np.linspace(0.0, period, q.shape[-1]), None
     if rigid is not None:
@@ -255,8 +257,8 @@ def on(grid: Grid, motion: Motion) -> Curve:
 
 
 def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
-    """System linearised along a curve, and a grid of about as many steps with the phases of events as
-    breaks."""
+    """System linearised along a curve, and a grid of about the same number of steps with the phases of events
+    as breaks."""
     along = task.system.along_events(curve, task.speed, columns_by(task.engine))
     if along.breaks != task.breaks:
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
@@ -264,15 +266,15 @@ def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSyst
 
 
 def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
-    """Next iterate after a curve."""
+    """Next Newton iterate from a curve."""
     along, grid = linearised_along(task, curve, grid)
     return solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
 
 
 class Newton(Method):
-    """Converged iteration on each grid as a method of one point, for `certified` to compare grids. Each
-    starts from the last curve of the finest grid. found: converged iteration by the task's method on the
-    first grid, if known."""
+    """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
+    each grid it starts from the last curve of the finest grid. found: converged iteration by the task's
+    method on the first grid, if available."""
 
     first_order = True
 
@@ -289,7 +291,7 @@ class Newton(Method):
 
     @property
     def with_another_stage(self) -> "Newton":
-        """Iteration with the method with one more stage."""
+        """The same iteration by the method with one more stage."""
         return Newton(replace(self.task, method=self.task.method.with_another_stage), self.start, self.first)
 
     @property
@@ -301,7 +303,7 @@ class Newton(Method):
         return self.task.method.error_constant
 
     def linearised(self, points: Points, solutions: Solutions) -> Points:
-        """Equations along the solution of the only point."""
+        """Equations linearised along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
         return OnePoint(self.task.system.along_events(solutions.curve[0], self.task.speed), self.task.speed)
 
@@ -310,8 +312,8 @@ class Newton(Method):
         return self.task.method
 
     def least_steps(self, modes: FrozenModes) -> Array:
-        """Number of steps of the first start's grid, because coarser grids may have no orbit near the
-        start."""
+        """Number of steps of the grid on which the first guess was found. Coarser grids may have no orbit
+        near it."""
         return np.full(len(modes), int(self.first / 1.2))
 
     def bytes_a_step(self, n: int, orbit: bool = True, engine: str = "numpy") -> int:
@@ -344,5 +346,5 @@ class Newton(Method):
         return replace(solutions, Phi=monodromy(steps), units=None, steps=steps)
 
     def point(self) -> OnePoint:
-        """The system linearised along the curve from which the iteration starts."""
+        """System linearised along the curve from which the iteration starts."""
         return OnePoint(self.task.system.along_events(self.start, self.task.speed), self.task.speed)

@@ -17,7 +17,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
-from solve.newton.branch_points import ContinuationParameters, Place
+from solve.newton.branch_points import ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
 from solve.newton.saltation import forces_jump
 from solve.period.curve import Curve
@@ -44,11 +44,11 @@ JUMPS = (
 
 @dataclass(frozen=True)
 class LinearFamily:
-    """Solutions of a linear periodic problem: a particular solution, the tangents (k) at it, and the
-    monodromy matrix."""
+    """Solutions of a linear periodic problem: a particular solution, the tangents (k) to the set of
+    solutions, and the monodromy matrix."""
 
-    place: Place
-    tangents: tuple[Place, ...]
+    unknowns: Unknowns
+    tangents: tuple[Unknowns, ...]
     Phi: Array
 
     @property
@@ -59,16 +59,18 @@ class LinearFamily:
         return Multipliers.of(self.Phi[None]).values[0]
 
 
-def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> LinearFamily:
-    """Next iterates of Newton's method after a place, on a grid. sizes (n,): scales of the coordinates.
-    Raises SolveError subclasses without solutions."""
-    task = parameters.task_at(place.values)
-    along, grid = linearised_along(task, place.curve, grid)
-    equations = _Equations(along, task, place.curve, parameters.names, parameters.task.rigid is not None)
+def linear_family(
+    parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array
+) -> LinearFamily:
+    """Solutions of the Newton equations about given unknowns, on a grid. sizes (n,): scales of the
+    coordinates. Raises SolveError subclasses if there are no solutions."""
+    task = parameters.task_at(unknowns.values)
+    along, grid = linearised_along(task, unknowns.curve, grid)
+    equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
     if equations.free:
-        return _by_periodic_solutions(equations, place, grid)
+        return _by_periodic_solutions(equations, unknowns, grid)
     if task.engine == COMPILED:
-        family = _if_regular(equations, place, grid)
+        family = _if_regular(equations, unknowns, grid)
         if family is not None:
             return family
     steps = _Steps(equations, grid)
@@ -77,13 +79,13 @@ def linear_family(parameters: ContinuationParameters, place: Place, grid: Grid, 
     curves = steps.curves(columns)
     count = len(parameters.names)
     changes = columns[len(columns) - count :].T
-    tangents = tuple(Place(curves[k + 1], changes[k + 1]) for k in range(count))
-    return LinearFamily(Place(curves[0], place.values + changes[0]), tangents, steps.monodromy)
+    tangents = tuple(Unknowns(curves[k + 1], changes[k + 1]) for k in range(count))
+    return LinearFamily(Unknowns(curves[0], unknowns.values + changes[0]), tangents, steps.monodromy)
 
 
 def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
-    """Columns (c, 1 + k): a solution z of matrix z = right, followed by a basis of the null space. unit (c,):
-    scales of the unknowns."""
+    """Columns (c, 1 + k): a solution z of `matrix` z = `right`, followed by a basis of the null space. unit
+    (c,): scales of the unknowns."""
     rows = unit[: len(matrix), None]
     scaled = matrix * unit / rows
     Q, R = np.linalg.qr(scaled.T, mode="complete")
@@ -100,7 +102,7 @@ def _null_space(matrix: Array, right: Array, unit: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Equations:
-    """Equations linearised along a motion, and their loads: d, then -∂r/∂θ for each parameter θ.
+    """Equations linearised along a motion, with the loads d and -∂r/∂θ for each parameter θ.
 
     free: whether the machine has rigid-body modes."""
 
@@ -117,7 +119,7 @@ class _Equations:
         return M, C, K, np.concatenate((d[..., None], self.by_parameters(phase)), axis=-1)
 
     def by_parameters(self, phase: Array) -> Array:
-        """-∂r/∂θ (m, n, k) at phases (m,)."""
+        """Loads -∂r/∂θ (m, n, k) at phases (m,)."""
         compiled: Columns | None = columns_by(self.task.engine)
         dependence = derivatives_of(self.along).by(list(self.names), compiled)
         curve, beside = self.motion, bool(self.along.events.phases)
@@ -135,7 +137,7 @@ class _Equations:
 
 
 class _Steps:
-    """Radau's method on a grid for several loads: maps of the steps, joined in blocks."""
+    """Radau's method on a grid for several loads: maps of the steps, multiplied to blocks."""
 
     def __init__(self, equations: _Equations, grid: Grid):
         method: Collocation = equations.task.method.collocation
@@ -151,14 +153,15 @@ class _Steps:
 
     @property
     def monodromy(self) -> Array:
-        """Φ(T) (2n, 2n)."""
+        """Monodromy matrix Φ(T) (2n, 2n)."""
         Phi = np.eye(self._states)
         for block in self._chain[:, -1, :, : self._states]:
             Phi = block @ Phi
         return Phi
 
     def closing(self) -> tuple[Array, Array]:
-        """Matrix (B·2n, B·2n + k) and right side (B·2n,) of the equations that join the blocks."""
+        """Matrix (B·2n, B·2n + k) and right-hand side (B·2n,) of the equations that couple the B blocks
+        periodically."""
         ends, N, B = self._chain[:, -1], self._states, self.blocks
         matrix = np.zeros((B * N, B * N + ends.shape[-1] - N - 1))
         for block, end in enumerate(ends):
@@ -170,7 +173,7 @@ class _Steps:
         return matrix, ends[:, :, N].ravel()
 
     def from_start(self, start: Array, size: int) -> Array:
-        """Unknowns (size,) of the homogeneous motion from a state (2n,) at phase 0."""
+        """Unknowns (size,) of the homogeneous motion that starts from a state (2n,) at phase 0."""
         unknowns, N = np.zeros(size), self._states
         for block, end in enumerate(self._chain[:, -1, :, :N]):
             unknowns[block * N : (block + 1) * N] = start
@@ -178,7 +181,8 @@ class _Steps:
         return unknowns
 
     def curves(self, columns: Array) -> Curve:
-        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c); the first is under the load d."""
+        """Curves (c, n, …) of the solutions in the columns (B·2n + k, c). The load d acts in the first
+        only."""
         N, B, grid, method = self._states, self.blocks, self._grid, self._method
         loads = np.zeros((self._chain.shape[-1] - N, columns.shape[1]))
         loads[0, 0], loads[1:] = 1.0, columns[B * N :]
@@ -201,8 +205,8 @@ class _Steps:
 
 
 def _joined(maps: Array, states: int, blocks: int) -> Array:
-    """Maps (B, l, N, N + r) from the start of each block to the ends of its steps, from those of the steps
-    (m, N, N + r)."""
+    """Maps (B, l, N, N + r) from the start of each block to the end of each of its steps, from the maps (m,
+    N, N + r) of the steps."""
     length = -(-len(maps) // blocks)
     padded = np.zeros((blocks * length, *maps.shape[1:]))
     padded[..., :states] = np.eye(states)
@@ -215,19 +219,19 @@ def _joined(maps: Array, states: int, blocks: int) -> Array:
     return chain
 
 
-def _if_regular(equations: "_Equations", place: Place, grid: Grid) -> LinearFamily | None:
-    """Solutions if no multiplier is near +1; otherwise None."""
+def _if_regular(equations: "_Equations", unknowns: Unknowns, grid: Grid) -> LinearFamily | None:
+    """Compute the solutions if no multiplier is near +1; otherwise return None."""
     try:
-        family = _by_periodic_solutions(equations, place, grid)
+        family = _by_periodic_solutions(equations, unknowns, grid)
         regular = np.abs(family.multipliers - 1).min() > _REGULAR
     except SolveError:
         return None
     return family if regular else None
 
 
-def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> LinearFamily:
-    """Solutions computed as periodic solutions, one per load, in compiled code: for machines with rigid-body
-    modes, and where I - Φ is regular. Raises SolveError."""
+def _by_periodic_solutions(equations: _Equations, unknowns: Unknowns, grid: Grid) -> LinearFamily:
+    """Compute the solutions as periodic responses, one per load, in compiled code. Used for machines with
+    rigid-body modes, and wherever I - Φ is regular. Raises SolveError."""
     along, task = equations.along, equations.task
     held = free(OnePoint(along, task.speed)) if equations.free else None
     systems = [along, *map(equations.under, range(len(equations.names)))]
@@ -241,31 +245,31 @@ def _by_periodic_solutions(equations: _Equations, place: Place, grid: Grid) -> L
     curves = [solutions.curve for solutions in found]
     assert all(isinstance(curve, Curve) for curve in curves)
     tangents = zip(curves[1:], np.eye(len(equations.names)), strict=True)
-    places = (Place(curve[0], change) for curve, change in tangents)  # pyright: ignore
-    return LinearFamily(Place(curves[0][0], place.values), tuple(places), found[0].Phi[0])  # pyright: ignore
+    vectors = (Unknowns(curve[0], change) for curve, change in tangents)  # pyright: ignore
+    return LinearFamily(Unknowns(curves[0][0], unknowns.values), tuple(vectors), found[0].Phi[0])  # pyright: ignore
 
 
-def multipliers_of(parameters: ContinuationParameters, place: Place, grid: Grid, sizes: Array) -> Array:
-    """Floquet multipliers (2n,) of the linear problem along a place, largest modulus first. Raises
+def multipliers_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, sizes: Array) -> Array:
+    """Floquet multipliers (2n,) of the problem linearised about given unknowns, largest modulus first. Raises
     SolveError."""
-    task = parameters.task_at(place.values)
+    task = parameters.task_at(unknowns.values)
     if task.engine != COMPILED or parameters.task.rigid is not None:
-        return linear_family(parameters, place, grid, sizes).multipliers
-    along, grid = linearised_along(task, place.curve, grid)
+        return linear_family(parameters, unknowns, grid, sizes).multipliers
+    along, grid = linearised_along(task, unknowns.curve, grid)
     found = task.method.solutions(OnePoint(along, task.speed), grid, False, task.engine)
     for reason in found.failures.values():
         raise reason
-    if forces_jump(along, place.curve):
+    if forces_jump(along, unknowns.curve):
         raise NoOrbitError(JUMPS)
-    return LinearFamily(place, (), found.Phi[0]).multipliers
+    return LinearFamily(unknowns, (), found.Phi[0]).multipliers
 
 
-def mode_of(parameters: ContinuationParameters, place: Place, grid: Grid, multiplier: float) -> Curve:
-    """Real motion over one period of the homogeneous problem along a place that a period multiplies by the
-    multiplier nearest to a real one."""
-    task = parameters.task_at(place.values)
-    along, grid = linearised_along(task, place.curve, grid)
-    steps = _Steps(_Equations(along, task, place.curve, parameters.names), grid)
+def mode_of(parameters: ContinuationParameters, unknowns: Unknowns, grid: Grid, multiplier: float) -> Curve:
+    """Real motion over one period, without load, in the Floquet mode whose multiplier is nearest to a given
+    real value."""
+    task = parameters.task_at(unknowns.values)
+    along, grid = linearised_along(task, unknowns.curve, grid)
+    steps = _Steps(_Equations(along, task, unknowns.curve, parameters.names), grid)
     values, vectors = np.linalg.eig(steps.monodromy)
     start = np.real(vectors[:, np.abs(values - multiplier).argmin()])
     columns = np.zeros((steps.blocks * len(start) + len(parameters.names), 2))

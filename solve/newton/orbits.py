@@ -1,4 +1,4 @@
-"""The periodic solution of nonlinear equations of motion, certified as the linear one is."""
+"""Certified periodic solutions of nonlinear equations of motion."""
 
 import math
 from collections.abc import Sequence
@@ -125,8 +125,8 @@ def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
 
 @dataclass(frozen=True)
 class _Search:
-    """Search for an orbit by several strategies. steps: of the grid, chosen if None; notes: of the engine;
-    all_multipliers: whether `rtol` applies to each multiplier."""
+    """Search for an orbit by several strategies. steps: number of steps of the grid, chosen automatically if
+    None; notes: on the engine; all_multipliers: whether `rtol` applies to each multiplier."""
 
     task: Task
     steps: int | None
@@ -135,13 +135,13 @@ class _Search:
 
     @property
     def grids(self) -> list[Grid]:
-        """Grids on which orbits are sought; continuation uses the last."""
+        """Grids of the search. Continuation uses the last."""
         counts = [steps * self.task.periods for steps in _STEPS] if self.steps is None else [self.steps]
         return [self.task.grid(count) for count in counts]
 
     def find(self) -> NonlinearOrbit:
-        """Orbit by the first successful strategy. If it is unstable, the orbit on which a transient settles
-        is preferred, provided that this one is not unstable."""
+        """Orbit by the first successful strategy. If it is unstable, a transient is computed, and the orbit
+        on which it settles is returned unless that is unstable too."""
         strategies = _STRATEGIES if self.task.periods == 1 else (_TRANSIENT, *_STRATEGIES[:-1])
         failed: list[str] = []
         unstable: NonlinearOrbit | None = None
@@ -181,7 +181,8 @@ class _Search:
         return self.certified(reached, strategy, failed, settled)
 
     def iterate(self, start: Start | None) -> Converged:
-        """Orbit by the iteration from a motion, by default rest, on the first grid on which it converges."""
+        """Orbit by Newton's iteration from a motion (default: rest), on the first grid on which it
+        converges."""
         motion = None if start is None else motion_of(start, self.task)
         self._check_period(motion)
         for grid in self.grids[:-1]:
@@ -202,7 +203,7 @@ class _Search:
     def certified(
         self, found: Converged, strategy: str, failed: Sequence[str] = (), settled: bool = True
     ) -> NonlinearOrbit:
-        """Certified orbit from an orbit on one grid."""
+        """Certify the orbit that was found on one grid."""
         task, start, first = self.task, found.curve, found.solutions.grid.steps
         solve_request = request(self.steps, task.rtol, task.engine, True)
         newton = Newton(task, start, first, found)

@@ -1,5 +1,5 @@
-"""Saltation: the jump of the variation at an event at which the force jumps (M. di Bernardo, C. Budd, A. R.
-Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
+"""Saltation matrices: the jump of a disturbance at an event at which the force jumps (M. di Bernardo, C.
+Budd, A. R. Champneys, P. Kowalczyk, Piecewise-smooth Dynamical Systems, 2008, 2.3).
 
 A disturbance moves the phase of the event. With the states x = (q, q') and rates f before and after it,
 
@@ -25,8 +25,8 @@ derivatives of curves, far below an effect on multipliers. A choice."""
 def steps_with_saltation(
     along: PeriodicSystem, curve: Curve, speed: float, method: Collocated, grid: Grid
 ) -> Steps | None:
-    """One-step maps with the saltation at the events of an orbit at a speed in rad/s; None if no force jumps
-    there. along, grid: system linearised along the orbit, and a grid with its events as nodes."""
+    """One-step maps that include the saltation matrices at the events of an orbit; None if no force jumps
+    there. along: system linearised along the orbit; grid: has the events as nodes; speed: in rad/s."""
     if not forces_jump(along, curve):
         return None
     nodes = _nodes(along, curve)
@@ -41,7 +41,7 @@ def steps_with_saltation(
 
 
 def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
-    """Whether forces jump at an event of an orbit: its accelerations do."""
+    """Whether forces jump at an event of an orbit, decided by jumps of its accelerations."""
     if not along.events.phases:
         return False
     before, after = _beside(curve, _nodes(along, curve))
@@ -49,19 +49,19 @@ def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
 
 
 def _nodes(along: PeriodicSystem, curve: Curve) -> Array:
-    """Numbers (k,) of the nodes at the events."""
+    """Indices (k,) of the nodes at the events."""
     return np.abs(curve.nodes[:, None] - np.array(along.events.phases)).argmin(axis=0)
 
 
 def _beside(curve: Curve, nodes: Array) -> tuple[Array, Array]:
-    """q'' (n, k) before and after nodes."""
+    """Accelerations q'' (n, k) before and after each node."""
     ends = curve.within(np.array([0.0, 1.0]), 2)
     steps = ends.shape[-2]
     return ends[:, (nodes - 1) % steps, 1], ends[:, nodes % steps, 0]
 
 
 def _matrices(curve: Curve, nodes: Array, normals: Array) -> list[Array]:
-    """Saltation matrices (2n, 2n) at nodes, with the derivatives of their switches (k, 1 + 2n)."""
+    """Saltation matrices (2n, 2n) at nodes. normals (k, 1 + 2n): derivatives of the switching functions."""
     found, n = [], curve.n
     before, after = _beside(curve, nodes)
     rates = curve(curve.nodes[nodes], 1)

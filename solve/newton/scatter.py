@@ -1,4 +1,5 @@
-"""Basins of attraction by scattered initial states: which share of them leads to which orbit."""
+"""Basins of attraction estimated from scattered initial states: the share of states whose motions settle on
+each orbit."""
 
 from collections.abc import Sequence
 
@@ -40,7 +41,7 @@ def scatter(
     rtol: float = 1e-6,
     engine: str = "auto",
 ) -> Scatter:
-    """Find the orbits to which motions from scattered initial states lead, and their shares.
+    """Find the orbits on which motions from scattered initial states settle, and the share of each orbit.
 
     Parameters
     ----------
@@ -94,13 +95,13 @@ def scatter(
 
 
 def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Scatter:
-    """Orbits that the motions from all starts lead to."""
+    """Orbits on which the motions from all initial states settle."""
     orbits, states, leads = list[NonlinearOrbit](), list[Array](), np.full(len(starts), -1)
     with progress.task("starts", len(starts)) as count:
         for number, start in enumerate(starts):
             motions = _settled(task, start, sizes, most)
             if motions:
-                leads[number] = _number_of(task, motions, sizes, orbits, states)
+                leads[number] = _orbit_index(task, motions, sizes, orbits, states)
             count.add()
     order = sorted(range(len(orbits)), key=lambda number: -int((leads == number).sum()))
     places = {old: new for new, old in enumerate(order)}
@@ -109,8 +110,8 @@ def _search(task: Task, starts: Array, sizes: Array, most: int, seed: int) -> Sc
 
 
 def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
-    """Motions over the periods of the orbit on which the motion from a state settles; empty if it does
-    not."""
+    """Motions over the period of the orbit after the motion from a state has settled; empty if it does not
+    settle."""
     n, system = task.system.n, task.system
     march = system.marcher(sizes, _STATES, _RTOL)
     state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()
@@ -128,15 +129,15 @@ def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
     return []
 
 
-def _number_of(
+def _orbit_index(
     task: Task,
     motions: Sequence[Array],
     sizes: Array,
     orbits: list[NonlinearOrbit],
     states: list[Array],
 ) -> int:
-    """Number of the orbit on which a motion has settled, a new one if it is not known; -1 if none is found.
-    Orbits of several periods that differ by a period in time count as one."""
+    """Index of the orbit on which a motion has settled. A new orbit is appended; -1 if no orbit is found.
+    Orbits of several periods that differ only by a shift of one period count as one."""
     state = motions[0][:2, :, 0].ravel()
     for number, known in enumerate(states):
         limit = _SAME * np.maximum(np.tile(sizes, 2), np.abs(known).max(axis=0))

@@ -13,7 +13,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import ContinuationParameters, Place, Point
+from solve.newton.branch_points import ContinuationParameters, Point, Unknowns
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import doubling_test, is_located, zero_between
 from solve.results.branch import DOUBLING
@@ -41,8 +41,8 @@ _DIFFERENCE = 1e-3
 
 @dataclass(frozen=True)
 class _OnCurve:
-    """Point of the curve, the tangent of the curve in the basis of the tangents at the point (2,), and the
-    derivative of g normal to it."""
+    """Point of the curve of special points, the tangent of this curve (2,) in the basis of the point's
+    tangents, and the derivative of g normal to the curve."""
 
     point: Point
     along: Array
@@ -50,15 +50,15 @@ class _OnCurve:
 
     @property
     def rates(self) -> Array:
-        """Changes of both parameters along the tangent."""
+        """Rates of both parameters along the tangent."""
         return self.along @ np.array([each.values for each in self.point.tangents])
 
 
 def follow_curve(
     parameters: ContinuationParameters, start: Point, kind: str, most: int
 ) -> tuple[list[Point], str]:
-    """Points of the curve of folds or doublings from one of them on, into the ranges of the parameters, and
-    the reason if they end inside."""
+    """Follow the curve of folds or period doublings from a point of it. Returns its points, and the reason if
+    they end inside the ranges of the parameters."""
     with one_thread(parameters.task.system.n), progress.task("points", most) as count:
         return _CurveFollower(parameters, kind).follow(start, most, count.add)
 
@@ -91,7 +91,8 @@ class _CurveFollower:
         return points[:most], f"the curve continues beyond the {most} points requested; request more"
 
     def test(self, point: Point) -> float:
-        """g at a point whose tangents are orientated as those of its neighbours."""
+        """Value of the test function g at a point whose tangents have the same orientation as those of its
+        neighbours."""
         if self.kind == DOUBLING:
             return doubling_test(point)
         return float(np.linalg.det(np.array([each.values / self.spans for each in point.tangents])))
@@ -99,14 +100,14 @@ class _CurveFollower:
     def _first(self, start: Point) -> _OnCurve:
         """First point of the curve, from a point of a branch over the first parameter."""
         second = self.manifold.parameters.ranges[1]
-        place = Place(start.place.curve, np.array([start.place.value, second[0]]))
-        point = replace(self.manifold.point(place, (), start.grid), kind=self.kind)
+        unknowns = Unknowns(start.unknowns.curve, np.array([start.unknowns.value, second[0]]))
+        point = replace(self.manifold.point(unknowns, (), start.grid), kind=self.kind)
         found = self._with_tangent(point)
         back = found.rates[1] * (second[1] - second[0]) < 0
         return replace(found, along=-found.along, slope=-found.slope) if back else found
 
     def _with_tangent(self, point: Point) -> _OnCurve:
-        """Point of the curve with its tangent, from central differences of g."""
+        """Point of the curve with its tangent from central differences of g."""
         gradient = np.zeros(2)
         for axis in range(2):
             for sign in (-1, 1):
@@ -119,7 +120,7 @@ class _CurveFollower:
         return _OnCurve(point, np.array([-gradient[1], gradient[0]]) / size, -size)
 
     def _step(self, before: _OnCurve, length: float) -> tuple[_OnCurve, float, int]:
-        """Next point, the length of the step to it and its number of evaluations of g."""
+        """Return the next point, the step length to it, and the number of evaluations of g."""
         while length > _MIN_STEP:
             try:
                 after, evaluations = self._corrected(before, length)
@@ -130,8 +131,8 @@ class _CurveFollower:
         raise NoOrbitError(f"the curve cannot be continued beyond {at}")
 
     def _corrected(self, before: _OnCurve, length: float) -> tuple[_OnCurve, int]:
-        """Point of the curve at a length along the tangent of another, by the secant method normal to it, and
-        the number of evaluations of g. Raises SolveError subclasses."""
+        """Point of the curve at a given length along the tangent at `before`, by the secant method normal to
+        this tangent, and the number of evaluations of g. Raises SolveError subclasses."""
         normal, slope = np.array([before.along[1], -before.along[0]]), before.slope
         point, aside = self._beside(before, length * before.along), 0.0
         value = self.test(point)
@@ -153,10 +154,10 @@ class _CurveFollower:
         return replace(point, kind=self.kind)
 
     def _on_curve(self, before: _OnCurve, point: Point, slope: float) -> _OnCurve:
-        """Point with its tangent: the reflection of that before it in the chord. Raises NoOrbitError if the
-        curve bends too much."""
+        """Point with its tangent, which is the tangent at `before` reflected about the chord between the
+        points. Raises NoOrbitError if the curve bends too much."""
         first = before.point
-        chord = point.place.on(first.grid).plus(-1.0, first.place)
+        chord = point.unknowns.on(first.grid).plus(-1.0, first.unknowns)
         along = np.array([self.manifold.inner(chord, each, first.sizes) for each in first.tangents])
         along /= np.linalg.norm(along)
         cosine = float(along @ before.along)
@@ -181,13 +182,13 @@ class _CurveFollower:
         return replace(point, kind=CUSP)
 
     def _inside(self, point: Point) -> bool:
-        """Whether the parameters of a point are in their ranges."""
+        """Whether the parameters of a point lie in their ranges."""
         within = _EDGE * self.spans
         values, (low, high) = point.orbit.values, self.ranges.T
         return bool(((values >= low - within) & (values <= high + within)).all())
 
     def _at_the_edge(self, before: _OnCurve, length: float, after: _OnCurve) -> Point:
-        """Point within a step at which the curve leaves the ranges."""
+        """Point within a step at which the curve leaves the parameter ranges."""
         first, last = before.point.orbit.values, after.point.orbit.values
         edges = np.where(last > first, self.ranges[:, 1], self.ranges[:, 0])
         with np.errstate(divide="ignore", invalid="ignore"):

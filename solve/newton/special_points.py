@@ -1,5 +1,5 @@
-"""Folds, period doublings and tori (Neimark–Sacker points) between two points of a branch, located as zeros
-of functions along it (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
+"""Folds, period doublings and Neimark–Sacker points between two points of a branch, located as zeros of test
+functions (Y. A. Kuznetsov, Elements of Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,8 +28,8 @@ Test = Callable[[Point], float]
 
 
 def special_points(manifold: Manifold, before: Point, after: Point) -> list[Point]:
-    """Special points between two neighbouring points of a branch in their order; without those to which the
-    interpolation does not converge."""
+    """Special points between two neighbouring points of a branch, in their order along it. Points to which
+    the interpolation does not converge are omitted."""
     found = []
     for kind, test in _tests(before, after).items():
         try:
@@ -41,7 +41,7 @@ def special_points(manifold: Manifold, before: Point, after: Point) -> list[Poin
 
 
 def _tests(before: Point, after: Point) -> dict[str, Test]:
-    """Functions with a zero between two points, by the kind of point at the zero."""
+    """Test functions with a zero between two points, in a dictionary by the kind of special point."""
     tests: dict[str, Test] = {}
     if before.direction.value * after.direction.value < 0:
         tests[FOLD] = lambda point: point.direction.value
@@ -57,7 +57,8 @@ def _tests(before: Point, after: Point) -> dict[str, Test]:
 
 
 def _stays_on_circle(point: Point) -> bool:
-    """Whether complex multipliers are on the unit circle within the errors, as without damping."""
+    """Whether complex multipliers lie on the unit circle within their errors, as in systems without
+    damping."""
     rho = point.orbit.multipliers
     moduli = np.abs(rho[np.abs(np.imag(rho)) > _REAL * np.abs(rho)])
     return bool((np.abs(moduli - 1) <= UNIT_CIRCLE + float(point.orbit.errors[1])).any())
@@ -77,13 +78,13 @@ def _above_one(values: Array) -> Array:
 
 
 def doubling_test(point: Point) -> float:
-    """Π (1 + ρ)/(1 + |ρ|), which is zero for a multiplier -1 and changes its sign there."""
+    """Test function Π (1 + ρ)/(1 + |ρ|), which changes sign where a multiplier passes -1."""
     rho = point.orbit.multipliers
     return float(np.prod((1 + rho) / (1 + np.abs(rho))).real)
 
 
 def _torus_test(point: Point) -> float:
-    """|ρ| - 1 of the pair of complex multipliers that is nearest to the unit circle."""
+    """Test function |ρ| - 1 of the complex pair that is nearest to the unit circle."""
     rho = point.orbit.multipliers
     pairs = np.abs(rho[np.imag(rho) > _REAL * np.abs(rho)])
     if not len(pairs):
@@ -92,21 +93,21 @@ def _torus_test(point: Point) -> float:
 
 
 def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tuple[float, Point]:
-    """Length along the direction at the first point, and point, at which a function is zero. Raises
-    SolveError subclasses."""
-    way, sizes = before.direction, before.sizes
-    chord = after.place.on(before.grid).plus(-1.0, before.place)
+    """Length along the tangent at the first point at which a test function is zero, and the point there.
+    Raises SolveError subclasses."""
+    direction, sizes = before.direction, before.sizes
+    chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
 
     def at(length: float) -> tuple[float, Point]:
-        point, _ = manifold.reached(before, [way], [length])
+        point, _ = manifold.reached(before, [direction], [length])
         return test(point), point
 
-    ends = (0.0, manifold.inner(chord, way, sizes)), (test(before), test(after))
+    ends = (0.0, manifold.inner(chord, direction, sizes)), (test(before), test(after))
     return zero_between(at, *ends, lambda one, other: is_located(manifold, one, other), before)
 
 
 def is_located(manifold: Manifold, one: Point, other: Point) -> bool:
-    """Whether two interpolations agree within a fraction of rtol in all parameters."""
+    """Whether two interpolations agree within a fraction of rtol in every parameter."""
     spans = manifold.parameters.spans
     limit = max(_RTOL_FRACTION * manifold.parameters.task.rtol, _ROUNDOFF)
     moved = np.abs(other.orbit.values - one.orbit.values)
@@ -120,10 +121,10 @@ def zero_between(
     agree: Callable[[Point, Point], bool],
     reached: Point,
 ) -> tuple[float, Point]:
-    """Argument and point at which a function, which returns its value and a point, is zero, by the Illinois
-    algorithm (M. Dowell, P. Jarratt, BIT 11 (1971) 168). ends, values: arguments with values of different
-    signs; agree: whether two successive points agree; reached: the point before the first. Raises
-    NoOrbitError."""
+    """Zero of `function`, by the Illinois algorithm (M. Dowell, P. Jarratt, BIT 11 (1971) 168); returns its
+    argument and the point there. function: returns a value and a point; ends, values: arguments with
+    values of different signs; agree: whether two successive points agree; reached: initial point for this
+    comparison. Raises NoOrbitError."""
     (low, high), (first, second), kept = ends, values, False
     for _ in range(_MAX_REFINEMENTS):
         argument, previous = (low * second - high * first) / (second - first), reached

@@ -1,4 +1,5 @@
-"""Starts of Newton's iteration: orbits, transients, states, functions and files as motions over a period."""
+"""Initial guesses for Newton's iteration: orbits, transients, states, functions and files, converted to
+motions over a period."""
 
 import reprlib
 from collections.abc import Callable
@@ -29,18 +30,18 @@ _STATES, _RTOL = 128, 1e-6
 
 
 class _NotRealError(TypeError):
-    """Values that are not real numbers."""
+    """Raised for values that are not real numbers."""
 
 
 def motion_of(start: Start, task: Task) -> Motion:
-    """Motion of a start of `solve.nonlinear`. Raises ValueOutOfBoundsError for an invalid start, FileError,
-    and TransientError for states from which the motion cannot be integrated."""
+    """Convert a `start` of `solve.nonlinear` to a motion. Raises ValueOutOfBoundsError for an invalid start,
+    FileError, and TransientError for states from which the motion cannot be integrated."""
     given = _opened(start, task) if isinstance(start, str | Path) else start
     if isinstance(given, Orbit | Transient):
         _require_coordinates(given.system.coordinates, task)
-        return given.curve if isinstance(given, Orbit) else _end_of(given, task)
+        return given.curve if isinstance(given, Orbit) else _last_periods(given, task)
     if callable(given):
-        return _checked(given, task) if hasattr(given, "nodes") else _through(given, task)
+        return _checked(given, task) if hasattr(given, "nodes") else _spline_through(given, task)
     return _from_state(given, task)
 
 
@@ -78,21 +79,22 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
 
 
 def _checked(motion: Any, task: Task) -> Motion:
-    """Motion with nodes, if its number of coordinates is correct."""
+    """Return the motion and its nodes after a check of its number of coordinates."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
         raise ValueOutOfBoundsError(f"start has {count} coordinates; {task.system.name} has {task.system.n}")
     return motion
 
 
-def _end_of(transient: Transient, task: Task) -> Curve:
-    """Last periods of a transient, as many as the orbit has; the last period if the transient is shorter."""
+def _last_periods(transient: Transient, task: Task) -> Curve:
+    """Last part of a transient, with as many periods as the orbit; only its last period if the transient is
+    shorter."""
     count = task.periods if transient.turns >= task.periods else 1
     return joined([*transient.motions[-count:]], count * task.system.period, task.rigid)
 
 
-def _through(function: Callable[[Array], Array], task: Task) -> Curve:
-    """Periodic cubic spline through the values of a function of the phase."""
+def _spline_through(function: Callable[[Array], Array], task: Task) -> Curve:
+    """Periodic cubic spline through the values that a function of the phase returns."""
     from scipy.interpolate import CubicSpline
 
     phase = np.linspace(0.0, task.period, _SAMPLES * task.periods + 1)
@@ -123,8 +125,8 @@ def _through(function: Callable[[Array], Array], task: Task) -> Curve:
 
 
 def _real(values: Any) -> Array:
-    """Values as floats. Raises _NotRealError for complex numbers and what is not an array of numbers, and
-    ValueError for rows of different lengths."""
+    """Convert values to floats. Raises _NotRealError for complex numbers and for objects that are not arrays
+    of numbers, and ValueError for rows of different lengths."""
     array = np.asarray(values)
     if not np.can_cast(array.dtype, float, casting="same_kind"):
         raise _NotRealError(reprlib.repr(values))
@@ -132,8 +134,8 @@ def _real(values: Any) -> Array:
 
 
 def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
-    """q and q̇ (n,) given as a start. Raises ValueOutOfBoundsError, which states what is `allowed`, for
-    anything but two arrays of real numbers, and for other shapes and values that are not finite."""
+    """Convert a start to q and q̇ (n,). Raises ValueOutOfBoundsError for anything but two arrays of n finite
+    real numbers; `allowed` completes its text."""
     try:
         q, qd = map(_real, given)
     except (TypeError, ValueError):
@@ -150,7 +152,7 @@ def state_of(given: Any, n: int, allowed: str) -> tuple[Array, Array]:
 
 
 def _from_state(given: Any, task: Task) -> Curve:
-    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, from time integration."""
+    """Motion over the period of the orbit from q and q̇ (n,) at phase 0, by time integration."""
     n = task.system.n
     q, qd = state_of(given, n, _allowed(task))
     state = np.concatenate((q, qd / task.speed))

@@ -1,4 +1,5 @@
-"""Strategies that lead Newton's iteration to an orbit: continuation in load or speed, and transients."""
+"""Strategies that supply an initial guess for Newton's iteration: continuation in load or speed, and
+transients."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -45,7 +46,7 @@ on an unstable rest. A choice."""
 
 
 class PartiallyLoadedSystem(PeriodicSystem):
-    """System on which only a fraction of the residual at rest acts: r - (1 - fraction) r(φ, Ω, 0, 0, 0)."""
+    """System with only a fraction of the residual at rest as load: r - (1 - fraction) r(φ, Ω, 0, 0, 0)."""
 
     def __init__(self, system: PeriodicSystem, fraction: float, rest: Motion):
         super().__init__(system.at, system.coordinates, system.period, system.breaks)
@@ -63,8 +64,8 @@ class PartiallyLoadedSystem(PeriodicSystem):
 
 
 def by_speed(task: Task, grid: Grid) -> Converged:
-    """Orbit by continuation from half the speed, a quarter and so on, where the iteration from the linear
-    orbit converges. Raises NoOrbitError, which states the progress."""
+    """Orbit by continuation from a lower speed (half, a quarter, …) at which the iteration from the linear
+    orbit converges. Raises NoOrbitError, whose text states how far continuation came."""
     for slow in task.speed / 2.0 ** np.arange(1, _SPEED_HALVINGS + 1):
         try:
             start = iterate(replace(task, speed=float(slow)), task.rest(grid), grid)
@@ -78,7 +79,8 @@ def by_speed(task: Task, grid: Grid) -> Converged:
 
 
 def by_load(task: Task, grid: Grid) -> Converged:
-    """Orbit by continuation from rest without load. Raises NoOrbitError, which states the progress."""
+    """Orbit by continuation in the load, from rest without load. Raises NoOrbitError, whose text states how
+    far continuation came."""
     rest = task.rest(grid)
 
     def task_at(fraction: float) -> Task:
@@ -98,8 +100,8 @@ def _continue(
     grid: Grid,
     text: Callable[[float], str],
 ) -> Converged:
-    """Orbit at the last value of a parameter, in steps from the first, each started on the secant through the
-    two orbits before."""
+    """Orbit at the last value of a parameter, by steps from its first value. Each step starts from the secant
+    through the previous two orbits."""
     length, step, at = last - first, _FIRST_STEP, 0.0
     previous, current, corrections = None, start, start.iterations
     with progress.task("% of the way", 100) as count:
@@ -124,7 +126,8 @@ def _continue(
 
 
 def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], target: float) -> Curve:
-    """Curve extrapolated to a target from two orbits, or the current one if it is the first."""
+    """Curve extrapolated to the target value from two orbits; the current orbit if there is no previous
+    one."""
     (at, curve) = current
     if previous is None:
         return curve
@@ -132,10 +135,11 @@ def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], 
 
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
-    """Orbit from a transient that starts near rest, and whether it has settled. The transient ends if
-    successive periods differ little, or if Newton's iteration converges from one of them to an orbit that is
-    not unstable. If the motion does not settle on another orbit, an unstable orbit to which the iteration
-    converged is returned. Raises NoOrbitError, which states the progress."""
+    """Orbit from a transient that starts near rest, and whether the transient has settled on it. The
+    transient ends when successive periods differ little, or when Newton's iteration from one of them
+    converges to an orbit that is not unstable. If the iteration converged to an unstable orbit and the
+    motion settles on no other orbit, this unstable orbit is returned. Raises NoOrbitError, whose text
+    states the last change per period."""
     change, next_trial, unstable = np.inf, _FIRST_TRIAL, None
     with progress.task("turns at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
@@ -159,8 +163,8 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
 
 
 def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
-    """Number of periods of the system, the motion over the last period of the orbit, and its relative change
-    within that, without rigid-body motion."""
+    """Yield the number of integrated periods, the motion over the last period of the orbit, and its relative
+    change from start to end of this period, without rigid-body motion."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = linear_sizes(task, grid)
     march = system.marcher(sizes, count, _RTOL)
@@ -178,7 +182,7 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
 
 
 def linear_sizes(task: Task, grid: Grid) -> Array:
-    """Sizes (n,) of the coordinates on the linear orbit; 1 if it does not exist."""
+    """Sizes (n,) of the coordinates on the linear orbit; 1 if the linear orbit does not exist."""
     try:
         orbit = corrected(task.system, task.rest(grid), task.speed, task.method, grid, task.engine)
     except SolveError:

@@ -1,4 +1,4 @@
-"""Branches of orbits of twice the period, which begin at period doublings (Y. A. Kuznetsov, Elements of
+"""Branches of orbits with twice the period, which start at period doublings (Y. A. Kuznetsov, Elements of
 Applied Bifurcation Theory, 10.2)."""
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.arclength import follow_branch
-from solve.newton.branch_points import SAMPLES, ContinuationParameters, Place, Point
+from solve.newton.branch_points import SAMPLES, ContinuationParameters, Point, Unknowns
 from solve.newton.iteration import on
 from solve.newton.linear_families import mode_of
 from solve.newton.manifold import Manifold
@@ -30,20 +30,20 @@ Followed = tuple[ContinuationParameters, list[Point], str]
 
 
 def follow_doublings(parameters: ContinuationParameters, found: Sequence[Point], most: int) -> list[Followed]:
-    """Branches that begin at the doublings among points of a branch, and at the doublings of these branches,
-    with a maximum number of points each; a branch that returns to one period ends there."""
+    """Branches that start at period doublings among the points of a branch, and at the doublings of these
+    branches. Each has at most `most` points and ends where it returns to orbits of the original period."""
     waiting, followed, last = [(parameters, point) for point in _doublings(found)], list[Followed](), []
     limit = parameters.task.periods * 2**_MOST_DOUBLINGS
     while waiting:
         before, point = waiting.pop(0)
-        if 2 * before.task.periods > limit or any(_same(point, one, size) for one, size in last):
+        if 2 * before.task.periods > limit or any(_is_same_branch(point, one, size) for one, size in last):
             continue
         doubled = before.over_periods(2 * before.task.periods)
         try:
-            start = _start(before, doubled, point)
+            start = _first_point(before, doubled, point)
         except SolveError:
             continue
-        left = _Returns(start)
+        left = _ReturnTest(start)
         points, ended = follow_branch(doubled, start, most, left)
         if left.returned and len(points) > 1:
             last.append((points[-1], abs(points[-1].value - points[-2].value)))
@@ -56,23 +56,23 @@ def _doublings(points: Sequence[Point]) -> list[Point]:
     return [point for point in points if point.kind == DOUBLING]
 
 
-def _same(point: Point, end: Point, size: float) -> bool:
-    """Whether a branch that ended near a point began or ended at it."""
+def _is_same_branch(point: Point, end: Point, size: float) -> bool:
+    """Whether an earlier branch starts or ends near a point, so that it is the same branch."""
     return 2 * point.periods == end.periods and abs(point.value - end.value) <= 2 * size
 
 
-def _start(before: ContinuationParameters, doubled: ContinuationParameters, point: Point) -> Point:
-    """First point of the branch that begins at a doubling. Raises NoOrbitError."""
-    mode = mode_of(before, point.place, point.grid, -1.0)
+def _first_point(before: ContinuationParameters, doubled: ContinuationParameters, point: Point) -> Point:
+    """First point of the branch that starts at a period doubling. Raises NoOrbitError."""
+    mode = mode_of(before, point.unknowns, point.grid, -1.0)
     grid = doubled.task.grid(2 * point.grid.steps)
-    place = Place(on(grid, _twice(point.place.curve, 1.0)), point.place.values)
-    way = Place(on(grid, _twice(mode, -1.0)), np.zeros_like(place.values))
+    unknowns = Unknowns(on(grid, _over_two_periods(point.unknowns.curve, 1.0)), point.unknowns.values)
+    direction = Unknowns(on(grid, _over_two_periods(mode, -1.0)), np.zeros_like(unknowns.values))
     manifold = Manifold(doubled)
-    way = manifold.unit(way, (), point.sizes)
-    start = replace(point, place=place, grid=grid, tangents=(way,))
+    direction = manifold.unit(direction, (), point.sizes)
+    start = replace(point, unknowns=unknowns, grid=grid, tangents=(direction,))
     for length in _FIRST_LENGTHS:
         try:
-            reached, _ = manifold.reached(start, [way], [length])
+            reached, _ = manifold.reached(start, [direction], [length])
         except SolveError:
             continue
         if abs(reached.value - point.value) <= _MOST_MOVED * doubled.spans[0]:
@@ -80,16 +80,16 @@ def _start(before: ContinuationParameters, doubled: ContinuationParameters, poin
     raise NoOrbitError("no orbit was found on the branch that begins at the period doubling")
 
 
-def _twice(curve: Curve, factor: float) -> Curve:
-    """Curve over two periods, the second of which is a multiple of the first."""
+def _over_two_periods(curve: Curve, factor: float) -> Curve:
+    """Curve over two periods; the second period is a multiple of the first."""
     period = curve.nodes[-1]
     coefficients = np.concatenate((curve.coefficients, factor * curve.coefficients), axis=-2)
     return Curve(np.append(curve.nodes[:-1], curve.nodes + period), coefficients, drift=curve.drift)
 
 
-class _Returns:
-    """Whether a doubled branch has returned to orbits of half its period: the difference of its two halves
-    then changes its sign."""
+class _ReturnTest:
+    """Test whether a doubled branch has returned to orbits of half its period. The difference between both
+    halves of the orbit then changes sign."""
 
     def __init__(self, start: Point):
         self.returned, self._before = False, _difference(start)
@@ -102,8 +102,8 @@ class _Returns:
 
 
 def _difference(point: Point) -> Array:
-    """Difference of both halves of an orbit at fixed phases, in units of the coordinates."""
-    period = float(point.place.curve.nodes[-1])
+    """Difference between both halves of an orbit at fixed phases, scaled per coordinate."""
+    period = float(point.unknowns.curve.nodes[-1])
     phase = np.arange(64 * SAMPLES) * (period / 2 / (64 * SAMPLES))
-    curve = point.place.curve
+    curve = point.unknowns.curve
     return (curve(phase) - curve(phase + period / 2)) / point.sizes[:, None]

@@ -1,4 +1,5 @@
-"""Motion in time from a state, at constant speed or during a run-up, and how soon it reaches the orbit."""
+"""Time integration from an initial state, at constant speed or during a run-up, and the decay of the motion
+to the periodic orbit."""
 
 import json
 import math
@@ -149,7 +150,8 @@ def transient(
 
 
 def _linear(system: PeriodicSystem, speed: float, rtol: float, engine: str, for_sizes: bool) -> Orbit:
-    """Linear orbit; at resonance, if only the sizes of its coordinates are needed, that of a lower speed."""
+    """Linear orbit. At a resonance, a lower speed is used if only the sizes of the coordinates are
+    required."""
     try:
         return periodic(system, speed, rtol=rtol, engine=engine)
     except ResonanceError:
@@ -167,12 +169,13 @@ def _run_up(
     rtol: float,
     engine: str,
 ) -> Transient:
-    """Motion while the speed changes linearly in time, so that its square changes linearly with the phase."""
+    """Motion while the square of the speed changes linearly with the phase, that is, at constant
+    acceleration."""
     system.require_motion()
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     system.require_desired_motion(ends)
     if start == ORBIT and ramp[0] == 0:
-        raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
+        raise ValueOutOfBoundsError("start is 'orbit', and there is no orbit at speed 0; give start 'rest'")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
     fastest = _linear(system, max(ramp), 1e-6, engine, True) if nonlinear else None
     integration = _Integration(system, fastest, nonlinear, rtol)
@@ -183,8 +186,8 @@ def _run_up(
 
 @dataclass(frozen=True)
 class _Integration:
-    """Integration of a system, linear or not, accurately enough for a comparison to rtol. orbit: a linear one
-    that provides the sizes of the coordinates."""
+    """Integration of a linear or nonlinear system to an accuracy that permits a comparison at rtol. orbit:
+    linear orbit, whose amplitudes scale the coordinates."""
 
     system: PeriodicSystem
     orbit: Orbit | None
@@ -192,8 +195,9 @@ class _Integration:
     rtol: float
 
     def run(self, state: Array, ends: Array) -> tuple[Array, Array, float, list[str]]:
-        """Nodes (k,), motions as by `_march`, their error including interpolation, and warnings. The number
-        of states is increased until interpolation is accurate, if memory allows.
+        """Nodes (k,), motions as from `_march`, their error including interpolation, and warnings. The number
+        of states per period is increased until the interpolation is accurate or the memory limit is
+        reached.
 
         Linear motion with vibrations too fast for steps or states is not an error; its error is reported.
         Raises TransientError for nonlinear motion that CVODES cannot integrate with few states."""
@@ -243,8 +247,8 @@ def _damping_note(march: Integrator) -> list[str]:
 
 
 def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array:
-    """Motions (turns, 3, n, k) from q and q̇ (2n,) by time, with the speeds (turns + 1,) at the ends of the
-    periods; derivatives as in `Integrator`."""
+    """Motions (turns, 3, n, k) from an initial state (2n,) with derivatives with respect to time, and the
+    speeds (turns + 1,) at the ends of the periods; derivatives as in `Integrator`."""
     motions, n = [], len(state) // 2
     with progress.task(TURNS, len(ends) - 1) as count:
         for turn, (first, last) in enumerate(pairwise(ends.tolist())):
@@ -256,7 +260,7 @@ def _march(march: Integrator, state: Array, ends: Array, period: float) -> Array
 
 
 def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
-    """q and q̇ (2n,) of a start, which may be that of the orbit."""
+    """Initial q and q̇ (2n,) from `start`, or from the orbit."""
     n = system.n
     if isinstance(start, str | Path):
         return np.zeros(2 * n) if orbit is None or start == REST else np.append(orbit.q[:, 0], orbit.qd[:, 0])
@@ -264,7 +268,7 @@ def _state(start: Start, system: PeriodicSystem, orbit: Orbit | None) -> Array:
 
 
 def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
-    """q and q̇ at the end of a saved orbit or transient. Raises FileError."""
+    """Read q and q̇ at the end of a saved orbit or transient. Raises FileError."""
     if file.suffix != ".npz":
         raise FileError(
             f"start '{file}' is not a state; allowed: {REST}, {ORBIT}, or a file .npz saved with --save"
@@ -293,7 +297,7 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
 
 
 def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -> Orbit | None:
-    """Nonlinear orbit near the last period (3, n, k), if there is one."""
+    """Nonlinear orbit near the last period (3, n, k) of the motion; None if there is none."""
     last = joined([motion], system.period, rigid_at_rest(system, speed))
     try:
         return nonlinear_orbit(system, speed, last, rtol=1e-6, engine=engine)
@@ -302,7 +306,7 @@ def _settled(system: PeriodicSystem, speed: float, motion: Array, engine: str) -
 
 
 class StepMarcher:
-    """Linear motion, period by period, by steps of Radau's method, with `count` states per period.
+    """Linear motion, one period at a time, by steps of Radau's method, with `count` states per period.
 
     The number of steps is doubled until two results agree to rtol, relative to the largest value of each
     coordinate so far, from `sizes` (n,) on, or until it is 16384. error: largest relative difference so far;
@@ -339,15 +343,16 @@ class StepMarcher:
 
 
 class _PeriodSteps:
-    """Steps over a period while the speed changes from the first to the last (rad/s), as functions of s, time
-    times the mean speed."""
+    """Steps over a period in which the speed changes linearly in time from the first to the last value
+    (rad/s). The independent variable s is the time multiplied by the mean speed."""
 
     def __init__(self, system: PeriodicSystem, first: float, last: float):
         self._system, self.ends = system, (first, last)
-        self._mean, self._cache = (first + last) / 2, dict[int, Discretisation]()
+        self._mean_speed, self._cache = (first + last) / 2, dict[int, Discretisation]()
 
     def motion(self, state: Array, steps: int, nodes: Array) -> tuple[Array, Array]:
-        """q, v, a (3, n, k) at nodes (k,) from the state (2n,), and max|q| (n,) at the ends of the steps."""
+        """Motion q, v, a (3, n, k) at nodes (k,) from the state (2n,), and max|q| (n,) at the ends of the
+        steps."""
         discretisation = self._cache.get(steps) or self._discretised(steps)
         if steps * self._system.n**2 <= _MAX_CACHED:
             self._cache[steps] = discretisation
@@ -368,14 +373,14 @@ class _PeriodSteps:
     @cached_property
     def _point(self) -> OnePoint:
         if self.ends[0] == self.ends[1]:
-            return OnePoint(self._system, self._mean)
+            return OnePoint(self._system, self._mean_speed)
         given = self._system.coordinates, self._system.period, self._breaks
-        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean)
+        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean_speed)
 
     @cached_property
     def phase_advance(self) -> float:
-        """Angle by which the fastest mode rotates in the period, ω_max T."""
-        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean else 0.0
+        """Phase advance of the fastest mode per period, ω_max T."""
+        return float(frozen(self._point, _PHASES).phase_advance[0]) if self._mean_speed else 0.0
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)
@@ -383,14 +388,14 @@ class _PeriodSteps:
 
     @cached_property
     def _breaks(self) -> tuple[float, ...]:
-        """Jumps of the matrices as values of s, from φ mean = first s + slope s²/2; and 0, since a period
-        does not start as it ends."""
+        """Values of s at jumps of the matrices, from φ · mean = first · s + slope · s²/2. They include s = 0,
+        because the state at the end of a period differs from that at its start."""
         first, last = self.ends
         if first == last:
             return 0.0, *self._system.breaks
         slope = (last - first) / self._system.period
         phases = {0.0, *(float(phase) % self._system.period for phase in self._system.breaks)}
-        doubled = (2 * self._mean * phase for phase in phases)
+        doubled = (2 * self._mean_speed * phase for phase in phases)
         return tuple(
             value / (first + math.sqrt(first**2 + slope * value)) if value else 0.0 for value in doubled
         )

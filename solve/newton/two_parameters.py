@@ -113,7 +113,8 @@ def _continuation(
     rtol: float,
     engine: str,
 ) -> tuple[ContinuationParameters, Sequence[str]]:
-    """Both parameters, and notes of the engine. Raises SolveError subclasses for bad input."""
+    """Validate the input; return both parameters of the continuation, and notes on the engine. Raises
+    SolveError subclasses for invalid input."""
     if isinstance(over, str) or len(over) != 2:
         raise ValueOutOfBoundsError(
             f"over is {over!r}; give two parameters, such as ['speed=1:2 rad/s', 'k1=1e4:9e4']"
@@ -132,7 +133,7 @@ def _continuation(
 
 
 def _starts(parameters: ContinuationParameters, point: Point, end: Point) -> bool:
-    """Whether a curve ended at a special point of the branch over the first parameter."""
+    """Whether a curve already ended at this special point of the branch over the first parameter."""
     values = np.array([point.value, parameters.ranges[1, 0]])
     return bool((np.abs(end.orbit.values - values) <= _SAME * parameters.spans).all())
 

@@ -1,1 +1,1 @@
-"""One period: grid, curve, statistics, period map and multipliers, with a leading axis of points."""
+"""Grid, curve, statistics, period map and multipliers of one period. Arrays have a leading axis of points."""

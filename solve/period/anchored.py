@@ -1,4 +1,4 @@
-"""Free machines as systems with a unique periodic solution.
+"""Conversion of free machines to systems with a unique periodic solution.
 
 Let s = l q be the amplitude of a rigid-body mode e (K e = 0) in the motion. The coordinate σ with s′ = σ′ + α
 σ replaces s, and q̃ = q - e (s - σ) satisfies M q̃″ + (C + α M e l) q̃′ + (K + α C e l) q̃ = d. The
@@ -24,9 +24,9 @@ _STEP = 0.37
 
 @dataclass(frozen=True)
 class Anchored:
-    """Points with anchored rigid-body modes `modes`, see above. drift (P, n): known steady velocity w e with
-    respect to the phase, whose drag C w e is subtracted from the load. weights (P, r, n): rows l other than
-    those of the reference coordinates."""
+    """Points whose rigid-body modes `modes` are anchored, see above. drift (P, n): known steady velocity w
+    along e, with respect to the phase; its drag C w is subtracted from the load. weights (P, r, n): rows l
+    to use instead of those of the reference coordinates."""
 
     points: Points
     modes: RigidBodyModes
@@ -70,7 +70,8 @@ class Anchored:
         return self.modes.measures if self.weights is None else self.weights
 
     def tables(self, phase: Array) -> Tables:
-        """Tables with additional terms M and C, times α and αβ, in the entries of C and K."""
+        """Tables of the anchored equations. C has additional terms with M, and K has additional terms with C
+        and M."""
         n, tables, modes = self.n, self.points.tables(phase), self.modes
         (alpha, beta), along = self._rates, modes.vectors
         twice = beta * ~modes.damped
@@ -91,29 +92,30 @@ class Anchored:
 
     @property
     def _rates(self) -> tuple[Array, Array]:
-        """α and β (P, r), zero where there is no mode."""
+        """Rates α and β (P, r); zero in columns without a mode."""
         shift = 1 + _STEP * np.arange(self.modes.references.shape[1])
         first, second = (rate * shift / self.period * self.modes.present for rate in _RATES)
         return first, second
 
     def quotient(self, Phi: Array) -> Array:
         """Monodromy matrices (P, N, N) of the motion relative to the modes, from those of the anchored
-        points. Modes with C e ≠ 0 keep their rates at their reference coordinates; the other entries of
-        reference coordinates are zero."""
+        points. Modes with C e ≠ 0 keep their velocities in their reference coordinates; the other entries
+        of reference coordinates are zero."""
         left, right = self._projection(whole=True)
         return left @ Phi @ right
 
     def steps(self, A: Array) -> Array:
-        """One-step maps (P, m, N, N) in the coordinates of `quotient`, with 1 on the diagonal where it has
-        zeros: multipliers of rigid-body modes are then exactly 1."""
+        """One-step maps (P, m, N, N) in the coordinates of `quotient`, with 1 on the diagonal where
+        `quotient` has zeros. The multipliers of rigid-body modes are then exactly 1."""
         left, right = self._projection(whole=False)
         made = left[:, None] @ A @ right[:, None]
         ones = 1.0 - (right != 0).any(axis=-2)
         return made + ones[:, None, :, None] * np.eye(A.shape[-1])
 
     def _projection(self, whole: bool) -> tuple[Array, Array]:
-        """Projection onto states (P, N, N) of the motion relative to the modes, and the embedding back.
-        whole: for the whole period, where the rate of a mode with conserved momentum is left out too."""
+        """Projection of states (P, N, N) onto the motion relative to the modes, and the embedding back.
+        whole: whether to exclude also the velocity of a mode with conserved momentum, as for the map of
+        the period."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         relative, kept = modes.relative
         N, p = state_size(self), n - self.first_order
@@ -137,8 +139,8 @@ class Anchored:
         return left, right
 
     def momentum(self) -> tuple[Array, Array]:
-        """Conserved momentum of points that have one: rows (P, 2n) that give it from states of the anchored
-        points at phase 0, and states (P, 2n), rates of rigid-body modes, for which it is 1."""
+        """Conserved momenta, for points that have one: rows (P, 2n) that map states of the anchored points at
+        phase 0 to the momentum, and the states (P, 2n) of rigid-body velocities with momentum 1."""
         n, modes, (alpha, _) = self.n, self.modes, self._rates
         assert modes.momentum is not None
         rates = modes.momentum[:, None, n:] @ modes.vectors
@@ -150,9 +152,9 @@ class Anchored:
 
     def motion(self, curve: PeriodicCurve, mass: Array) -> tuple[PeriodicCurve, Array]:
         """Motion q of the points from curves q̃ of the anchored points, with zero mean along the modes in the
-        norm of a mass matrix (P, n, n). Also the secular part (P, r) of each mode, with respect to the phase:
-        if C e ≠ 0 a steady velocity, contained in the `drift` of the curve; otherwise an acceleration, which
-        is left out."""
+        norm of a mass matrix (P, n, n). Also the secular motion (P, r) of each mode with respect to the
+        phase: a steady velocity, included in the `drift` of the curve, if C e ≠ 0; otherwise an
+        acceleration, which the curve excludes."""
         modes, (alpha, beta) = self.modes, self._rates
         shares = _Shares.of(curve, self.measures)
         first = shares.integrated()
@@ -170,8 +172,8 @@ class Anchored:
 
 
 def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> tuple[Array, Array, Array]:
-    """Terms (t,), entries (t,) and coefficients (P, t) of a matrix whose entries begin at `source`,
-    multiplied by factors (P, n, c), in the entries from `target` on."""
+    """Terms (t,), entries (t,) and coefficients (P, t) that multiply the entries of one matrix (from index
+    `source`) by factors (P, n, c) and add them to another (from index `target`)."""
     of_matrix = np.flatnonzero((tables.entry >= source) & (tables.entry < source + n**2))
     row, column = np.divmod(tables.entry[of_matrix] - source, n)
     terms, entry, coefficients = [], [], []
@@ -187,14 +189,15 @@ def _moved(tables: Tables, source: int, target: int, factors: Array, n: int) -> 
 
 @dataclass(frozen=True)
 class _Shares:
-    """Functions (P, r) of the phase in the representation of a curve, and their means (P, r)."""
+    """Amplitudes (P, r) along the modes as functions of the phase, in the representation of a curve, and
+    their means (P, r)."""
 
     nodes: Array
     coefficients: Array
 
     @classmethod
     def of(cls, curve: PeriodicCurve, rows: Array) -> "_Shares":
-        """Rows (P, r, n) times the curves (P, n, …)."""
+        """Amplitudes from rows (P, r, n) applied to curves (P, n, …)."""
         assert isinstance(curve, Curve | FourierCurve)
         parts = curve.coefficients
         made = rows @ parts.reshape(*parts.shape[:2], -1)
@@ -206,11 +209,11 @@ class _Shares:
         raise NotImplementedError
 
     def integrated(self) -> "_Shares":
-        """Integral with zero mean of the function without its mean."""
+        """Integral, with zero mean, of the functions after subtraction of their means."""
         raise NotImplementedError
 
     def sum(self, curve: PeriodicCurve, vectors: Array, *parts: "tuple[_Shares, Array]") -> PeriodicCurve:
-        """Sum of the curve and of vectors (P, n, r) times these functions, with factors (P, r)."""
+        """Curve plus vectors (P, n, r) multiplied by these functions and by factors (P, r)."""
         assert isinstance(curve, Curve | FourierCurve)
         degrees = max(curve.coefficients.shape[-1], *(each.coefficients.shape[-1] for each, _ in parts))
         made = np.zeros((*curve.coefficients.shape[:-1], degrees), dtype=curve.coefficients.dtype)
@@ -261,7 +264,7 @@ class _Series(_Shares):
 
 
 def _lowered(curve: PeriodicCurve, level: Array, drift: Array) -> PeriodicCurve:
-    """Curves minus constants (P, n), with a drift (P, n) if it is not zero."""
+    """Curves minus constants (P, n), with a drift (P, n) unless it is zero."""
     assert isinstance(curve, Curve | FourierCurve)
     made = curve.coefficients
     if isinstance(curve, Curve):

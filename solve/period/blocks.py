@@ -1,4 +1,4 @@
-"""Blocks of a period: products of the maps of neighbouring steps, formed as long as the product remains
+"""Block products: products of the maps of neighbouring steps of a period, formed as long as they remain
 accurate."""
 
 from collections.abc import Sequence
@@ -16,9 +16,10 @@ formed."""
 
 @dataclass(frozen=True)
 class Blocks:
-    """Factors (P, m, N, N) with the product of a period's steps, in units (P, N) of the state, which are
-    powers of 2: a state x of the factors is units · x for the steps, and a left vector y is y / units.
-    variance (P, m, N, N): squares of the errors of their entries; starts (m,): step at which each begins."""
+    """Factors (P, m, N, N) whose product is that of a period's steps, in scaled states: powers of 2 `units`
+    (P, N), such that a state of the steps is units · x for a state x of the factors, and a left vector is
+    y / units. variance (P, m, N, N): squared errors of their entries; starts (m,): index of the first step
+    of each block."""
 
     factors: Array
     variance: Array
@@ -26,21 +27,20 @@ class Blocks:
     starts: Array
 
     def in_units(self, units: Array) -> "Blocks":
-        """Blocks in other units (P, N) of the state."""
+        """The same blocks for other units (P, N) of the state."""
         ratio = self.units / units
         change = (ratio[:, :, None] / ratio[:, None, :])[:, None]
         return Blocks(self.factors * change, self.variance * change**2, units, self.starts)
 
     @property
     def rounding(self) -> Array:
-        """Frobenius norm of the error of each factor (P, m)."""
+        """Frobenius norm (P, m) of the error of each factor."""
         return np.sqrt(self.variance.sum(axis=(-2, -1)))
 
 
 def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0, loss: float = LOSS) -> Blocks:
-    """Blocks of the one-step maps (P, m, N, N) in order of application, balanced by common units.
-    Neighbouring maps are multiplied as long as their product remains accurate in every direction, at every
-    point.
+    """Blocks of the one-step maps (P, m, N, N), in order of application, balanced by common units.
+    Neighbouring maps are multiplied as long as the product is accurate in every direction at every point.
 
     rounding: relative error of the entries of the maps; first: first steps of the blocks in the period; loss:
     as `LOSS`.
@@ -50,7 +50,7 @@ def balanced_blocks(steps: Array, rounding: float = EPS / 2, first: int = 0, los
 
 
 def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
-    """Blocks of the whole period from those of its parts, in order of application."""
+    """Blocks of the whole period from those of its consecutive parts."""
     alike = [part.in_units(parts[0].units) for part in parts]
     factors, variance, starts = (
         np.concatenate([getattr(part, name) for part in alike], axis=axis)
@@ -60,7 +60,7 @@ def joined_blocks(parts: Sequence[Blocks], loss: float = LOSS) -> Blocks:
 
 
 def _multiplied(blocks: Blocks, loss: float) -> Blocks:
-    """Blocks balanced again, with neighbours multiplied where the product remains accurate."""
+    """Rebalance the blocks and multiply neighbours as long as the product remains accurate."""
     blocks, offset, stalled = _balanced(blocks), 0, 0
     while len(blocks.starts) > 1 and stalled < 2:
         A, variance = blocks.factors, blocks.variance
@@ -84,8 +84,8 @@ def _multiplied(blocks: Blocks, loss: float) -> Blocks:
 
 
 def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
-    """Vectors (b, N, …) at the starts (b,) of blocks carried through the maps of their steps (m, N, N): at
-    the start of every step (m, N, …), and at the ends of the blocks (b, N, …)."""
+    """Propagate vectors (b, N, …), given at the starts (b,) of blocks, through the maps (m, N, N) of their
+    steps. Returns them at the start of every step (m, N, …) and at the end of every block (b, N, …)."""
     lengths, reached = np.diff(np.append(starts, len(steps))), vectors.copy()
     every = np.empty((len(steps), *vectors.shape[1:]), dtype=vectors.dtype)
     for inner in range(int(lengths.max())):
@@ -96,7 +96,7 @@ def carried(steps: Array, starts: Array, vectors: Array) -> tuple[Array, Array]:
 
 
 def _balanced(blocks: Blocks) -> Blocks:
-    """The blocks in units that balance the mean of |A|."""
+    """The same blocks in units that balance the mean of |A|."""
     A = blocks.factors
     size = np.abs(A) / np.maximum(np.abs(A).max(axis=(2, 3), keepdims=True), np.finfo(float).tiny)
     return blocks.in_units(blocks.units * balance_matrices(size.mean(axis=1))[1])

@@ -1,4 +1,4 @@
-"""The continuous curve of solutions over the phase: polynomials by steps, or a Fourier series.
+"""Continuous curves of solutions over the phase: piecewise polynomials or Fourier series.
 
 Arrays may have a leading axis of points, here `…`, each with a curve of its own on the same nodes."""
 
@@ -40,7 +40,7 @@ phases at a jump, and round-off."""
 
 
 class PeriodicCurve(Protocol):
-    """Periodic curves with nodes, which are phases (m+1,) from 0 to the period."""
+    """Periodic curves with nodes: phases (m+1,) from 0 to the period."""
 
     @property
     def nodes(self) -> Array: ...
@@ -59,7 +59,7 @@ class PeriodicCurve(Protocol):
         ...
 
     def __getitem__(self, points: Any) -> Self:
-        """Curves of some points, or of one."""
+        """Curves of a selection of points, or of one point."""
         ...
 
     def __call__(self, phase: Array, derivative: int = 0) -> Array:
@@ -67,17 +67,18 @@ class PeriodicCurve(Protocol):
         ...
 
     def sampled(self, a_step: int, derivative: int = 0) -> Array:
-        """q or a derivative (…, n, m · a_step) at `a_step` uniform phases from the start of every step."""
+        """q or a derivative (…, n, m · a_step) at `a_step` evenly spaced phases per step, from the start of
+        each step."""
         ...
 
     def each(self, phase: Array, derivative: int = 0) -> Array:
-        """q or a derivative (…, n, k) at phases (…, n, k) per coordinate."""
+        """q or a derivative (…, n, k) at phases (…, n, k) that differ between coordinates."""
         ...
 
 
 @dataclass(frozen=True)
 class Curve:
-    """q(phase) as powers of θ = (phase - node)/h in every step.
+    """Piecewise polynomial q(phase) in powers of θ = (phase - node)/h on each step.
 
     nodes: (m+1,). coefficients: (…, n, m, degree+1), lowest power first. known_finite (…): whether they are
     finite, if that is known. drift (…, n): steady velocity of a free machine with respect to the phase,
@@ -91,8 +92,8 @@ class Curve:
 
     @classmethod
     def quintic(cls, nodes: Array, q: Array, v: Array, a_start: Array, a_end: Array) -> "Curve":
-        """Quintic Hermite interpolant of q and v = dq/dphase at the nodes (…, m+1, n) and of second
-        derivatives at both ends of each step (…, m, n); its error is O(h^6)."""
+        """Quintic Hermite interpolant with error O(h^6), from q and v = dq/dphase at the nodes (…, m+1, n)
+        and second derivatives at both ends of each step (…, m, n)."""
         h = np.diff(nodes)[:, None]
         starts, ends = np.s_[..., :-1, :], np.s_[..., 1:, :]
         data = (q[starts], h * v[starts], h**2 * a_start, q[ends], h * v[ends], h**2 * a_end)
@@ -100,19 +101,20 @@ class Curve:
 
     @classmethod
     def cubic(cls, nodes: Array, q: Array, v_start: Array, v_end: Array) -> "Curve":
-        """Cubic Hermite interpolant of q at the nodes (…, m+1, n) and of rates at both ends of each step (…,
-        m, n), with as many powers as `quintic`; its error is O(h^4)."""
+        """Cubic Hermite interpolant with error O(h^4), from q at the nodes (…, m+1, n) and rates at both ends
+        of each step (…, m, n). It has as many powers as `quintic`."""
         h = np.diff(nodes)[:, None]
         data = (q[..., :-1, :], h * v_start, q[..., 1:, :], h * v_end)
         return cls.of(nodes, np.stack(data, axis=-1), _CUBIC)
 
     @classmethod
     def of(cls, nodes: Array, data: Array, powers: Array) -> "Curve":
-        """Curve from data (…, m, n, r) of each step, and the matrix (D, r) from these to powers of θ."""
+        """Curve from data (…, m, n, r) of each step and the matrix (D, r) that maps them to coefficients of
+        powers of θ."""
         return cls(nodes, np.swapaxes(data, -3, -2) @ powers.T)
 
     def joined(self, other: "Curve") -> "Curve":
-        """Curve of these coordinates followed by those of another curve on the same nodes."""
+        """Curve of these coordinates, followed by the coordinates of another curve on the same nodes."""
         return Curve(self.nodes, np.concatenate((self.coefficients, other.coefficients), axis=-3))
 
     @property
@@ -150,7 +152,8 @@ class Curve:
         self, phase: Array, derivatives: Sequence[int] = (0, 1, 2), beside_nodes: bool = False
     ) -> list[Array]:
         """q and its derivatives (…, n, k) with respect to the phase, at phases (k,) in any period.
-        beside_nodes: whether phases that differ from nodes by round-off count as different from them."""
+        beside_nodes: whether phases that differ from a node by round-off are treated as lying beside the
+        node."""
         phase, h = np.asarray(phase, dtype=float), self.h
         theta = None if beside_nodes else self._fractions(phase, h)
         if theta is not None:
@@ -163,8 +166,8 @@ class Curve:
         return [with_drift(values, self.drift, each) for values, each in zip(found, derivatives, strict=True)]
 
     def _fractions(self, phase: Array, h: Array) -> Array | None:
-        """Fractions (s,) of a step at which the phases lie, if they are the same in every step, as for stages
-        of a method; None otherwise."""
+        """Fractions (s,) of a step at which the phases lie, if they are the same in every step, like the
+        stages of a method; None otherwise."""
         m = len(h)
         if phase.ndim != 1 or not phase.size or phase.size % m:
             return None
@@ -174,7 +177,8 @@ class Curve:
         return same if alike else None
 
     def basis(self, phase: Array, derivative: int = 0) -> tuple[Array, Array]:
-        """Steps (k,) that contain the phases, and the derivatives of the powers of θ (k, degree+1) there."""
+        """Indices (k,) of the steps that contain the phases, and the derivatives (k, degree+1) of the powers
+        of θ at the phases."""
         step, theta = self._places(np.asarray(phase, dtype=float))
         D, h = self.coefficients.shape[-1], self.h[step]
         powers = theta[:, None] ** np.maximum(np.arange(D) - derivative, 0)
@@ -186,11 +190,11 @@ class Curve:
         return with_drift(values, self.drift, derivative)
 
     def within(self, theta: Array, derivative: int = 0) -> Array:
-        """Derivatives of the curve without drift at fractions (s,) of every step, (…, n, m, s)."""
+        """Derivatives (…, n, m, s) of the curve, without drift, at fractions (s,) of each step."""
         return self._within(theta, self.h, derivative)
 
     def _within(self, theta: Array, h: Array, derivative: int) -> Array:
-        """Values (…, n, m, s) at the fractions (s,) of every step of lengths h (m,)."""
+        """Values (…, n, m, s) at the fractions (s,) of each step, with step lengths h (m,)."""
         D = self.coefficients.shape[-1]
         powers = theta ** np.arange(max(D - derivative, 0))[:, None]
         values = self.coefficients[..., derivative:] @ (_falling(D, derivative)[derivative:, None] * powers)
@@ -207,7 +211,8 @@ class Curve:
         return with_drift(value / self.h[step] ** derivative, self.drift, derivative) if derivative else value
 
     def _places(self, phase: Array) -> tuple[Array, Array]:
-        """Steps that contain phases in any period, and the fractions of these steps."""
+        """Index of the step that contains each phase, and the fraction of the step at the phase. Phases may
+        lie in any period."""
         nodes, last = self.nodes, len(self.nodes) - 2
         wrapped = np.mod(phase, nodes[-1])
         if self._uniform:
@@ -224,7 +229,8 @@ class Curve:
 
 
 def with_drift(values: Array, drift: Array | None, derivative: int) -> Array:
-    """Derivatives (…, n, k) of q of some order, with a steady velocity (…, n) if there is one."""
+    """Derivatives (…, n, k) of q of a given order, with the contribution of a steady velocity (…, n), if
+    given."""
     return values if drift is None or derivative != 1 else values + drift[..., None]
 
 
@@ -245,14 +251,14 @@ def _horner(pieces: Array, theta: Array, derivative: int) -> Array:
 
 @cache
 def _falling(powers: int, count: int) -> Array:
-    """Products power (power - 1) … of `count` factors, for each of the powers from 0 on."""
+    """Falling factorials power (power - 1) … with `count` factors, for powers from 0."""
     return np.array([math.perm(power, count) for power in range(powers)], dtype=float)
 
 
 @dataclass(frozen=True)
 class FourierCurve:
-    """q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period), coefficients (…, n, N+1) complex; drift:
-    as in `Curve`."""
+    """Fourier series q(phase) = Re Σ_k coefficients[…, k] exp(ik 2π phase/period) with complex coefficients
+    (…, n, N+1). drift: see `Curve`."""
 
     nodes: Array
     coefficients: Array
@@ -260,7 +266,8 @@ class FourierCurve:
 
     @classmethod
     def through(cls, nodes: Array, q: Array) -> "FourierCurve":
-        """The trigonometric interpolant of q (m, n) at m uniform nodes, m odd, without the end."""
+        """Trigonometric interpolant of q (m, n) at m uniform nodes without the end of the period; m is
+        odd."""
         coefficients = 2.0 * np.fft.rfft(q, axis=0).T / len(q)
         coefficients[:, 0] /= 2.0
         return cls(nodes, coefficients)
@@ -302,20 +309,20 @@ _FEWEST = 256
 
 
 def curves_through(nodes: Array, motions: Array) -> Curve:
-    """Curves, one a revolution, through motions (turns, 3, n, k) at nodes (k,): q and its first and second
-    derivative."""
+    """Curves, one per revolution, through motions (turns, 3, n, k) at nodes (k,): q and its first and second
+    derivatives."""
     q, v, a = np.moveaxis(motions, 1, 0).swapaxes(-1, -2)
     return Curve.quintic(nodes, q, v, a[:, :-1], a[:, 1:])
 
 
 def interpolation_tolerance(rtol: float) -> float:
-    """Interpolation error allowed between given states: rtol/10, limited to 1e-9 … 1e-3."""
+    """Allowed error of the interpolation between given states: rtol/10, limited to the range 1e-9 … 1e-3."""
     return min(max(rtol / 10, 1e-9), 1e-3)
 
 
 def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
-    """Error (turns,) between the states of the curves through motions (turns, 3, n, k), relative to the
-    largest of each coordinate and its rates.
+    """Interpolation error (turns,) of the curves through motions (turns, 3, n, k), relative to the maximum of
+    each coordinate and of its rates.
 
     It follows from the errors at every other state of curves through the rest. For q and its first and second
     derivative these fall with the sixth, fifth and fourth power of the steps; a tenth of that of the second
@@ -332,7 +339,8 @@ def interpolation_error(nodes: Array, motions: Array, jumps: bool) -> Array:
 
 
 def sufficient_strides(nodes: Array, motions: Array, jumps: bool, allowed: float) -> Array:
-    """Strides (turns,), powers of 2: curves through states at this stride are within the allowed error."""
+    """Largest strides (turns,), powers of 2, for which curves through every stride-th state are within the
+    allowed error."""
     strides, stride = np.ones(len(motions), dtype=int), 2
     while stride * _FEWEST <= len(nodes) - 1:
         error = interpolation_error(nodes[::stride], motions[..., ::stride], jumps)

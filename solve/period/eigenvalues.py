@@ -1,4 +1,4 @@
-"""Eigenvalues of monodromy matrices (…, N, N), their balancing and their round-off.
+"""Eigenvalues of monodromy matrices (…, N, N), with balancing and round-off errors.
 
 Matrices of two rows are treated in closed form as entries a, b, c, d by rows, (…) each or as fields (4, …).
 Other matrices are solved by LAPACK, or by compiled code."""
@@ -25,7 +25,8 @@ _ILL_CONDITIONED = 0.1
 
 
 def sorted_eigenvalues(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
-    """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
+    """Eigenvalues (…, N) in order of decreasing modulus, in pairs the one with positive imaginary part first,
+    and Frobenius norms (…).
 
     The norms are those of the balanced matrices: for two rows the smallest in any units; otherwise they may
     be larger if that leaves the same digits. units (…, N): as in `balance_matrices`, if known."""
@@ -52,12 +53,12 @@ def sorted_eigenvalues(Phi: Array, units: Array | None, engine: str) -> tuple[Ar
 
 
 def multiplier_roundoff(Phi: Array, units: Array | None = None, engine: str = NUMPY, steps: int = 1) -> Array:
-    """Round-off errors of the multipliers (…) relative to the spectral radius, from the error of Φ.
+    """Round-off errors (…) of the multipliers relative to the spectral radius, due to the error of Φ.
 
     The round-off of this number of steps is multiplied by the condition number of the eigenvalue; in a
     defective block of k eigenvalues, its k-th root counts. units (…, N): as in `balance_matrices`, if known.
     """
-    values, unit, norm, conditions = _conditioned(Phi, units, engine)
+    values, unit, norm, conditions = _eigenvalues_with_conditions(Phi, units, engine)
     radius = across(np.maximum, np.abs(values))
     is_resolved = unit * radius > NEGLIGIBLE
     scale = np.where(is_resolved, radius, 1.0)
@@ -67,13 +68,13 @@ def multiplier_roundoff(Phi: Array, units: Array | None = None, engine: str = NU
 
 
 def roundoff_growth(steps: int) -> float:
-    """Units of round-off in the product of this number of steps: a sixteenth per step, as measured, at least
-    8."""
+    """Round-off of the product of `steps` matrices, in units of round-off: a sixteenth per step (measured),
+    at least 8."""
     return max(8.0, steps / 16)
 
 
 def balanced(Phi: Array, units: Array | None = None) -> Array:
-    """Balanced matrices (…, N, N), in the given units of the state if these are known."""
+    """Balanced matrices (…, N, N), by the given units of the state if available."""
     if Phi.shape[-1] == 2:
         return _matrices(_balanced_pair(*_by_entry(Phi)))
     return balance_matrices(Phi)[0] if units is None else _in_units(Phi, units)
@@ -102,7 +103,7 @@ def balance_matrices(matrices: Array) -> tuple[Array, Array]:
 
 
 def pair_distance(some: Array, others: Array) -> Array:
-    """Larger distance (…) of two numbers (…, 2) to two others, matched so that it is smallest."""
+    """Larger of the two distances (…) between two pairs of numbers (…, 2), matched so that it is smallest."""
     straight, crossed = (across(np.maximum, np.abs(some - pair)) for pair in (others, others[..., ::-1]))
     return np.minimum(straight, crossed)
 
@@ -112,7 +113,8 @@ def _in_units(matrices: Array, units: Array) -> Array:
 
 
 def _without_eigenvalues(values: Array, Phi: Array, units: Array | None) -> tuple[Array, Array, Array | None]:
-    """Positions (k,) of matrices whose eigenvalues (P, N) are not found, these matrices and their units."""
+    """Indices (k,) of the matrices whose eigenvalues (P, N) were not computed, these matrices and their
+    units."""
     rows = np.flatnonzero(np.isnan(values).any(axis=1))
     return rows, Phi[rows], None if units is None else units[rows]
 
@@ -126,22 +128,24 @@ def _by_modulus(values: Array) -> Array:
 
 
 def _put_positive_first(values: Array) -> None:
-    """Swap neighbours that are a conjugate pair with the - imaginary part first, in place."""
+    """Swap neighbours that are a conjugate pair with the negative imaginary part first, in place."""
     wrong = (values[..., 1:] == values[..., :-1].conj()) & (np.imag(values[..., :-1]) < 0)
     for k in range(values.shape[-1] - 1) if wrong.any() else ():
         swap = (values[..., k + 1] == values[..., k].conj()) & (np.imag(values[..., k]) < 0)
         values[swap, k : k + 2] = values[swap, k : k + 2][..., ::-1]
 
 
-def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array, Array, Array]:
-    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…)
-    and condition numbers (…, N)."""
+def _eigenvalues_with_conditions(
+    Phi: Array, units: Array | None, engine: str
+) -> tuple[Array, Array, Array, Array]:
+    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…),
+    and condition numbers (…, N) of the eigenvalues."""
     if engine == COMPILED and Phi.ndim == 3:
-        compiled, unit = kernel.conditioned(Phi, units), np.ones(len(Phi))
+        compiled, unit = kernel.eigenvalues_with_conditions(Phi, units), np.ones(len(Phi))
         if compiled is not None:
             rows, matrices, known_units = _without_eigenvalues(compiled.values, Phi, units)
             if len(rows):
-                by_numpy = _conditioned(matrices, known_units, NUMPY)
+                by_numpy = _eigenvalues_with_conditions(matrices, known_units, NUMPY)
                 compiled.values[rows], unit[rows], compiled.norms[rows], compiled.conditions[rows] = by_numpy
             return compiled.values, unit, compiled.norms, compiled.conditions
     scaled, unit = _scaled_entries(Phi)
@@ -163,7 +167,7 @@ def _conditioned(Phi: Array, units: Array | None, engine: str) -> tuple[Array, A
 
 def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
     """Largest number (…), at least 2, of ill-conditioned eigenvalues (…, N) that a perturbation may have
-    split from one eigenvalue."""
+    split from a single multiple eigenvalue."""
     size = np.full(perturbation.shape, 2)
     is_ill = conditions * np.sqrt(perturbation)[..., None] > _ILL_CONDITIONED
     if values.shape[-1] == 2 or not (is_ill.sum(axis=-1) > 2).any():
@@ -176,20 +180,20 @@ def _block_size(values: Array, conditions: Array, perturbation: Array) -> Array:
 
 
 def _by_entry(matrices: Array) -> Array:
-    """Matrices (…, N, N) as entries (N², …), contiguous for each entry."""
+    """Matrices (…, N, N) rearranged to entries (N², …), each entry contiguous."""
     *points, rows, columns = matrices.shape
     fields = matrices.reshape(-1, rows * columns).T
     return np.ascontiguousarray(fields).reshape(-1, *points)
 
 
 def _matrices(entries: Array) -> Array:
-    """Entries (N², …) as matrices (…, N, N)."""
+    """Entries (N², …) rearranged to matrices (…, N, N)."""
     size = math.isqrt(len(entries))
     return np.moveaxis(entries, 0, -1).reshape(*entries.shape[1:], size, size)
 
 
 def _scaled_entries(Phi: Array) -> tuple[Array, Array]:
-    """Entries (N², …) divided by powers of two (…), so that their squares neither over- nor underflow, and
+    """Entries (N², …) divided by powers of two (…) so that their squares neither overflow nor underflow, and
     these powers."""
     entries = _by_entry(Phi)
     unit = np.exp2(np.frexp(np.abs(entries).max(axis=0))[1] - 1)
@@ -201,8 +205,8 @@ def _frobenius(entries: Array) -> Array:
 
 
 def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Eigenvalues (…, 2), + imaginary part first, without the cancellation of the textbook formula; squares
-    of the entries must not overflow."""
+    """Eigenvalues (…, 2) of 2×2 matrices, positive imaginary part first, without the cancellation of the
+    textbook formula. Squares of the entries must not overflow."""
     half, discriminant = (a + d) / 2, np.square((a - d) / 2) + b * c
     is_real, root = discriminant >= 0, np.sqrt(np.abs(discriminant))
     larger = half + np.copysign(root, half)
@@ -215,7 +219,7 @@ def _pair_eigenvalues(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 
 def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Entries (4, …) in units of the state that balance rows and columns.
+    """Entries (4, …) of 2×2 matrices in units of the state that balance rows and columns.
 
     At most 8 sweeps are taken, while norms decrease by 5 %. If little is gained, a small entry may be all
     that separates a matrix from a defective one."""
@@ -232,13 +236,13 @@ def _balanced_pair(a: Array, b: Array, c: Array, d: Array) -> Array:
 
 
 def _least_pair_norm(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """Smallest Frobenius norm (…) in any units of the state."""
+    """Smallest Frobenius norm (…) of a 2×2 matrix over all units of the state."""
     return np.sqrt(np.square(a) + np.square(d) + 2 * np.abs(b * c))
 
 
 def _pair_conditions(entries: Array, values: Array) -> tuple[Array, Array]:
-    """Spectral norms (…) of matrices with entries (4, …), and the condition number of both eigenvalues (…,
-    2)."""
+    """Spectral norms (…) of 2×2 matrices with entries (4, …), and the condition number (…, 2) of both
+    eigenvalues."""
     # The Schur form [[ρ1, t], [0, ρ2]] gives both eigenvalues the condition number sqrt(1 + t²/|ρ1 - ρ2|²).
     square = np.square(entries).sum(axis=0)
     excess = square - across(np.add, np.square(np.abs(values)))

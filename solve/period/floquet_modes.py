@@ -23,8 +23,8 @@ _SAME = 1e-6
 
 
 class FloquetMode(NamedTuple):
-    """Frequency and dominant harmonic of a Floquet mode; None if the method has no step maps, or too few
-    steps.
+    """Frequency and dominant harmonic of a Floquet mode; None if the method computes no step maps, or takes
+    too few steps.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ def floquet_modes(
     eigenvalues: ProductEigenvalues,
     rotation: float,
 ) -> Sequence[FloquetMode]:
-    """Modes (N,) of a point, in the order of `eigenvalues`, which include right vectors.
+    """Modes (N,) of a point in the order of `eigenvalues`, which must include right eigenvectors.
 
     Parameters
     ----------
@@ -98,7 +98,8 @@ def floquet_modes(
 
 
 def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> FloquetMode:
-    """Mode whose dominant harmonic has the highest frequency among those of equal participation."""
+    """Mode from its folded frequency. Of harmonics with equal participation, the one with the highest
+    frequency is dominant."""
     frequencies = folded + orders * rotation
     largest = np.flatnonzero(shares >= (1 - _SAME) * shares.max())
     at = largest[np.argmax(frequencies[largest])]
@@ -110,7 +111,7 @@ def _mode(folded: float, rotation: float, orders: Array, shares: Array) -> Floqu
 
 
 def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: ProductEigenvalues) -> Array:
-    """p (m, N, N) at the start of every step, one column per mode, in any norm."""
+    """Periodic part p (m, N, N) of each mode at the start of every step, one column per mode, in any norm."""
     assert eigenvalues.right is not None
     units, starts, logarithms = blocks.units[0][:, None], blocks.starts, eigenvalues.logarithms[0]
     lengths = np.diff(np.append(starts, len(steps)))
@@ -126,7 +127,7 @@ def periodic_parts(steps: Array, grid: Grid, blocks: Blocks, eigenvalues: Produc
 
 
 def _evenly(grid: Grid, p: Array) -> Array:
-    """Values (m, …) at the nodes of a nonuniform grid, interpolated at uniform phases, two per step."""
+    """Values (m, …) at the nodes of a nonuniform grid, interpolated to uniform phases, two per step."""
     from scipy.interpolate import CubicSpline
 
     even = np.arange(2 * grid.steps) * (grid.period / (2 * grid.steps))

@@ -1,4 +1,4 @@
-"""Modes with the coefficients frozen at fixed phases, and bounds of their rates.
+"""Modes of the coefficients frozen at fixed phases, and bounds on the moduli of their eigenvalues.
 
 Bounds are evaluated first, eigenvalues only if the bounds leave the question open."""
 
@@ -40,7 +40,7 @@ _FEW = np.s_[::16]
 
 
 class FrozenModes:
-    """Modes of P points, with coefficients frozen at the midpoints of k equal intervals of the period."""
+    """Modes of P points with coefficients frozen at the midpoints of k equal intervals of the period."""
 
     def __init__(self, tables: Tables, period: float, engine: str = NUMPY):
         self._tables, self._n, self.period, self._engine = tables, tables.n, period, engine
@@ -103,7 +103,7 @@ class FrozenModes:
 
     @cached_property
     def _fields(self) -> Array:
-        """Entries (3n² + n, P, k)."""
+        """Entries of M, C, K and d (3n² + n, P, k)."""
         if self._parent is None:
             return self._tables.fields()
         fields, positions = self._parent
@@ -115,7 +115,7 @@ class FrozenModes:
         return self._tables.ranges()
 
     def _matrices_at(self, phases: Array | slice) -> Array:
-        """M, C and K (3, n, n, P, k') at some of the phases."""
+        """M, C and K (3, n, n, P, k') at a selection of the phases."""
         if self._parent is not None and "_fields" not in self.__dict__ and isinstance(phases, slice):
             # The slice of phases is taken before the points, which copies less.
             fields, positions = self._parent
@@ -125,7 +125,8 @@ class FrozenModes:
         return fields[: 3 * self._n**2].reshape(3, self._n, self._n, *fields.shape[1:])
 
     def _rates_at(self, phases: Array | slice) -> Array:
-        """M, C and K (3, n, n, P, k') at some of the phases with first-order coordinates taken as rates."""
+        """M, C and K (3, n, n, P, k') at a selection of the phases, with the rates of first-order coordinates
+        as unknowns."""
         return fields_by_rates(self._matrices_at(phases), self._first_order)
 
     @property
@@ -133,8 +134,8 @@ class FrozenModes:
         return self._n == 1 and not self._first_order
 
     def has_steady_inertia(self, fraction: float) -> Array:
-        """Whether (P,) det M keeps its sign and |det M| stays above this fraction of its median at every
-        phase."""
+        """Whether (P,) det M has the same sign at every phase, and |det M| exceeds `fraction` of its
+        median."""
         if self._is_oscillator and not self._tables.own:
             low, high = self._ranges
             steady = (low[0] > fraction * high[0]) | (high[0] < fraction * low[0])
@@ -161,7 +162,7 @@ class FrozenModes:
             return np.asarray((determinant * np.sign(median) > fraction * np.abs(median)).all(axis=1))
 
     def eigenvalues(self, phases: Array | slice = slice(None)) -> Array:
-        """Eigenvalues (P, k, N) with respect to the phase, at all phases or at some of them."""
+        """Eigenvalues (P, k, N) with respect to the phase, at all phases or a selection of them."""
         if self._is_oscillator:
             return quadratic_roots(*self._matrices_at(phases)[:, 0, 0])
         pencils, first_order = self._matrices_at(phases), self._first_order
@@ -180,17 +181,17 @@ class FrozenModes:
 
     @property
     def phase_advance_estimate(self) -> Array:
-        """`phase_advance` (P,) from every 16th phase."""
+        """Estimate of `phase_advance` (P,) from every 16th phase."""
         return np.abs(self.few_eigenvalues).max(axis=(1, 2)) * self.period
 
     @cached_property
     def phase_advance(self) -> Array:
-        """ω_max T (P,), the phase advance of the fastest mode per period, in rad."""
+        """Phase advance ω_max T (P,) of the fastest mode per period, in rad."""
         return np.abs(self.eigenvalues()).max(axis=(1, 2)) * self.period
 
     def cancellation(self, rates: Array) -> Array:
-        """Factor (P,) by which terms of A = λ²M + λC + K cancel at rates λ (P,): the largest Π |A_ii|/|det A|
-        at every 16th phase.
+        """Factor (P,) by which the terms of A = λ²M + λC + K cancel at rates λ (P,): the maximum of Π
+        |A_ii|/|det A| over every 16th phase.
 
         Relative changes of the entries of a positive definite A are amplified by the inverse of the least
         eigenvalue of A with the diagonal 1 (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992)
@@ -204,8 +205,8 @@ class FrozenModes:
         return np.where(np.isfinite(factors), factors, np.inf).max(axis=1)
 
     def rates_and_decay(self, negligible: float) -> tuple[Array, Array]:
-        """Largest moduli (P, N) of the eigenvalues, ascending, and the decay (P, N) of these modes: the mean
-        factor over a period, relative to that of the least damped mode or to what is negligible."""
+        """Moduli (P, N) of the eigenvalues, maximal over the phases, in ascending order. Also the mean decay
+        factor (P, N) of these modes over a period, relative to the least damped mode or to `negligible`."""
         if self._is_oscillator:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
@@ -250,8 +251,8 @@ class FrozenModes:
 
     @property
     def _coupling(self) -> tuple[Array, Array]:
-        """Mean accelerations of coordinates due to coordinates and their rates (P, n, n), and due to loads
-        (P, n)."""
+        """Mean accelerations of the coordinates due to other coordinates and their rates (P, n, n), and due
+        to loads (P, n)."""
         n = self._n
         M, C, K, load = split_entries(np.moveaxis(self._fields, 0, -1), n)
         M, C, K = by_rates(M, C, K, self._first_order)
@@ -259,7 +260,7 @@ class FrozenModes:
         return rate[..., :n] + rate[..., n : 2 * n], rate[..., -1]
 
     def load_scale(self, sizes: Array) -> Array:
-        """Displacements (P, n) due to all forces on a coordinate, against its own stiffness.
+        """Displacements (P, n) that all forces on a coordinate cause against its own stiffness.
 
         The forces are those of the other coordinates with amplitudes `sizes` (P, n), and the largest load, in
         units in which the equations are balanced."""
@@ -270,7 +271,7 @@ class FrozenModes:
         return (np.einsum("pij,pj->pi", coupling, sizes) + largest) / stiffness
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array:
-        """Whether points at positions (k,) drift freely in some direction v.
+        """Whether points at positions (k,) have a direction v in which they drift freely.
 
         C v = K v = 0 at every phase within round-off, and the monodromy matrix Φ (k, 2n, 2n), which includes
         what lies between the phases, maps the state (v, 0) onto itself. Then q = v t is a solution, and the
@@ -279,8 +280,8 @@ class FrozenModes:
         return np.array([is_periodic_drift(*arguments) for arguments in drifts], dtype=bool)
 
     def _damping_and_stiffness(self, points: Array) -> Array:
-        """C and K as rows (k, r, n) of points at positions (k,), without their rigid-body modes: in relative
-        coordinates, whose equations contain no acceleration along the modes."""
+        """C and K as rows (k, r, n) for points at positions (k,), in coordinates relative to the rigid-body
+        modes. The equations of these coordinates contain no acceleration along the modes."""
         M, C, K = np.moveaxis(self._matrices_at(slice(None))[..., points, :], (3, 4), (1, 2))
         modes = None if self.rigid_body_modes is None else self.rigid_body_modes[points]
         if modes is not None and modes.any.any():
@@ -293,8 +294,9 @@ class FrozenModes:
         return np.concatenate((C, K), axis=2).reshape(len(points), -1, self._n)
 
     def units(self, points: Array) -> Array:
-        """Units in which states (k, N) of points at positions (k,) are comparable: square roots of the mean
-        stiffness, or of the inertia if larger, and of the inertia; 1 for first-order coordinates."""
+        """Units that make the entries of states (k, N) of points at positions (k,) comparable: square roots
+        of the mean stiffness (or of the inertia if larger) for coordinates, of the inertia for rates, and
+        1 for first-order coordinates."""
         matrices = self._matrices_at(slice(None))[::2][..., points, :]
         diagonals = np.abs(np.einsum("aiipk->apik", matrices)).mean(axis=-1)
         inertia, stiffness = np.maximum(diagonals, np.finfo(float).tiny)
@@ -305,7 +307,7 @@ class FrozenModes:
         return units
 
     def exceeds_rate(self, rate: float) -> Array:
-        """Whether sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any of the phases (P,)."""
+        """Whether (P,) sqrt(ρ(M⁻¹K)) or ρ(M⁻¹C) exceeds the rate at any phase."""
         if self._is_oscillator:
             exceeds = ~self._bounded_by_ranges(rate)
             rows = exceeds.nonzero()[0]
@@ -331,7 +333,7 @@ class FrozenModes:
         return exceeds
 
     def is_within(self, rate: Array | float) -> Array:
-        """Whether bounds show that all eigenvalues have moduli of at most the rate (P,) at all phases.
+        """Whether (P,) bounds prove that all eigenvalues have moduli of at most the rate (P,) at all phases.
 
         λ²M + λC + K is regular for all |λ| > r if (|M⁻¹C|/r + |M⁻¹K|/r²) v ≤ v for some positive v.
         """
@@ -355,7 +357,7 @@ class FrozenModes:
         return is_within
 
     def _is_within_at(self, phases: slice, rate: Array) -> Array:
-        """`is_within` at some of the phases, for several coordinates."""
+        """Evaluate `is_within` at a selection of the phases, for several coordinates."""
         C, K = self._ratios(phases)
         # The sum of squares of the 2n eigenvalues is at most 2n times that of the largest.
         squares = np.einsum("ijpk,jipk->pk", C, C) - 2 * np.einsum("iipk->pk", K)
@@ -367,8 +369,8 @@ class FrozenModes:
         return is_within
 
     def _bounded_by_ranges(self, rate: Array | float) -> Array:
-        """Whether |C/M| + |K/M|/rate ≤ rate for a single mode (P,) follows from the ranges of the shared
-        terms."""
+        """Whether (P,) the ranges of the shared terms imply |C/M| + |K/M|/rate ≤ rate for a system with one
+        coordinate."""
         if not self._is_oscillator or self._tables.own:
             return np.zeros(len(self), dtype=bool)
         low, high = self._ranges
@@ -381,7 +383,7 @@ class FrozenModes:
         return FrozenModes(Tables.of(entries, self._n, self._first_order), self.period, self._engine)
 
     def _largest_rates(self) -> Array:
-        """The larger of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C), (P, k)."""
+        """Maximum (P, k) of sqrt(ρ(M⁻¹K)) and ρ(M⁻¹C)."""
         M, C, K = np.moveaxis(self._rates_at(slice(None)), (3, 4), (1, 2))
         if self._n == 1:
             stiffness, damping = (np.abs(matrix[..., 0, 0] / M[..., 0, 0]) for matrix in (K, C))
@@ -390,27 +392,28 @@ class FrozenModes:
         return np.maximum(np.sqrt(stiffness), damping)
 
     def _ratios(self, phases: slice = slice(None)) -> tuple[Array, Array]:
-        """M⁻¹C and M⁻¹K as fields (n, n, P, k), with first-order coordinates taken as rates."""
+        """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the rates of first-order coordinates as unknowns."""
         M, C, K = self._rates_at(phases)
         return mass_normalised(M, C, K, self._first_order)
 
 
 def frozen(points: Points, phases: int = PHASES, engine: str = NUMPY) -> FrozenModes:
-    """Modes of points with coefficients frozen at a number of phases."""
+    """Modes of points with coefficients frozen at `phases` phases."""
     return FrozenModes(points.tables(_midpoints(phases, points.period)), points.period, engine)
 
 
 def _midpoints(count: int, period: float) -> Array:
-    """Midpoints of equal intervals of the period."""
+    """Midpoints of `count` equal intervals of the period."""
     return (np.arange(count) + 0.5) * (period / count)
 
 
 def entry_phases(count: int) -> slice:
-    """Selection of phases from which the sizes of entries are taken."""
+    """Indices of the phases at which the sizes of entries are evaluated."""
     return slice(None, None, max(1, count // _ENTRY_PHASES))
 
 
 def balanced(points: Points, modes: FrozenModes) -> Points:
-    """Points with balanced equations: elimination chooses its pivots by the sizes of rows."""
+    """Points with balanced equations. Without balancing, elimination would choose pivots by the units of the
+    equations."""
     factors = modes.equation_factors()
     return points if factors is None else Multiplied(points, factors)

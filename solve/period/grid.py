@@ -16,7 +16,7 @@ _INSIDE = 1e-13
 
 @dataclass(frozen=True)
 class Grid:
-    """m steps over one period.
+    """Grid of m steps over one period.
 
     Attributes
     ----------
@@ -31,7 +31,8 @@ class Grid:
 
     @classmethod
     def uniform(cls, steps: int, period: float, breaks: tuple[float, ...] = ()) -> "Grid":
-        """About `steps` steps of equal length; with breaks, of equal length between two breaks.
+        """Grid of about `steps` steps of equal length; with breaks, of equal length between neighbouring
+        breaks.
 
         Every piece has more steps on a grid of twice the steps, or of a third more from 6 steps per piece on,
         however short it is. Two grids with equal steps in a piece would agree on features that neither
@@ -71,7 +72,8 @@ class Grid:
         return not self.at_break.any()
 
     def parts(self, steps: int) -> "list[Grid]":
-        """Parts of this grid with at most this number of steps; the whole grid if the matrices jump."""
+        """Consecutive parts of this grid with at most `steps` steps each; the whole grid if the matrices
+        jump."""
         if not self.smooth:
             return [self]
         return [
@@ -80,7 +82,7 @@ class Grid:
         ]
 
     def stages(self, c: Array) -> Array:
-        """Phases (m, s) of the stages at the fractions c (s,) of every step.
+        """Phases (m, s) of the stages at the fractions c (s,) of each step.
 
         If a step ends at a jump, its end stages lie just inside the step, on the side of its own matrices.
         """
@@ -94,7 +96,7 @@ class Grid:
 
     @cached_property
     def _phases(self) -> dict[bytes, Array]:
-        """Cached stages."""
+        """Cache of the phases of stages."""
         return {}
 
     def _stages(self, c: Array) -> Array:
@@ -109,12 +111,12 @@ class Grid:
 
 @lru_cache(maxsize=64)
 def _cached(steps: int, period: float, breaks: tuple[float, ...]) -> Grid:
-    """Grid from the cache, because solutions share grids."""
+    """Grid from a cache, since many solutions use the same grid."""
     return Grid._new(steps, period, breaks)
 
 
 def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
-    """Ends of the pieces between the jumps, including 0 and the period, and whether there is a jump at 0.
+    """Ends of the pieces between jumps, including 0 and the period, and whether the matrices jump at 0.
 
     Breaks that differ by round-off are one."""
     same = 0.5 * _INSIDE * period
@@ -128,7 +130,7 @@ def pieces(period: float, breaks: tuple[float, ...]) -> tuple[Array, bool]:
 
 
 def steps_of(steps: int, lengths: Array) -> Array:
-    """Steps of the pieces, in proportion to their lengths (k,) as fractions of the period.
+    """Numbers of steps of the pieces in proportion to their lengths (k,), which are fractions of the period.
 
     Short pieces have half of the steps that pieces of equal length would have."""
     k = len(lengths)

@@ -1,5 +1,5 @@
-"""Logarithms of Floquet multipliers, which exist where the multipliers underflow: their values, distances
-and assignment."""
+"""Logarithms of Floquet multipliers, which remain finite if the multipliers underflow: values, distances and
+matching."""
 
 import math
 
@@ -16,19 +16,19 @@ _EXACT_ZERO = -1e6
 
 
 def exponential(logarithms: Array) -> Array:
-    """Multipliers ρ (N,) from their logarithms, real where the logarithm is that of a real number; NaN
+    """Multipliers ρ (N,) from their logarithms. The result is real for the logarithm of a real number; NaN
     remains NaN."""
     angle = np.imag(logarithms)
     return np.exp(np.real(logarithms)) * np.where(angle == math.pi, -1.0, np.exp(1j * angle))
 
 
 def matched_logarithms(some: Array, every: Array) -> Array:
-    """Positions (k,) of the logarithms `some` (k,) among `every` (N,)."""
+    """Indices (k,) of the logarithms in `every` (N,) that match those in `some` (k,)."""
     return matched(log_distances(some, every))[1]
 
 
 def log_distances(some: Array, others: Array) -> Array:
-    """Distances (k, N) between logarithms (k,) and (N,), the angle modulo 2π."""
+    """Distances (k, N) between logarithms (k,) and (N,), with imaginary parts modulo 2π."""
     some, others = (np.where(np.isneginf(np.real(values)), _EXACT_ZERO, values) for values in (some, others))
     difference = some[:, None] - others
     return np.hypot(np.real(difference), np.angle(np.exp(1j * np.imag(difference))))

@@ -1,4 +1,4 @@
-"""Floquet multipliers from monodromy matrices (…, N, N), and the verdict of stability.
+"""Floquet multipliers from monodromy matrices (…, N, N), and the stability verdict.
 
 Every array may have a leading axis of points, here `…`."""
 
@@ -31,7 +31,7 @@ ASYMPTOTICALLY_STABLE, STABLE, UNSTABLE, UNDETERMINED = range(4)
 
 
 class StateScales(Protocol):
-    """Information on points at positions (k,) that verdicts require; see `FrozenModes`."""
+    """Data for points at positions (k,) that the verdict requires; see `FrozenModes`."""
 
     def rigid_body_drift(self, points: Array, Phi: Array, errors: Array) -> Array: ...
 
@@ -40,7 +40,7 @@ class StateScales(Protocol):
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Floquet multipliers in order of decreasing modulus, + imaginary part first.
+    """Floquet multipliers in order of decreasing modulus, positive imaginary part first.
 
     Attributes
     ----------
@@ -84,20 +84,20 @@ class Multipliers:
 
     @property
     def nearest_one(self) -> Array:
-        """Multiplier nearest to +1 (…), with the modulus of its imaginary part; 0 if none is resolved."""
+        """Multiplier nearest to +1 (…), with nonnegative imaginary part; 0 if no multiplier is resolved."""
         values = self.values.reshape(-1, self.values.shape[-1])
         value = values[np.arange(len(values)), np.abs(values - 1.0).argmin(axis=1)]
         return (np.real(value) + 1j * np.abs(np.imag(value))).reshape(self.values.shape[:-1])
 
     @property
     def distance_from_one(self) -> Array:
-        """Smallest |ρ - 1| of a resolved multiplier (…): 0 at resonance and on a stability boundary of type
-        +1."""
+        """Smallest |ρ - 1| of the resolved multipliers (…); 0 at resonance and on a stability boundary of
+        type +1."""
         is_resolved = np.arange(self.values.shape[-1]) < self.resolved[..., None]
         return np.where(is_resolved, np.abs(self.values - 1.0), np.inf).min(axis=-1)
 
     def distance(self, other: "Multipliers") -> Array:
-        """Largest distance (…) between multipliers and those of `other`, matched one to one."""
+        """Largest distance (…) between these multipliers and those of `other`, matched one to one."""
         if self.values.shape[-1] == 2:
             return pair_distance(self.values, other.values)
         distance = np.abs(self.values[..., :, None] - other.values[..., None, :])
@@ -115,14 +115,14 @@ class Multipliers:
         return largest
 
     def difference(self, other: "Multipliers") -> Array:
-        """`distance` (…) relative to the spectral radius of the other, better multipliers; infinite if that
-        is 0 and the distance is not."""
+        """`distance` (…) relative to the spectral radius of `other`, the more accurate multipliers. Infinite
+        if that radius is 0 and the distance is not."""
         distance, scale = self.distance(other), other.spectral_radius
         without_scale = np.where(distance == 0, 0.0, np.inf)
         return np.where(scale > 0, distance / np.where(scale > 0, scale, 1.0), without_scale)
 
     def with_digits(self, error: Array, bound: float) -> "Multipliers":
-        """Multipliers in which those that are not accurate to one digit are replaced by zero.
+        """Multipliers with zero in place of those that are not accurate to one digit.
 
         error (…): relative to the spectral radius. bound: of all multipliers, for infinite errors.
         """
@@ -134,7 +134,8 @@ class Multipliers:
 
 
 def matched(distance: Array) -> tuple[Array, Array]:
-    """Rows and columns of a matrix of distances (k, N), k ≤ N, paired so that the sum is smallest."""
+    """Indices of rows and columns of a distance matrix (k, N), k ≤ N, matched so that the sum of distances is
+    smallest."""
     nearest, places = distance.argmin(axis=1), np.arange(len(distance))
     if len(set(nearest.tolist())) == len(nearest):
         return places, nearest
@@ -147,8 +148,8 @@ def matched(distance: Array) -> tuple[Array, Array]:
 
 
 def _is_matched_by_places(distance: Array) -> bool:
-    """Whether the diagonal of distances (N, N) has the smallest sum within round-off: no cycle of exchanges
-    reduces it (R. W. Floyd's shortest paths, Commun. ACM 5 (1962) 345)."""
+    """Whether the diagonal of a distance matrix (N, N) has the smallest sum within round-off, so that no
+    cycle of exchanges reduces it (R. W. Floyd's shortest paths, Commun. ACM 5 (1962) 345)."""
     paths = distance - np.diagonal(distance)[:, None]
     for k in range(len(paths)):
         paths = np.minimum(paths, paths[:, k, None] + paths[k])
@@ -156,7 +157,7 @@ def _is_matched_by_places(distance: Array) -> bool:
 
 
 def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateScales) -> Array:
-    """Verdicts (P,) as positions in VERDICTS, from monodromy matrices (P, N, N).
+    """Verdicts (P,) as indices in VERDICTS, from monodromy matrices (P, N, N).
 
     Let e be the absolute error (P,) of the multipliers, or the bound of unresolved ones if that is larger.
 
@@ -192,7 +193,7 @@ def verdicts(Phi: Array, multipliers: Multipliers, errors: Array, modes: StateSc
 
 
 def verdicts_by_moduli(multipliers: Multipliers, errors: Array) -> Array:
-    """`verdicts` (P,) without the test for multipliers that may be one, or drift."""
+    """Verdicts (P,) as from `verdicts`, without the test for multiple multipliers and drift."""
     e = _absolute_errors(multipliers, errors)
     return _by_moduli(multipliers.moduli, e, e, e)
 
@@ -207,7 +208,8 @@ def _absolute_errors(multipliers: Multipliers, errors: Array) -> Array:
 
 
 def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:
-    """Verdicts (P,) from moduli (P, N), with margins (P, N) inside and outside the unit circle."""
+    """Verdicts (P,) from moduli (P, N), with margins `inner` and `outer` (P, N) inside and outside the unit
+    circle."""
     is_inside, is_outside = moduli + inner < 1 - UNIT_CIRCLE, moduli - outer > 1 + UNIT_CIRCLE
     may_be_on_circle = ~is_inside & ~is_outside
     result = np.where(across(np.logical_or, may_be_on_circle), STABLE, ASYMPTOTICALLY_STABLE)
@@ -217,7 +219,8 @@ def _by_moduli(moduli: Array, e: Array, inner: Array, outer: Array) -> Array:
 
 
 def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Array, Array]:
-    """Points (k,) with multipliers near the unit circle that may coincide, and the pairs (k, N, N) of these.
+    """Indices (k,) of points with multipliers near the unit circle that may coincide, and masks (k, N, N) of
+    these pairs.
 
     The double multiplier of a defective block is split by the square root of a perturbation, of which the
     errors (P,) may show little. Multipliers that are a thousand errors apart are distinct: a choice. e (P,
@@ -238,7 +241,8 @@ def _coinciding(multipliers: Multipliers, errors: Array, e: Array) -> tuple[Arra
 
 
 def _may_be_defective(Phi: Array, values: Array, pairs: Array, error: float) -> bool:
-    """Whether there may be fewer eigenvectors than multipliers (N,) that coincide in `pairs` (N, N).
+    """Whether multipliers (N,) that coincide according to `pairs` (N, N) may have fewer eigenvectors than
+    their number.
 
     Distinct eigenvectors leave as many singular values of Φ - ρ within the errors and the distances of
     multipliers."""

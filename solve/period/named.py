@@ -1,4 +1,4 @@
-"""Quantities by name, with one grammar for all commands.
+"""Quantities selected by name, with the same grammar in all commands.
 
 NAME.FIGURE of a coordinate or output, such as q3.max_abs or contact_force.harmonic5; spectral_radius; rho1,
 exponent1 and their parts, such as rho1.re."""
@@ -25,7 +25,7 @@ _NUMBERED = re.compile(r"([a-z_]+?)([0-9]+)")
 
 
 class OneByOne(Protocol):
-    """Floquet multipliers that are computed one at a time."""
+    """Floquet multipliers that are computed one at a time (protocol)."""
 
     def multiplier(self, at: int) -> complex: ...
 
@@ -33,8 +33,8 @@ class OneByOne(Protocol):
 
 
 class Solved(Protocol):
-    """Solution from which quantities are computed: an orbit, or stability alone for quantities without a
-    coordinate or output."""
+    """Solution from which quantities are computed: an orbit, or a stability result for quantities of
+    multipliers."""
 
     @property
     def spectrum(self) -> OneByOne: ...
@@ -52,7 +52,7 @@ class Solved(Protocol):
 
 @dataclass(frozen=True)
 class Named:
-    """A quantity by name.
+    """Quantity selected by its name.
 
     subject: a coordinate or output, RHO, EXPONENT or RADIUS. figure: a field of `Statistics`, HARMONIC or
     PHASE; "re", "im", "abs", or "" for the complex number of multipliers and exponents. number: harmonic, or
@@ -66,7 +66,7 @@ class Named:
 
     @classmethod
     def of(cls, system: PeriodicSystem, text: str) -> "Named":
-        """Quantity with a name. Raises UnknownNameError, ValueOutOfBoundsError."""
+        """Quantity of a system from its name. Raises UnknownNameError, ValueOutOfBoundsError."""
         subject, dot, figure = text.partition(".")
         known = (*system.coordinates, *system.outputs)
         if subject in known:
@@ -117,7 +117,7 @@ class Named:
         )
 
     def part(self, number: Any) -> Any:
-        """Requested part of a complex number, or of each number of an array."""
+        """Requested part (such as the real part) of a complex number or of each element of an array."""
         return {"": np.asarray, "re": np.real, "im": np.imag, "abs": np.abs}[self.figure](number)[()]
 
 

@@ -1,5 +1,5 @@
-"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0, and a stiffness
-that is not positive gives growth rates."""
+"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0; a stiffness that
+is not positive definite gives growth rates."""
 
 from typing import NamedTuple
 
@@ -24,8 +24,8 @@ pair by the square root of eps, 1.5e-8."""
 
 
 class NaturalFrequencies(NamedTuple):
-    """Modes of M and K at m positions in ascending order of the real part of λ in K v = λ M v: growing modes,
-    then rigid-body modes, then vibrating modes.
+    """Modes of M and K at m positions. They are in ascending order of the real part of λ in K v = λ M v:
+    growing modes, rigid-body modes, then vibrating modes.
 
     frequencies (m, k): imaginary part of √−λ in rad/s; NaN where λ < 0. growth_rates (m, k): real part of √−λ
     in 1/s; NaN where λ ≥ 0. A mode with complex λ, possible for nonsymmetric K, has both.
@@ -36,7 +36,7 @@ class NaturalFrequencies(NamedTuple):
 
     @property
     def signed(self) -> Array:
-        """Frequencies, or negative growth rates where λ < 0; ascending with λ."""
+        """Frequencies in ascending order of λ, with the negative growth rate for λ < 0."""
         return np.where(np.isnan(self.frequencies), -self.growth_rates, self.frequencies)
 
     @classmethod
@@ -52,13 +52,13 @@ class NaturalFrequencies(NamedTuple):
 
 
 def natural_frequencies(M: Array, K: Array, count: int) -> NaturalFrequencies:
-    """First `count` modes of M and K (m, n, n) with invertible M."""
+    """First `count` modes of M and K (m, n, n); M must be invertible."""
     return NaturalFrequencies.of(eigenvalues(M, K)[:, :count])
 
 
 def eigenvalues(M: Array, K: Array) -> Array:
-    """Complex λ of K v = λ M v (m, n) in ascending order of the real part; exactly 0 for rigid-body modes of
-    each position.
+    """Complex λ (m, n) of K v = λ M v in ascending order of the real part. They are exactly 0 for the
+    rigid-body modes of each position.
 
     >>> chain = np.array([[[2.0, -2.0], [-2.0, 2.0]]])
     >>> eigenvalues(np.eye(2)[None], chain).real.round(12).tolist()
@@ -78,7 +78,7 @@ def eigenvalues(M: Array, K: Array) -> Array:
 
 
 def lowest_elastic(frequencies: Array) -> Array:
-    """Lowest nonzero natural frequency among (…, n), excluding rigid-body modes; 0 if all are zero.
+    """Lowest nonzero natural frequency among (…, n), without rigid-body modes; 0 if all are zero.
 
     >>> lowest_elastic(np.array([[0.0, 3.0, 2.0], [0.0, 0.0, 0.0]])).tolist()
     [2.0, 0.0]
@@ -89,7 +89,7 @@ def lowest_elastic(frequencies: Array) -> Array:
 
 def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
     """Derivatives (r, n) of λ with respect to r quantities, from M and K (n, n) at one position and their
-    derivatives (r, n, n): yᵀ(∂K − λ ∂M)v with yᵀMv = 1; the mean for equal λ.
+    derivatives (r, n, n): yᵀ(∂K − λ ∂M)v with yᵀMv = 1. For equal λ the mean is returned.
 
     >>> slopes(np.eye(1), np.eye(1) * 4, np.ones((1, 1, 1)), np.zeros((1, 1, 1)))
     array([[-4.]])
@@ -106,8 +106,8 @@ def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
 
 
 def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[int]) -> Array:
-    """λ (m, n - r) of the modes other than rigid-body modes. The vectors (m, n, r) of the latter form the
-    identity at r places.
+    """Eigenvalues λ (m, n - r) of the modes other than rigid-body modes. The rigid-body vectors (m, n, r)
+    equal the identity in r rows, `places`.
 
     With q = E a + x and x zero at the places, K acts on x alone; M is reduced to a Schur complement.
     """
@@ -121,7 +121,7 @@ def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[i
 
 
 def _symmetric(A: Array, M: Array) -> Array:
-    """Whether matrices (m, n, n) are symmetric (m,), in coordinates of unit inertia."""
+    """Whether (m,) matrices (m, n, n) are symmetric, in coordinates of unit inertia."""
     unit = inertia_units(M)
     scaled = A * unit[:, :, None] * unit[:, None, :]
     asymmetry = np.abs(scaled - np.swapaxes(scaled, 1, 2)).max(axis=(1, 2))
@@ -129,7 +129,7 @@ def _symmetric(A: Array, M: Array) -> Array:
 
 
 def _is_positive(A: Array) -> bool:
-    """Whether all symmetric matrices (m, n, n) are positive definite."""
+    """Whether symmetric matrices (m, n, n) are all positive definite."""
     try:
         np.linalg.cholesky(A)
     except np.linalg.LinAlgError:
@@ -138,7 +138,7 @@ def _is_positive(A: Array) -> bool:
 
 
 def _of_symmetric(M: Array, K: Array) -> Array:
-    """λ (m, n) in ascending order, for positive definite M.
+    """Eigenvalues λ (m, n) in ascending order, for positive definite M.
 
     Small λ are inaccurate beside large ones, and so are large λ if 1/λ are computed. If K is positive
     definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps λ/λmin.
@@ -159,7 +159,8 @@ def _reduced(A: Array, B: Array) -> Array:
 
 
 def _of_general(rate: Array) -> Array:
-    """Complex eigenvalues (n,) of a matrix; values that are real within round-off are made real."""
+    """Complex eigenvalues (n,) of a matrix; eigenvalues that are real within round-off are returned as
+    real."""
     from scipy.linalg import matrix_balance
 
     balanced = np.asarray(matrix_balance(rate)[0])

@@ -17,7 +17,7 @@ for frequencies up to the 6400th harmonic."""
 
 
 class Modes(Protocol):
-    """Modes of a point, see `solve.certify.mode_vectors.ModeVectors`."""
+    """Modes of a point (protocol); see `solve.certify.mode_vectors.ModeVectors`."""
 
     @property
     def rotation(self) -> float: ...
@@ -43,7 +43,7 @@ class Modes(Protocol):
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Overlaps of j modes of a first point and k modes of a second one.
+    """Overlaps of j modes of one point with k modes of a second point.
 
     forward (j, k, S), backward (k, j, S): p_b of the second point is Σ_a Σ_s forward[a, b, s] p_a exp(isφ) of
     the first, and conversely, for the shifts s from -S//2 to S//2.
@@ -54,7 +54,7 @@ class Overlaps:
 
     @classmethod
     def of(cls, first: Modes, second: Modes) -> "Overlaps":
-        """Overlaps of two points on the same grid, by left inverses of their vectors."""
+        """Overlaps between two points on the same grid, by left inverses of their mode vectors."""
         largest = min(_MAX_SHIFT, (len(first.nodes) - 1) // 2)
         shifts = np.arange(-largest, largest + 1)
         waves = first.weights[:, None] * np.exp(-1j * np.outer(first.nodes, shifts))
@@ -63,7 +63,7 @@ class Overlaps:
 
     @property
     def largest(self) -> int:
-        """Largest shift."""
+        """Largest shift of the harmonic number."""
         return self.forward.shape[-1] // 2
 
     @cached_property
@@ -76,7 +76,7 @@ class Overlaps:
         return np.abs(self.forward * np.swapaxes(self.backward, 0, 1)[..., ::-1])
 
     def coefficient(self, row: Array, column: Array, shift: Array) -> Array:
-        """Entries of `forward`; zero beyond the largest shift."""
+        """Entry of `forward` for a pair and a shift; zero beyond the largest shift."""
         is_inside = np.abs(shift) <= self.largest
         values = self.forward[row, column, np.where(is_inside, shift + self.largest, 0)]
         return np.where(is_inside, values, 0.0)
@@ -84,8 +84,8 @@ class Overlaps:
 
 @dataclass(frozen=True)
 class Meetings:
-    """Pairs of modes between two points, in the linear model of `meetings`; arrays (r, S) over the pairs and
-    the shifts of their second mode.
+    """Pairs of modes between two points in the linear model of `meetings`. Arrays (r, S) are over the pairs
+    and the shifts of their second mode.
 
     Attributes
     ----------
@@ -110,12 +110,12 @@ class Meetings:
 
     @property
     def coupled(self) -> Array:
-        """Whether the coupling (r, S) exceeds its noise."""
+        """Whether the coupling (r, S) exceeds the noise."""
         return self.coupling > self.noise[:, None]
 
     @property
     def distance(self) -> Array:
-        """Distance (r, S) of the nearer exceptional point from the segment 0 ≤ t ≤ 1."""
+        """Distance (r, S) of the nearest exceptional point from the segment 0 ≤ t ≤ 1."""
         nearest = np.clip(np.real(self.roots), 0.0, 1.0)
         return np.abs(self.roots - nearest).min(axis=0)
 
@@ -127,7 +127,7 @@ def meetings(
     shifts: Array,
     noise: Array,
 ) -> Meetings:
-    """Exceptional points of every pair of modes between two points.
+    """Exceptional points between two points, for every pair of modes.
 
     The modes at places (2, T) of the two points belong together, those of the second with shifts (T,); noise
     (T,) bounds the errors of their exponents. In the

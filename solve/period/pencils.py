@@ -1,4 +1,4 @@
-"""Quadratic pencils λ²M + λC + K: eigenvalues, bounds of spectral radii, and free drifts."""
+"""Quadratic pencils λ²M + λC + K: eigenvalues, bounds on spectral radii, and free drifts."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ def pencil_eigenvalues(pencils: Array, first_order: int = 0) -> Array:
 
 
 def eigenvalues(matrices: Array) -> Array:
-    """Eigenvalues (…, N); infinite for matrices that are not finite."""
+    """Eigenvalues (…, N); infinite for matrices with entries that are not finite."""
     if np.isfinite(matrices).all():
         return np.linalg.eigvals(matrices)
     is_finite = np.asarray(np.isfinite(matrices).all(axis=(-2, -1)))
@@ -55,7 +55,7 @@ def quadratic_moduli(M: Array, C: Array, K: Array) -> tuple[Array, Array]:
 
 
 def spectral_radius_within_one(B: Array) -> Array:
-    """Whether bounds show that nonnegative fields B (n, n, P, k) have spectral radii of at most 1 (P,).
+    """Whether (P,) bounds prove that nonnegative fields B (n, n, P, k) have spectral radii of at most 1.
 
     The spectral radius is at most 1 if B v ≤ v for some positive v (Perron, Collatz).
     """
@@ -68,7 +68,8 @@ def spectral_radius_within_one(B: Array) -> Array:
 
 
 def fields_by_rates(pencils: Array, first_order: int) -> Array:
-    """Fields (3, n, n, …) of M, C and K with first-order coordinates taken as rates, see `by_rates`."""
+    """Fields (3, n, n, …) of M, C and K with the rates of first-order coordinates as unknowns, see
+    `by_rates`."""
     if not first_order:
         return pencils
     if first_order == pencils.shape[1]:
@@ -78,8 +79,8 @@ def fields_by_rates(pencils: Array, first_order: int) -> Array:
 
 
 def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple[Array, Array]:
-    """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the last `first_order` coordinates taken as rates; for few
-    coordinates by elimination without pivoting, which inertia matrices allow."""
+    """M⁻¹C and M⁻¹K as fields (n, n, P, k), with the rates of the last `first_order` coordinates as unknowns.
+    For few coordinates they are computed by elimination without pivoting, which inertia matrices permit."""
     if first_order == len(M):
         ratio, _ = mass_normalised(M, C, K[:, :0])
         return ratio, np.zeros_like(ratio)
@@ -98,7 +99,8 @@ def mass_normalised(M: Array, C: Array, K: Array, first_order: int = 0) -> tuple
 
 
 def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bool:
-    """Whether equations (k, n) have a nonzero solution that the monodromy matrix (2n, 2n) reproduces.
+    """Whether the equations `rows` (k, n) have a nonzero solution that the monodromy matrix (2n, 2n) maps to
+    itself.
 
     Equations and unknowns are scaled by their largest coefficients. error: of the states in `units` (2n,).
     Residuals of 12 eps, and relative differences of 1e-6 after a period, count as zero: choices.
@@ -117,8 +119,8 @@ def is_periodic_drift(rows: Array, Phi: Array, units: Array, error: float) -> bo
 
 
 def residual_amplitude(eigenvalues: Array, period: float, limit: Array | float) -> Array:
-    """Amplitude (…) after a period, at most 1, of the least damped mode with a phase advance above the limit
-    (…).
+    """Amplitude (…), at most 1, after one period of the least damped mode among those with a phase advance
+    above the limit (…).
 
     eigenvalues (…, k, 2n): frozen at k phases.
     """

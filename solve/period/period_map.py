@@ -1,4 +1,4 @@
-"""One period as a chain of affine maps, x_{k+1} = A_k x_k + b_k (chapter Eqs. (17), (38)).
+"""Map of one period as a chain of affine maps, x_{k+1} = A_k x_k + b_k (chapter Eqs. (17), (38)).
 
 The maps of neighbouring steps are multiplied pairwise, with one array operation per level of a tree of about
 2m products. The products stop at `BLOCKS` blocks. Their cyclic system is solved by structured orthogonal
@@ -51,7 +51,7 @@ _SMALLEST = 2.0**-100
 
 @dataclass(frozen=True)
 class Steps:
-    """Affine maps of the steps of one period: A (..., m, N, N), b (..., m, N).
+    """Affine maps of the steps of one period, A (..., m, N, N) and b (..., m, N).
 
     Leading axes are points. For `periodic_states`, b may be (..., m, N, r), which are r problems with the
     same A."""
@@ -60,7 +60,7 @@ class Steps:
     b: Array
 
     def where(self, points: Array) -> "Steps":
-        """Steps of the selected points (P,), zero for all others."""
+        """Steps of the selected points (P,); zero for all other points."""
         if points.all():
             return self
         A, b = (np.where(points.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in (self.A, self.b))
@@ -68,7 +68,7 @@ class Steps:
 
 
 def monodromy(steps: Steps) -> Array:
-    """Φ(T) = A_m … A_1 (..., N, N), chapter Eq. (8)."""
+    """Monodromy matrix Φ(T) = A_m … A_1 (..., N, N), chapter Eq. (8)."""
     A = steps.A
     while A.shape[-3] > 1:
         A = _halved_products(A)
@@ -76,13 +76,13 @@ def monodromy(steps: Steps) -> Array:
 
 
 def affine_period(steps: Steps) -> Steps:
-    """Map of the whole period as one step."""
+    """Map of the whole period as a single step."""
     whole = _levels(Steps(steps.A, steps.b[..., None]), 1)[-1]
     return Steps(whole.A, whole.b[..., 0])
 
 
 def states_from(steps: Steps, start: Array) -> Array:
-    """States x (..., m+1, N) at the nodes computed from the state (..., N) at the first node."""
+    """States x (..., m+1, N) at the nodes, from the state (..., N) at the first node."""
     x = start[..., None, :, None]
     levels = _levels(Steps(steps.A, steps.b[..., None]), 1)
     for level in reversed(levels[:-1]):
@@ -102,7 +102,7 @@ def periodic_states(steps: Steps) -> tuple[Array, Array]:
 
 
 def period(steps: Steps) -> tuple[Array, Array, Array]:
-    """Φ(T) as in `monodromy`, and the result of `periodic_states` for points (P,) with finite Φ, from the
+    """Φ(T), and the result of `periodic_states` for points (P,) with finite Φ. Both are computed from the
     same products of steps."""
     levels = _levels(Steps(steps.A, steps.b[..., None]), _most_blocks(steps))
     Phi = monodromy(levels[-1])
@@ -112,25 +112,26 @@ def period(steps: Steps) -> tuple[Array, Array, Array]:
 
 
 def _most_blocks(steps: Steps) -> int:
-    """Number of blocks at which products stop."""
+    """Number of blocks at which the multiplication of steps stops."""
     return BLOCKS if steps.A.shape[-1] <= _LARGE else _BLOCKS_OF_LARGE
 
 
 def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
-    """States and condition number of `periodic_states` from the steps and the levels of their products."""
+    """States and condition number as from `periodic_states`, from the steps and the levels of their
+    products."""
     steps, A, b = levels[0], levels[-1].A, levels[-1].b
     unit = _units(A)
     x, condition, left = _at_nodes(A, b, unit)
     if not columns:
-        acting = _acting(A, b, x)
+        acting = _largest_term_sums(A, b, x)
         ratios = acting / unit
         apart = ratios.min(axis=-1) < APART * ratios.max(axis=-1)
         if apart.any():
             unit = np.where(apart[..., None], 2.0 ** np.floor(np.log2(acting)), unit)
             x, condition, left = _at_nodes(A, b, unit)
-            acting = _acting(A, b, x)
+            acting = _largest_term_sums(A, b, x)
         rounding = EPS * roundoff_growth(steps.A.shape[-3]) * condition
-        cancels = _cancels(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
+        cancels = _cancellation(acting / unit, np.abs(x[..., 0]).max(axis=-2) / unit, rounding)
         condition = np.minimum(condition * cancels, np.maximum(condition, REGULAR))
     condition = np.fmax(condition, np.minimum(left / (EPS * roundoff_growth(steps.A.shape[-3])), REGULAR))
     for level in reversed(levels[:-1]):
@@ -140,7 +141,7 @@ def _closed_levels(levels: list[Steps], columns: bool) -> tuple[Array, Array]:
 
 
 def _units(A: Array) -> Array:
-    """Powers of 2 (..., N) as units of the states, in which the maps are balanced.
+    """Units (..., N) of the states, powers of 2, in which the maps are balanced.
 
     Orthogonal elimination treats all states alike: a state in metres would cost one in milliradians its
     digits."""
@@ -179,44 +180,45 @@ def _at_nodes(A: Array, b: Array, unit: Array) -> tuple[Array, Array, Array]:
 
 
 def _in_units(A: Array, b: Array, unit: Array, level: bool) -> tuple[Array, Array, Array]:
-    """`_at_nodes` in units (..., B, N), without a test for singularity; level: see `_cyclic`."""
+    """Compute `_at_nodes` in units (..., B, N), without a test for singularity. level: see `_cyclic`."""
     ahead = np.roll(unit, -1, axis=-2)
     scaled = Steps(A * unit[..., None, :] / ahead[..., None], b / ahead[..., None])
     x, condition = _cyclic(scaled, level)
-    return x * unit[..., None], condition, _left(scaled, x)
+    return x * unit[..., None], condition, _largest_residual(scaled, x)
 
 
-def _left(blocks: Steps, x: Array) -> Array:
-    """Largest residual (...) of the states at the ends of blocks, relative to the terms: round-off, or digits
-    lost in elimination."""
+def _largest_residual(blocks: Steps, x: Array) -> Array:
+    """Maximum residual (...) of the states at the ends of blocks, relative to the terms; measures round-off,
+    or digits lost in elimination."""
     ahead = np.roll(x, -1, axis=-3)
     left = np.abs(blocks.A @ x + blocks.b - ahead).max(axis=(-2, -1))
     acting = (np.abs(blocks.A) @ np.abs(x) + np.abs(blocks.b)).max(axis=(-2, -1))
     return np.asarray((left / np.where(acting > 0, acting, 1.0)).max(axis=-1))
 
 
-def _acting(A: Array, b: Array, x: Array) -> Array:
-    """Largest sums of moduli of the terms of each state x (..., B, N, 1) over the blocks (..., N)."""
+def _largest_term_sums(A: Array, b: Array, x: Array) -> Array:
+    """Maximum (..., N) over the blocks of the sum of moduli of the terms of each state x (..., B, N, 1)."""
     acting = (np.abs(A) @ np.abs(x) + np.abs(b))[..., 0].max(axis=-2)
     least = np.where(acting > 0, acting, np.inf).min(axis=-1, keepdims=True)
     return np.where(acting > 0, acting, np.where(np.isfinite(least), least, 1.0))
 
 
 def at_rest(rounding: Array) -> Array:
-    """Largest fraction (...) of the terms that is round-off, from the relative round-off (...)."""
+    """Threshold (...): terms whose relative sum is below it count as round-off. rounding: relative round-off
+    (...)."""
     return np.minimum(_ROUNDING * rounding, _RESTS)
 
 
-def _cancels(acting: Array, size: Array, rounding: Array) -> Array:
-    """Largest ratio (...) of the terms of a state to the state, except for states that are round-off (...) of
-    their terms; both (..., N) in the units of the chain."""
+def _cancellation(acting: Array, size: Array, rounding: Array) -> Array:
+    """Largest ratio (...) of the sum of a state's terms `acting` to its value `size`, both (..., N) in the
+    units of the chain. States within round-off (...) of their terms are excluded."""
     moving = size > at_rest(rounding)[..., None] * acting.max(axis=-1, keepdims=True)
     return np.where(moving, acting / np.where(moving, size, 1.0), 1.0).max(axis=-1)
 
 
 def _levels(steps: Steps, most: int) -> list[Steps]:
-    """Steps with columns b, products of pairs of them, products of pairs of those, …, until at most `most`
-    remain."""
+    """Products of steps by halves, with b as columns: the steps, products of pairs, products of pairs of
+    these, and so on until at most `most` remain."""
     levels = [steps]
     while levels[-1].b.shape[-3] > most:
         levels.append(_halved(levels[-1]))
@@ -230,7 +232,7 @@ def _halved_products(A: Array) -> Array:
 
 
 def _halved(steps: Steps) -> Steps:
-    """Products of pairs of steps; an odd last step remains."""
+    """Products of pairs of steps; the last step of an odd number remains."""
     A, b = steps.A, steps.b
     pairs = b.shape[-3] // 2 * 2
     joined = A[..., 1:pairs:2, :, :] @ b[..., 0:pairs:2, :, :] + b[..., 1:pairs:2, :, :]
@@ -238,7 +240,7 @@ def _halved(steps: Steps) -> Steps:
 
 
 def _refined(level: Steps, starts: Array) -> Array:
-    """States at the start of every step of a level, from those at the start of every pair."""
+    """States at the start of every step of a level, from the states at the start of every pair."""
     x = np.empty_like(level.b)
     x[..., 0::2, :, :] = starts
     inner = level.b.shape[-3] // 2
@@ -271,7 +273,7 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
         eliminated.append((rows.shape[-3], joined[..., :N, :]))
         rows = np.concatenate((joined[..., N:, N:], rows[..., pairs:, :, :]), axis=-3)
     last = rows[..., 0, :, :]
-    x, condition = _closed(last[..., :N], last[..., N : 2 * N], last[..., 2 * N :])
+    x, condition = _solve_sum(last[..., :N], last[..., N : 2 * N], last[..., 2 * N :])
     x = x[..., None, :, :]
     for count, joined in reversed(eliminated):
         inner = count // 2
@@ -285,12 +287,12 @@ def _cyclic(blocks: Steps, level: bool) -> tuple[Array, Array]:
 
 
 def _powers(sizes: Array) -> Array:
-    """Powers of 2 next below sizes; division by them is exact."""
+    """Largest powers of 2 not above sizes. Division by powers of 2 is exact."""
     return np.ldexp(1.0, np.frexp(sizes)[1] - 1)
 
 
-def _closed(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
-    """x of (G + H) x = r (..., N, columns), and the condition number of G + H relative to (G, H)."""
+def _solve_sum(G: Array, H: Array, r: Array) -> tuple[Array, Array]:
+    """Solution x (..., N, columns) of (G + H) x = r, and the condition number of G + H relative to (G, H)."""
     return solved(G + H, r), closed_condition(G, H)
 
 

@@ -1,4 +1,4 @@
-"""Batches of points, which are systems at a speed, by samples of their coefficients over the phase.
+"""Batches of points (systems at a speed), represented by samples of their coefficients over the phase.
 
 The 3n² + n entries of a point are those of Ω²M, ΩC and K by rows, and of d. Derivatives are with respect to
 the phase."""
@@ -16,7 +16,7 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Tables:
-    """Entries of P points at k phases as sums of R terms.
+    """Entries of M, C, K and d of P points at k phases, as sums of R terms.
 
     Attributes
     ----------
@@ -40,22 +40,22 @@ class Tables:
 
     @classmethod
     def of(cls, entries: Array, n: int, first_order: int = 0) -> "Tables":
-        """Tables of entries (P, k, 3n² + n) that are sampled per point."""
+        """Tables from entries (P, k, 3n² + n) that are sampled separately for each point."""
         count = entries.shape[-1]
         return cls(entries, np.ones((len(entries), count)), np.arange(count), n, first_order)
 
     def __getitem__(self, points: Array) -> "Tables":
-        """Tables of a selection of points."""
+        """Tables of the selected points."""
         table = self.table[points] if self.own else self.table
         return Tables(table, self.coefficients[points], self.entry, self.n, self.first_order)
 
     def multiplied(self, factors: Array) -> "Tables":
-        """Tables of equations multiplied by factors (P, n)."""
+        """Tables with the equations multiplied by factors (P, n)."""
         equation = np.concatenate((np.tile(np.repeat(np.arange(self.n), self.n), 3), np.arange(self.n)))
         return self.scaled(factors[:, equation])
 
     def scaled(self, factors: Array) -> "Tables":
-        """Tables of entries multiplied by factors (P, 3n² + n), or (1, 3n² + n) for all points."""
+        """Tables with the entries multiplied by factors (P, 3n² + n), or by (1, 3n² + n) for all points."""
         factors = factors[:, self.entry]
         if self.own:
             return replace(self, table=self.table * factors[:, None])
@@ -63,11 +63,11 @@ class Tables:
 
     @property
     def own(self) -> bool:
-        """Whether the table contains terms per point."""
+        """Whether each point has terms of its own."""
         return self.table.ndim == 3
 
     def fields(self) -> Array:
-        """All entries as fields over points and phases (3n² + n, P, k)."""
+        """All entries (3n² + n, P, k), with points and phases last."""
         if self._is_entries:
             return np.ascontiguousarray(np.moveaxis(self.table, -1, 0))
         if len(self.coefficients) == 1 and not self.own:
@@ -87,7 +87,7 @@ class Tables:
         return fields
 
     def ranges(self) -> tuple[Array, Array]:
-        """Lower and upper bounds (3n² + n, P) of the entries over the phases, from the ranges of shared
+        """Lower and upper bounds (3n² + n, P) on the entries over the phases, from the ranges of the shared
         terms."""
         low, high = self.table.min(axis=0), self.table.max(axis=0)
         bounds = np.zeros((2, 3 * self.n**2 + self.n, len(self.coefficients)))
@@ -107,18 +107,19 @@ class Tables:
 
     @property
     def _weights(self) -> Array:
-        """Coefficients of the terms in the entries of the first point (3n² + n, R)."""
+        """Coefficients (3n² + n, R) of the terms in the entries of the first point."""
         every = np.arange(3 * self.n**2 + self.n)
         return np.where(every[:, None] == self.entry, self.coefficients[0], 0.0)
 
     @property
     def _is_entries(self) -> bool:
-        """Whether the table contains the entries themselves, as in `of`."""
+        """Whether the terms are the entries themselves, as in `of`."""
         return self.own and len(self.entry) == self.table.shape[-1] == 3 * self.n**2 + self.n
 
 
 class Points(Protocol):
-    """Points with n coordinates, a period in phase, and breaks, which are phases at which the matrices jump.
+    """Base class of batches of P points with n coordinates, a period in phase, and breaks (phases of jumps of
+    the matrices).
 
     first_order: number of coordinates without second derivatives, the last ones: the state x = (q, q′) has
     the n coordinates and the rates of the others. bytes_a_phase: memory per point and phase of tables that
@@ -156,7 +157,7 @@ class Points(Protocol):
 
 @dataclass(frozen=True)
 class _OfSystem:
-    """Base class of points of one system."""
+    """Base class of points that belong to one system."""
 
     system: PeriodicSystem
     bytes_a_phase: int = field(default=0, init=False)
@@ -180,7 +181,7 @@ class _OfSystem:
 
 @dataclass(frozen=True)
 class OnePoint(_OfSystem):
-    """A system at a speed in rad/s."""
+    """One system at one speed in rad/s."""
 
     speed: float
     alone: bool = field(default=True, init=False)
@@ -201,7 +202,7 @@ class OnePoint(_OfSystem):
 
 @dataclass(frozen=True)
 class AtSpeeds(_OfSystem):
-    """A system whose entries are sums of terms, at speeds (P,) in rad/s."""
+    """One system at speeds (P,) in rad/s; its entries must be sums of terms."""
 
     speeds: Array
     alone: bool = field(default=False, init=False)
@@ -235,7 +236,7 @@ class DerivedPoints:
 
 
 class Multiplied(DerivedPoints):
-    """Points with equations multiplied by factors (P, n), which do not change the solutions."""
+    """Points whose equations are multiplied by factors (P, n), which do not change the solutions."""
 
     def __init__(self, points: Points, factors: Array):
         super().__init__(points)
@@ -249,7 +250,7 @@ class Multiplied(DerivedPoints):
 
 
 class Scaled(DerivedPoints):
-    """Points with entries multiplied by factors (1, 3n² + n)."""
+    """Points whose entries are multiplied by factors (1, 3n² + n)."""
 
     def __init__(self, points: Points, factors: Array):
         super().__init__(points)
@@ -268,13 +269,13 @@ def matrices(points: Points, phase: Array) -> Matrices:
 
 
 def state_rate(points: Points, phase: Array) -> Array:
-    """(A | f) of x′ = A x + f (P, k, N, N+1) for x = (q, dq/dphase), chapter Eq. (5); NaN if M is
+    """Matrix (A | f) (P, k, N, N+1) of x′ = A x + f for x = (q, dq/dphase), chapter Eq. (5); NaN if M is
     singular."""
     return rate_of(*matrices(points, phase), points.first_order)
 
 
 def rate_of(M: Array, C: Array, K: Array, d: Array, first_order: int = 0) -> Array:
-    """`state_rate` (…, N, N+1) of matrices (…, n, n) and loads (…, n), with N = 2n - first_order."""
+    """As `state_rate` (…, N, N+1), from matrices (…, n, n) and loads (…, n), with N = 2n - first_order."""
     n = d.shape[-1]
     p = n - first_order
     rate = np.zeros((*d.shape[:-1], n + p, n + p + 1))
@@ -285,10 +286,10 @@ def rate_of(M: Array, C: Array, K: Array, d: Array, first_order: int = 0) -> Arr
 
 
 def state_size(points: Points) -> int:
-    """Number N of states: the coordinates, and the rates of those with second derivatives."""
+    """Number N of states: the coordinates, and the rates of coordinates with second derivatives."""
     return 2 * points.n - points.first_order
 
 
 def affine(maps: Array, x: Array) -> Array:
-    """A x + b (…, k) for maps (A | b) (…, k, N+1) and states x (…, N)."""
+    """Values A x + b (…, k) of maps (A | b) (…, k, N+1) for states x (…, N)."""
     return np.squeeze(maps[..., :-1] @ x[..., None], -1) + maps[..., -1]

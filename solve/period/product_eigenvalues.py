@@ -1,4 +1,5 @@
-"""Logarithms of the eigenvalues of a product A_{m-1} … A_0 from its factors, without forming the product.
+"""Logarithms of the eigenvalues of a product A_{m-1} … A_0, computed from its factors without forming the
+product.
 
 SLICOT's periodic QZ algorithm (A. Bojanczyk, G. Golub, P. Van Dooren, Proc. SPIE 1770 (1992) 31-42; D.
 Kressner, BIT 46 (2006) 421-440) finds unitary matrices Q_k for which every Q_{k+1}ᴴ A_k Q_k is upper
@@ -22,7 +23,7 @@ measured for random factors of order 2 to 54, in products of 1 to 768."""
 
 @dataclass(frozen=True)
 class ProductEigenvalues:
-    """Eigenvalues ρ of each product, in order of decreasing modulus, + imaginary part first.
+    """Eigenvalues ρ of each product in order of decreasing modulus, positive imaginary part first.
 
     logarithms (P, N): log ρ, the imaginary part in (-π, π]; real part -inf for an exact 0.
     errors (P, N): estimated relative error of ρ; infinite where ρ has no digit.
@@ -59,27 +60,28 @@ def product_eigenvalues(
 
 
 def eigenvalue_logarithms(factors: Array) -> Array:
-    """Logarithms (N,) of the eigenvalues of one product of real factors (m, N, N), unordered and without
-    error estimates. Raises as `product_eigenvalues` does."""
+    """Logarithms (N,) of the eigenvalues of one product of real factors (m, N, N), in any order and without
+    error estimates. Raises the exceptions of `product_eigenvalues`."""
     scaled, power = _scaled(factors)
     return _principal(product_logarithms(scaled)) + math.log(2) * power.sum()
 
 
 def _scaled(factors: Array) -> tuple[Array, Array]:
-    """Factors (…, N, N) with entries up to 1, and the powers of 2 (…) by which they were divided."""
+    """Factors (…, N, N) scaled to entries of at most 1, and the powers of 2 (…) by which they were
+    divided."""
     power = np.frexp(np.abs(factors).max(axis=(-2, -1)))[1]
     return np.ldexp(factors, -power[..., None, None]), power
 
 
 def _principal(logarithms: Array) -> Array:
-    """Logarithms on the principal branch; -inf for an exact zero."""
+    """Logarithms with imaginary parts on the principal branch; -inf for an exact zero."""
     logarithms = logarithms - 2j * math.pi * np.round(np.imag(logarithms) / (2 * math.pi))
     logarithms[np.isneginf(np.real(logarithms))] = -np.inf
     return logarithms
 
 
 def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Array | None, Array | None]:
-    """Logarithms, errors, right and left eigenvectors of the product of A (m, N, N)."""
+    """Logarithms, errors, and right and left eigenvectors of the product of A (m, N, N)."""
     F, Q = periodic_schur(A)
     diagonal = np.ascontiguousarray(np.einsum("kii->ik", F))
     with np.errstate(divide="ignore"):
@@ -100,8 +102,8 @@ def _point(A: Array, rounding: Array, vectors: bool) -> tuple[Array, Array, Arra
 
 
 def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Array:
-    """Right eigenvectors of the triangular chain as columns of X (m, N, N), unit upper triangular: F_k X_k =
-    X_{k+1} diag F_k, with the diagonals (N, m) of F (m, N, N).
+    """Right eigenvectors of a chain of triangular factors F (m, N, N), as columns of X (m, N, N), unit upper
+    triangular: F_k X_k = X_{k+1} diag F_k. diagonal (N, m): diagonals of F.
 
     An entry along the chain solves a cyclic bidiagonal system. Equal eigenvalues are treated as one unit of
     round-off apart.
@@ -122,7 +124,7 @@ def _triangular_eigenvectors(F: Array, diagonal: Array, logarithms: Array) -> Ar
 
 
 def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) -> Array:
-    """Relative error of each eigenvalue that errors of norm `size` (m,) in the triangular factors make.
+    """Relative error of each eigenvalue due to errors of norm `size` (m,) of the triangular factors.
 
     To first order by its left and right eigenvectors, to second order by way of every other eigenvector:
     what grows along a part of the chain only does not show in the first.
@@ -146,8 +148,8 @@ def _errors(theta: Array, logarithms: Array, size: Array, X: Array, Y: Array) ->
 
 
 def _longest_way(out: Array, back: Array, growth: Array) -> Array:
-    """Largest out_k + growth_{k+1} + … + growth_{l-1} + back_l, for k < l ≤ k + m around the chain; all
-    (N, m)."""
+    """Maximum of out_k + growth_{k+1} + … + growth_{l-1} + back_l over k < l ≤ k + m, cyclic in the index;
+    all arrays are (N, m)."""
     until = np.cumsum(growth, axis=1)
     start, end, turn = out - until, back + until - growth, until[:, -1:]
     longest = np.maximum.accumulate(start[:, ::-1], axis=1)[:, ::-1] + turn
@@ -163,7 +165,8 @@ def _log_distance(apart: Array) -> Array:
 
 
 def _conjugate_pairs(logarithms: Array, errors: Array) -> Array:
-    """Logarithms made exactly conjugate in pairs, and real where the imaginary part lies within the error."""
+    """Make logarithms exactly conjugate in pairs, and real if the imaginary part is within the error. Returns
+    logarithms and errors."""
     paired = np.real(logarithms) + np.where(np.cos(np.imag(logarithms)) < 0, math.pi, 0.0) * 1j
     left = list(np.flatnonzero(np.isfinite(logarithms)))
     while left:

@@ -44,13 +44,13 @@ _TIE = 1e-10
 
 
 def samples_a_step(steps: int) -> int:
-    """Number of samples per step that resolves a period with this number of steps."""
+    """Number of samples per step for a grid of `steps` steps, sufficient to resolve the curve."""
     wanted = max(LEAST_SAMPLES, 2 ** math.ceil(math.log2(_SAMPLES_PER_STEP * steps)))
     return math.ceil(wanted / steps)
 
 
 def figures(values: Array, at: Callable[[Array], Array], period: float) -> Array:
-    """Fields of `Statistics` (…, 7) of quantities with values (…, k) at k uniform phases from 0.
+    """Fields of `Statistics` (…, 7) of quantities, from values (…, k) at k uniform phases from 0.
 
     at: function that returns values (…, j) of each quantity at its phases (…, j). Extrema are refined with it
     between the samples, so that they are those of the continuous curve. NaN if a value is not finite."""
@@ -76,14 +76,14 @@ def _figures(values: Array, at: Callable[[Array], Array], period: float) -> Arra
 
 
 def _known(values: Array) -> Array:
-    """Values (…, k), all NaN if one of the k values is not finite."""
+    """Values (…, k); all are NaN if one of the k values is not finite."""
     return np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, np.nan)
 
 
 def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list[tuple[Array, Array]]:
-    """For both signs, phases (…) and values, times the sign, of the largest maxima of sign · value. This is
-    the maximum next to the largest sample (the first of several), unless one next to a lower sample is
-    higher."""
+    """Phases (…) and values, multiplied by the sign (1 or -1), of the maximum and of the minimum. The
+    extremum is sought next to the largest sample (the first of several), unless one next to a lower sample
+    is higher."""
     reaches = [_reach(sign * values) for sign in _SIGNS.tolist()]
     firsts = [_first(sign * values, reach) for sign, reach in zip(_SIGNS, reaches, strict=True)]
     # One call for both: evaluating many quantities at once costs little more for twice the phases.
@@ -97,7 +97,7 @@ def _extremes(values: Array, at: Callable[[Array], Array], width: float) -> list
 
 
 def _first(values: Array, reach: Array) -> Array:
-    """Position (…) of the largest of the samples (…, k) that are not below their neighbours."""
+    """Index (…) of the largest of the samples (…, k) that are not below their neighbours."""
     largest = values.max(axis=-1, keepdims=True)
     return (np.isfinite(reach) & (values >= largest - _TIE * np.abs(largest))).argmax(axis=-1)
 
@@ -110,7 +110,7 @@ def _above(
     width: float,
     side: tuple[float, Array],
 ) -> tuple[Array, Array]:
-    """Phases and values (…) of maxima, replaced by higher ones next to samples whose upper bound (…, k)
+    """Phases and values (…) of maxima, replaced by higher ones near samples whose upper bound `reach` (…, k)
     exceeds them. side: the sign, and the largest moduli (…)."""
     sign, size = side
     rivals = int((reach > highest[..., None]).sum(axis=-1).max())
@@ -127,8 +127,7 @@ def _above(
 
 
 def _reach(values: Array) -> Array:
-    """Upper bounds of the curve near samples (…, k) that are at least as large as their neighbours; -inf for
-    others.
+    """Upper bounds on the curve near samples (…, k) that are not below their neighbours; -inf elsewhere.
 
     The bound is twice as far above the sample as the maximum of the parabola through the three samples."""
     before, after = np.roll(values, 1, axis=-1), np.roll(values, -1, axis=-1)
@@ -140,8 +139,8 @@ def _reach(values: Array) -> Array:
 def _highest(
     centres: Array, at: Callable[[Array], Array], width: float, sign: float, zooms: int
 ) -> tuple[Array, Array]:
-    """Phases (…) and values, times the sign, of the highest maxima of sign · value within a width of one of
-    the centres (…, r)."""
+    """Phases (…), and values multiplied by the sign, of the largest maxima of sign · value within a width of
+    one of the centres (…, r)."""
     centres, highest = _zoomed(centres, at, width, np.array(sign), zooms)
     best = highest.argmax(axis=-1)[..., None]
     centres, highest = (np.take_along_axis(part, best, axis=-1)[..., 0] for part in (centres, highest))
@@ -151,8 +150,8 @@ def _highest(
 def _zoomed(
     centres: Array, at: Callable[[Array], Array], width: float, signs: Array, zooms: int
 ) -> tuple[Array, Array]:
-    """Phases (…, r) and values, times the signs (r,) or a single one, of the maxima of sign · value within a
-    width of each of the centres (…, r)."""
+    """Phases (…, r), and values multiplied by the signs (r,) or by a single sign, of the maxima of sign ·
+    value within a width of each centre (…, r)."""
     highest = np.full(centres.shape, -np.inf)
     for _ in range(zooms):
         phase = centres[..., None] + width * _ZOOM
@@ -165,7 +164,7 @@ def _zoomed(
 
 
 def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
-    """Compute the statistics of one quantity, given as a function of the phase.
+    """Compute the statistics of one quantity that is given as a function of the phase.
 
     Parameters
     ----------
@@ -192,8 +191,8 @@ def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> S
 
 
 def spectrum(values: Array, count: int) -> tuple[Array, Array]:
-    """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …], (…, count + 1), of A0 + Σ A_k cos(kφ + ψ_k) from
-    values (…, m) at m uniform phases from 0; A0 is the signed mean, the others are single-sided peak
+    """Amplitudes [A0, A1, …] and phase angles [0, ψ1, …], both (…, count + 1), in A0 + Σ A_k cos(kφ + ψ_k),
+    from values (…, m) at m uniform phases from 0. A0 is the signed mean; the others are single-sided peak
     amplitudes."""
     series = np.fft.rfft(_known(values), axis=-1)[..., : count + 1] / values.shape[-1]
     amplitudes, angles = 2 * np.abs(series), np.angle(series)
@@ -203,22 +202,22 @@ def spectrum(values: Array, count: int) -> tuple[Array, Array]:
 
 def enough_samples(samples: int, count: int) -> int:
     """Number of samples per period, at least `samples`, that resolves `count` harmonics. Raises
-    ValueOutOfBoundsError."""
+    ValueOutOfBoundsError for an invalid count."""
     if not (isinstance(count, int | np.integer) and count >= 0):
         raise ValueOutOfBoundsError(f"harmonics are {count!r}; allowed: whole numbers from 0 on, such as 60")
     return max(samples, 8 * int(count))
 
 
 def harmonics(signal: Signal, period: float, count: int, samples: int = LEAST_SAMPLES) -> tuple[Array, Array]:
-    """Amplitudes and phase angles of `count` harmonics of one quantity, k counted per period. Raises
-    ValueOutOfBoundsError."""
+    """Amplitudes and phase angles of `count` harmonics of one quantity; harmonic k has k cycles per period.
+    Raises ValueOutOfBoundsError for an invalid count."""
     enough = enough_samples(samples, count)
     return spectrum(signal(np.arange(enough) * (period / enough)), count)
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """Coordinates of P points, followed by outputs if there are any: q quantities.
+    """The q quantities of P points: their coordinates, followed by their outputs, if any.
 
     curve (P, n, …): of the points. speeds (P,): in rad/s. formulas: of the outputs, with parameters (P, p).
     positions: those of the quantities among the formulas. outputs: the same outputs in NumPy."""
@@ -236,11 +235,11 @@ class Quantities:
 
     @cached_property
     def values(self) -> Array:
-        """Samples (P, q, k), uniform over the period, that resolve the curves."""
+        """Samples (P, q, k), uniform over the period and dense enough to resolve the curves."""
         return self.sampled(samples_a_step(len(self.curve.nodes) - 1))
 
     def sampled(self, a_step: int) -> Array:
-        """Samples (P, q, k), uniform over the period also on nonuniform grids, with this number per step."""
+        """Samples (P, q, k) with `a_step` per step, uniform over the period even on nonuniform grids."""
         count = a_step * (len(self.curve.nodes) - 1)
         phase, even = np.arange(count) * (self.period / count), self._uniform
         states = (
@@ -254,7 +253,7 @@ class Quantities:
         return np.concatenate((q, self.outputs(every, q, *rates)), axis=1)
 
     def at(self, phase: Array) -> Array:
-        """Values (P, q, k) of each quantity at its own phases (P, q, k)."""
+        """Values (P, q, k) of each quantity at phases (P, q, k) that differ between quantities."""
         n = self.curve.n
         values = self.curve.each(phase[:, :n])
         if self.outputs is None:
@@ -272,7 +271,8 @@ class Quantities:
         return figures(self.values, self.at, self.period) if found is None else found
 
     def compiled_figures(self) -> Array | None:
-        """`figures` in compiled code; None if that is not available, or a quantity is not finite."""
+        """As `figures`, by compiled code; None if compiled code is not available, or a quantity is not
+        finite."""
         curve, known = self.curve, self.outputs is None or self.formulas is not None
         if not (self.engine == COMPILED and known and isinstance(curve, Curve) and self._uniform):
             return None
@@ -294,7 +294,7 @@ class Quantities:
         return bool(np.ptp(np.diff(self.curve.nodes)) <= 1e-12 * self.period)
 
     def amplitudes(self, quantities: list[int], count: int) -> Array:
-        """Signed mean and single-sided amplitudes (P, k, count + 1) of `count` harmonics of some
+        """Signed mean and single-sided amplitudes (P, k, count + 1) of `count` harmonics of the selected
         quantities."""
         steps, enough = len(self.curve.nodes) - 1, enough_samples(self.values.shape[-1], count)
         values = self.values if enough == self.values.shape[-1] else self.sampled(-(-enough // steps))
@@ -318,14 +318,15 @@ _A_STEP = 4
 
 
 def coordinate_figures(curve: PeriodicCurve, engine: str) -> Array:
-    """Statistics (n, 7) of each coordinate of the continuous curve: the fields of `Statistics`."""
+    """Fields of `Statistics` (n, 7) of each coordinate of the continuous curve."""
     return Quantities(curve[None], np.ones(1), engine=engine).figures()[0]
 
 
 def compiled_output_figures(
     system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str
 ) -> Array | None:
-    """Statistics (o, 7) of each output at a speed in rad/s from compiled code; None without compiled code."""
+    """Fields of `Statistics` (o, 7) of each output at a speed in rad/s, by compiled code; None if it is not
+    available."""
     formulas = system.output_formulas() if engine == COMPILED else None
     if formulas is None:
         return None
@@ -337,7 +338,7 @@ def compiled_output_figures(
 
 
 def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Statistics (o, 7) of each output, from compiled code if available."""
+    """Fields of `Statistics` (o, 7) of each output, by compiled code if it is available."""
     compiled = compiled_output_figures(system, curve, speed, engine)
     if compiled is not None:
         return compiled
@@ -352,7 +353,7 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
 
 
 def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, engine: str) -> Array:
-    """Statistics (n + o, 7) of the coordinates, then of the outputs."""
+    """Fields of `Statistics` (n + o, 7) of the coordinates, then of the outputs."""
     of_coordinates = coordinate_figures(curve, engine)
     if not system.outputs:
         return of_coordinates
@@ -360,8 +361,8 @@ def orbit_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, en
 
 
 def output_changes(system: PeriodicSystem, speed: float, one: Curve, other: Curve, engine: str) -> Array:
-    """Largest differences (o,) of the outputs between two curves on the same nodes, relative to the largest
-    moduli on the other."""
+    """Maximum difference (o,) of each output between two curves on the same nodes, relative to its largest
+    modulus on `other`."""
     if not system.outputs:
         return np.zeros(0)
     phase = (other.nodes[:-1, None] + other.h[:, None] * (np.arange(_A_STEP) / _A_STEP)).ravel()
@@ -384,7 +385,7 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
 
 
 def repeats_early(curve: PeriodicCurve, periods: int) -> bool:
-    """Whether a curve over several periods repeats after one of them."""
+    """Whether a curve over several periods repeats after a single period."""
     last = float(curve.nodes[-1])
     phase = np.arange(_SAMPLES) * (last / _SAMPLES)
     q, later = curve(phase), curve(phase + last / periods)

@@ -55,7 +55,7 @@ class RigidBodyModes:
 
     @classmethod
     def none(cls, count: int, n: int, r: int = 0) -> "RigidBodyModes":
-        """Modes of points that have none."""
+        """Object without modes for `count` points."""
         return cls(
             np.zeros((count, n, r)),
             np.zeros((count, r), dtype=int),
@@ -76,7 +76,7 @@ class RigidBodyModes:
         )
 
     def of_one_kind(self, first_order: int) -> "RigidBodyModes":
-        """Modes without those that move both first-order coordinates (the last ones) and other
+        """Modes without those that move first-order coordinates (the last ones) together with other
         coordinates."""
         if not first_order:
             return self
@@ -86,25 +86,25 @@ class RigidBodyModes:
 
     @property
     def conserving(self) -> Array:
-        """Whether points have such a momentum (P,)."""
+        """Whether (P,) points have a conserved momentum."""
         if self.momentum is None:
             return np.zeros(len(self), dtype=bool)
         return np.asarray(self.momentum.any(axis=1))
 
     @property
     def dragged(self) -> Array:
-        """Whether modes (P, r) are damped by drag."""
+        """Whether (P, r) modes are damped by drag."""
         return self.present & self.damped & ~self.conserving[:, None]
 
     @property
     def present(self) -> Array:
-        """Whether columns contain modes (P, r)."""
+        """Whether (P, r) columns contain modes."""
         return np.asarray(self.vectors.any(axis=1))
 
     @property
     def measures(self) -> Array:
-        """Rows l (P, r, n) that give the amplitudes of the modes from the reference coordinates alone: l_i
-        e_j = δ_ij."""
+        """Rows l (P, r, n) that measure the amplitudes of the modes in the reference coordinates: l_i e_j =
+        δ_ij."""
         point, mode = np.arange(len(self))[:, None, None], np.arange(self.vectors.shape[2])
         both = self.present[:, :, None] & self.present[:, None]
         at_references = self.vectors[point, self.references[..., None], mode]
@@ -114,16 +114,16 @@ class RigidBodyModes:
         return rows
 
     def weighted(self, mass: Array) -> Array:
-        """Rows l (P, r, n) as `measures`, for which motions relative to the modes have zero momentum with a
-        mass matrix (P, n, n)."""
+        """Rows l (P, r, n) as in `measures`, chosen so that motions relative to the modes have zero momentum
+        with a mass matrix (P, n, n)."""
         rows, count = np.swapaxes(self.vectors, 1, 2) @ mass, self.vectors.shape[2]
         both = self.present[:, :, None] & self.present[:, None]
         return np.linalg.solve(np.where(both, rows @ self.vectors, np.eye(count)), rows)
 
     @property
     def relative(self) -> tuple[Array, Array]:
-        """Projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and a mask (P, n) of the
-        coordinates: 0 for reference coordinates, which vanish relative to the modes, and 1 for all others."""
+        """Projections I - Σ e l (P, n, n) onto coordinates relative to the modes, and a mask (P, n): 0 for
+        reference coordinates, which vanish relative to the modes, and 1 for the others."""
         mask = np.ones(self.vectors.shape[:2])
         point, mode = np.nonzero(self.present)
         mask[point, self.references[point, mode]] = 0.0
@@ -131,18 +131,18 @@ class RigidBodyModes:
 
     @property
     def any(self) -> Array:
-        """Whether points have rigid-body modes (P,)."""
+        """Whether (P,) points have rigid-body modes."""
         return np.asarray(self.present.any(axis=1))
 
     @property
     def multiplicity(self) -> Array:
-        """Number of Floquet multipliers +1 of the modes (P,): two per mode, one with drag."""
+        """Number (P,) of Floquet multipliers +1 due to the modes: two per mode, or one if it has drag."""
         return np.asarray((self.present * (2 - self.dragged)).sum(axis=1))
 
 
 @dataclass(frozen=True)
 class Free:
-    """Rigid-body modes of points, and their mean mass matrices (P, n, n) in any unit."""
+    """Rigid-body modes of points, and mean mass matrices (P, n, n) of the points in any unit."""
 
     modes: RigidBodyModes
     mass: Array
@@ -152,13 +152,13 @@ class Free:
 
 
 def before_rigid(multipliers: Array) -> int:
-    """Number of the other multipliers (N,) that precede the +1 of rigid-body modes: those outside the unit
+    """Number of multipliers (N,) that precede the multipliers +1 of rigid-body modes: those outside the unit
     circle."""
     return int(np.sum(np.abs(multipliers) > 1 + UNIT_CIRCLE))
 
 
 def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyModes:
-    """Rigid-body modes from K, C and M (P, k, n, n) at k phases, with derivatives with respect to one
+    """Rigid-body modes from K, C and M (P, k, n, n) at k phases. Derivatives are with respect to one
     variable, the phase or the time.
 
     If M is given, entries of K and C that are round-off of the inertia count as zero. The result does not
@@ -188,8 +188,9 @@ def rigid_body_modes(K: Array, C: Array, M: Array | None = None) -> RigidBodyMod
 
 
 def with_unit_states(mass: Array, first_order: int) -> Array:
-    """Mass matrices (P, n, n) with 1 for first-order coordinates, which are the last ones; 1 for all
-    coordinates if rows of M belong to equations in another order."""
+    """Mass matrices (P, n, n) with entry 1 for first-order coordinates, which are the last ones. The block of
+    the other coordinates becomes the identity where it is not positive definite, as for equations in
+    another order."""
     if not first_order:
         return mass
     n, p = mass.shape[-1], mass.shape[-1] - first_order
@@ -201,8 +202,8 @@ def with_unit_states(mass: Array, first_order: int) -> Array:
 
 
 def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, period: float) -> Array:
-    """`RigidBodyModes.momentum` (P, 2n) from M, C, K (P, k, n, n) at the midpoints of k equal intervals of
-    the period, without jumps, with derivatives with respect to the phase.
+    """Field `momentum` (P, 2n) of `RigidBodyModes`, from M, C, K (P, k, n, n) at the midpoints of k equal
+    intervals of the period, without jumps. Derivatives are with respect to the phase.
 
     For g with gᵀK = 0, the product of gᵀ with the equations is a total derivative, (gᵀM q′ + bᵀq)′ = gᵀd, if
     b = Cᵀg - (Mᵀg)′ is constant. If also bᵀe = 0, a rigid-body motion changes this momentum only through its
@@ -232,15 +233,15 @@ def conserved_momentum(M: Array, C: Array, K: Array, modes: RigidBodyModes, peri
 
 
 def still_rigid(K: Array, C: Array, M: Array, modes: RigidBodyModes) -> Array:
-    """Whether K e = 0 also holds at further phases for all modes of points (P,); K, C, M (P, k, n, n)."""
+    """Whether (P,) K e = 0 holds for all modes at further phases too, at which K, C, M are (P, k, n, n)."""
     allowed = BOUND * np.abs(K).max(axis=1) + ROUNDING * (np.abs(M) + np.abs(C)).max(axis=1)
     residual = np.abs(K @ modes.vectors[:, None]).max(axis=1)
     return np.asarray((residual <= allowed @ np.abs(modes.vectors)).all(axis=(1, 2)))
 
 
 def may_be_singular(K: Array, noise: Array) -> Array:
-    """Whether matrices (P, n, n) may be singular within relative changes of their entries by `BOUND` (P,).
-    Such a change alters the determinant by at most n BOUND times the product of the row sums."""
+    """Whether (P,) matrices (P, n, n) may be singular within relative changes of their entries by `BOUND`.
+    Such changes alter the determinant by at most n BOUND times the product of the row sums."""
     with np.errstate(invalid="ignore", over="ignore"):
         sums = np.abs(K).sum(axis=-1)
         weak = (sums <= noise.sum(axis=-1)).any(axis=-1)
@@ -251,7 +252,7 @@ def may_be_singular(K: Array, noise: Array) -> Array:
 
 
 def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBodyModes:
-    """Rigid-body modes of one point from K and C (k, n, n) and the round-off (n, n) of each."""
+    """Rigid-body modes of one point, from K and C (k, n, n) and the round-off (n, n) of each."""
     n, few = K.shape[-1], max(1, len(K) // _FEW)
     size = np.abs(K).max(axis=0)
 
@@ -277,7 +278,7 @@ def _of_point(K: Array, C: Array, noise: Array, damping_noise: Array) -> RigidBo
 
 
 def _null_space(K: Array, size: Array, noise: Array) -> Array:
-    """Common null space (n, r) of matrices (k, n, n) with entries of sizes (n, n), independent of units."""
+    """Common null space (n, r), independent of units, of matrices (k, n, n) with entries of sizes (n, n)."""
     columns, rows = np.ones(len(size)), np.ones(len(size))
     for _ in range(_PASSES):
         columns /= _largest(size * rows[:, None] * columns, 0)
@@ -303,7 +304,7 @@ def _largest(sizes: Array, axis: int) -> Array:
 
 
 def _undamped(vectors: Array, C: Array, noise: Array) -> Array:
-    """Combinations (n, u) of vectors (n, r) that are in the null space of C (k, n, n) as well."""
+    """Linear combinations (n, u) of vectors (n, r) that also lie in the null space of C (k, n, n)."""
     drag = C @ vectors
     allowed = (BOUND * np.abs(C).max(axis=0) + noise) @ np.abs(vectors)
     if (np.abs(drag) <= allowed).all():
@@ -315,7 +316,7 @@ def _undamped(vectors: Array, C: Array, noise: Array) -> Array:
 
 
 def _independent(vectors: Array, count: int) -> Array:
-    """Independent columns (n, count) with the same span as columns (n, r)."""
+    """Linearly independent columns (n, count) that span the columns (n, r)."""
     if count == 0:
         return vectors[:, :0]
     units = _largest(np.abs(vectors), 1)
@@ -324,7 +325,8 @@ def _independent(vectors: Array, count: int) -> Array:
 
 
 def _reduced(vectors: Array) -> tuple[Array, Array]:
-    """Basis (n, r) of the column space with the identity at r places (r,), by complete pivoting."""
+    """Basis (n, r) of the column space with the identity in r rows, by complete pivoting, and the indices
+    (r,) of these rows."""
     basis, places = vectors.copy(), np.zeros(vectors.shape[1], dtype=int)
     for column in range(basis.shape[1]):
         sizes = np.abs(basis[:, column:])

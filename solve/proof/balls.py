@@ -1,4 +1,4 @@
-"""Balls of Arb, matrices of these, and upper bounds on norms.
+"""Balls of Arb, matrices of balls, and upper bounds on norms.
 
 A ball is a midpoint with a radius. Every operation returns a ball that contains the exact results for all
 numbers of its operands (F. Johansson, IEEE Trans. Comput. 66 (2017) 1281). Bounds are computed in balls too,
@@ -58,7 +58,7 @@ copyreg.pickle(arb_mat, _reduced_matrix)
 
 @contextmanager
 def precision(bits: int, terms: int = 10) -> Iterator[None]:
-    """Working precision in bits, and the number of terms of power series, inside the block."""
+    """Context manager that sets the working precision in bits and the number of terms of power series."""
     before = flint.ctx.prec, flint.ctx.cap
     flint.ctx.prec, flint.ctx.cap = bits, terms
     try:
@@ -68,17 +68,17 @@ def precision(bits: int, terms: int = 10) -> Iterator[None]:
 
 
 def working_bits() -> int:
-    """The working precision."""
+    """Return the working precision in bits."""
     return flint.ctx.prec
 
 
 def working_terms() -> int:
-    """The number of terms of power series."""
+    """Return the number of terms of power series."""
     return flint.ctx.cap
 
 
 def coefficient(x: Ball, term: int) -> Ball:
-    """Coefficient of a power series, or of a constant."""
+    """Coefficient of a power series, or of a constant taken as a series."""
     if isinstance(x, arb_series):
         if x.prec <= term:
             raise RuntimeError(f"a power series has {x.prec} terms, where {term + 1} are needed")
@@ -87,21 +87,21 @@ def coefficient(x: Ball, term: int) -> Ball:
 
 
 def number(x: float, rounded: bool) -> Ball:
-    """A number as a ball: rounded, with all numbers within two units in the last place, since units and
-    constants such as π round several times."""
+    """Convert a number to a ball. rounded: the ball contains all numbers within two units in the last place,
+    since units and constants such as π round several times."""
     whole = x.is_integer() and abs(x) < _LARGEST_WHOLE
     return arb(x, 2 * math.ulp(x)) if rounded and not whole else arb(x)
 
 
 def norm(matrix: Matrix) -> Ball:
-    """Upper bound on the maximum norm of a matrix: the largest sum of the moduli of a row."""
+    """Upper bound on the maximum norm of a matrix (largest row sum of moduli)."""
     columns = matrix.ncols()
     moduli = [entry.abs_upper() for entry in matrix.entries()]
     return largest(sum(moduli[at : at + columns], arb(0)) for at in range(0, len(moduli), columns))
 
 
 def largest(values: Iterable[Ball]) -> Ball:
-    """Exact upper bound on nonnegative balls; infinite if one is not finite."""
+    """Exact upper bound on nonnegative balls; infinite if a ball is not finite."""
     found = arb(0)
     for value in values:
         high = value.upper()
@@ -113,23 +113,23 @@ def largest(values: Iterable[Ball]) -> Ball:
 
 
 def interval(low: Ball, high: Ball) -> Ball:
-    """The smallest ball that contains both."""
+    """Smallest ball that contains both arguments."""
     return low.union(high)
 
 
 def widened(matrix: Matrix, radius: Ball) -> Matrix:
-    """A real matrix with every entry enlarged by a radius."""
+    """Real matrix whose entries are enlarged by a radius."""
     by = arb(0, radius.upper())
     return arb_mat(matrix.nrows(), matrix.ncols(), [entry + by for entry in matrix.entries()])
 
 
 def above(x: Ball) -> float:
-    """A double that is at least as large as a nonnegative ball; infinite if that is not finite."""
+    """Double that is an upper bound on a nonnegative ball; infinite if the ball is not finite."""
     if x.is_zero():
         return 0.0
     return math.nextafter(float(x.upper()), math.inf) if x.is_finite() else math.inf
 
 
 def below(x: Ball) -> float:
-    """A double that is at most as large as a nonnegative ball, at least 0."""
+    """Double that is a lower bound, at least 0, on a nonnegative ball."""
     return 0.0 if x.is_zero() else max(0.0, math.nextafter(float(x.lower()), -math.inf))

@@ -1,4 +1,4 @@
-"""Boxes of two quantities that are proved stable, proved unstable, or undecided.
+"""Boxes of two quantities on which the system is proved stable, proved unstable, or remains undecided.
 
 A polynomial on a box is re-expanded on each half by the matrix that expresses T_k((x ± 1)/2) by T_j(x). Its
 range lies within c_00 ± Σ' |c_jk|, since |T_j T_k| ≤ 1. Ends of boxes are doubles, whose errors are below δ
@@ -49,7 +49,7 @@ _PRECISION = 53
 
 
 class _Piece(NamedTuple):
-    """A box with coefficients (k, p+1, q+1) and errors (k,) of the functions on it."""
+    """Box with the polynomial coefficients (k, p+1, q+1) of functions and their error bounds (k,)."""
 
     box: Box
     coefficients: Array
@@ -58,8 +58,8 @@ class _Piece(NamedTuple):
 
 
 def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> ProvedBoxes:
-    """Verdicts on boxes that cover the whole. Boxes are bisected until all but a small fraction of the area
-    is decided, or too many have been examined."""
+    """Verdicts on boxes that cover the ranges `whole`. Boxes are bisected until the undecided fraction of the
+    area is small, or the maximum number of boxes is reached."""
     begun = time.perf_counter()
     require_degrees(plane, _central(whole))
     pieces, ends = _pieces(plane, whole, executor)
@@ -89,13 +89,13 @@ def proved_boxes(plane: Plane, whole: Box, executor: Executor | None = None) -> 
 
 
 def _central(whole: Box) -> Box:
-    """The smallest box for which polynomials are attempted, in the middle of the ranges."""
+    """Box of the smallest size that is tried, in the middle of the ranges."""
     x, y = ((low + high) / 2 + np.array([-0.5, 0.5]) * _SMALLEST * (high - low) for low, high in whole)
     return Box((float(x[0]), float(x[1])), (float(y[0]), float(y[1])))
 
 
 def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_Piece], list[Box]]:
-    """Boxes with polynomials, and those without, undecided: the equations are not analytic near these."""
+    """Boxes with polynomials, and undecided boxes without. The equations are not analytic near the latter."""
     found, without, pending = [], [], [whole]
     while pending:
         box = pending.pop()
@@ -113,7 +113,7 @@ def _pieces(plane: Plane, whole: Box, executor: Executor | None) -> tuple[list[_
 
 
 def _halves(piece: _Piece) -> list[_Piece]:
-    """The piece bisected across the direction in which its functions vary most."""
+    """Both halves of a piece, bisected in the direction in which its functions vary most."""
     size = np.abs(piece.coefficients)
     axis = int(
         (size[:, :, 1:].sum(axis=(1, 2)) / size.sum(axis=(1, 2))).max()
@@ -135,8 +135,8 @@ def _halves(piece: _Piece) -> list[_Piece]:
 
 @cache
 def _halving(count: int, side: int) -> Array:
-    """Matrix (count, count) from coefficients of Σ c_k T_k(x) to those of the same function of (x ± 1)/2,
-    computed exactly and rounded once."""
+    """Matrix (count, count) that maps the coefficients of Σ c_k T_k(x) to those of the same function of (x ±
+    1)/2. It is computed exactly and rounded once."""
     rows = [[Fraction(1)], [Fraction(side, 2), Fraction(1, 2)]]
     for _ in range(2, count):
         # T_k+1(z) = 2 z T_k(z) − T_k−1(z), 2z = x ± 1, and x T_j = (T_j+1 + T_|j−1|)/2.
@@ -156,7 +156,7 @@ def _halving(count: int, side: int) -> Array:
 
 
 def _verdict(piece: _Piece, n: int) -> int:
-    """Index in VERDICTS of the verdict that holds on the whole box."""
+    """Index in VERDICTS of the verdict that is proved on the whole box."""
     c = piece.coefficients
     middle = c[:, 0, 0]
     z = sum(

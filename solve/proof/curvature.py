@@ -1,4 +1,4 @@
-"""Bounds on the second derivatives of nonlinear equations in a tube about a motion.
+"""Bounds on the second derivatives of nonlinear equations in a tube around a motion.
 
 Let v = (u, u̇, ü) be the deviation from the motion, and s_a the largest modulus of component a for
 |(y, z)| ≤ 1 in the norm of `solve.proof.existence`: λ|T|1 for u, λΩ|TW|1 for u̇, and λΩ²κ₂|TW|1 for ü, with
@@ -35,7 +35,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Curvature:
-    """Λ of tubes about the motion of an equation, from cells that cover the period.
+    """Lipschitz bounds Λ on tubes around the motion of an equation, from cells that cover the period.
 
     second : second derivatives of the residual, and the residual
     sizes : s (3n,)
@@ -48,8 +48,8 @@ class Curvature:
 
     @classmethod
     def of(cls, equation: Equation, second: Instructions, turn: Turn, rate: Ball) -> "Curvature":
-        """Bounds for the motion of an equation. Raises StepsError where M may be singular, or an operation
-        with pieces is undecided. rate: κ₂."""
+        """Compute the bounds for the motion of an equation. Raises StepsError where M may be singular, or
+        where the branch of a piecewise operation is undecided. rate: κ₂."""
         cells = []
         for start, h in zip(turn.starts, turn.lengths, strict=True):
             for k in range(_CELLS):
@@ -58,8 +58,8 @@ class Curvature:
         return cls(equation, second, sizes_of(equation, rate), cells)
 
     def over(self, radius: Ball) -> Ball:
-        """Λ for deviations of norm ≤ radius; infinite if it is unbounded, or if the residual may have a kink
-        or a jump there, since its derivatives do not bound N then."""
+        """Bound Λ for deviations of norm ≤ radius. It is infinite if no bound exists, or if the residual may
+        have a kink or a jump in the tube; its derivatives do not bound N there."""
         tube = [arb(0, (radius * size).upper()) for size in self.sizes]
         return largest(self._on(cell, tube) for cell in self.cells)
 

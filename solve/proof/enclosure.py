@@ -1,4 +1,4 @@
-"""The enclosures of a model at a speed, with the precision that a verdict needs."""
+"""Enclosures of a model's results at a speed, with the precision that a verdict requires."""
 
 import math
 import time
@@ -62,8 +62,8 @@ _DENOMINATORS = range(1, 13)
 def enclosed(
     system: PeriodicSystem, result: Stability, digits: int, rounded: bool, executor: Executor | None = None
 ) -> Proof:
-    """The proof for a system whose ordinary result is given; of its orbit, if the result has one. executor:
-    computes steps in parallel."""
+    """Proof for a system with its ordinary result. The proof includes the orbit if the result contains one.
+    executor: computes steps in parallel."""
     begun = time.process_time()
     equation = equation_of(system, result.speed, rounded)
     bits, most = ROUNDED if rounded else (math.ceil(digits * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE)
@@ -107,8 +107,8 @@ def enclosed(
 
 
 def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool) -> str:
-    """The assumptions on a system: on its numbers and functions, and that it repeats, unless its instructions
-    show it."""
+    """Text of the assumptions about a system: about its numbers, its functions, and its periodicity unless
+    the instructions prove it."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
         texts.append(_OF_FUNCTIONS if system.samples is None else _OF_SAMPLES)
@@ -118,7 +118,8 @@ def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool
 
 
 def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
-    """Centers as doubles, radii about these, and whether a disc contains one multiplier only."""
+    """Centers as doubles, radii about these centers, and whether each disc contains exactly one
+    multiplier."""
     each = [disc for disc in discs for _ in range(disc.count)]
     centers = [complex(disc.center) for disc in each]
     moves = [abs(disc.center - center) for disc, center in zip(each, centers, strict=True)]
@@ -132,8 +133,8 @@ def discs_of(discs: list[Multiplier]) -> tuple[Array, Array, Array]:
 
 
 def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
-    """The largest of lower and of upper bounds as decimal numbers, with the digits that they share and a few
-    more."""
+    """Maximum of the lower and of the upper bounds as decimal numbers, with the digits that both share and a
+    few more."""
     low, high = largest(lows), largest(highs)
     if not high.is_finite():
         return _decimal(low, _SHOWN, ROUND_FLOOR), "inf"
@@ -144,7 +145,8 @@ def bounds_of(lows: list[Ball], highs: list[Ball]) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict; at_rest: no load."""
+    """Steps of a period, their product (2n+1, 2n+1), its multipliers and verdict. at_rest: whether the load
+    is zero."""
 
     turn: Turn
     Phi: Matrix
@@ -165,7 +167,7 @@ def _enclosed(system: PeriodicSystem, equation: Equation, marching: Marching, ro
 
 
 def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation:
-    """Equation of a system at a speed in rad/s, in ball arithmetic. rounded: as in `solve.prove`."""
+    """Equation of a system at a speed in rad/s, in ball arithmetic. rounded: see `solve.prove`."""
     instructions = Instructions.of(linearised(system), partial(number, rounded=rounded))
     phases = np.arange(_SAMPLES) * (system.period / _SAMPLES)
     M, C, K, d = system.at(phases, omega)
@@ -176,7 +178,7 @@ def equation_of(system: PeriodicSystem, omega: float, rounded: bool) -> Equation
 
 
 def multiple_of_pi(T: float) -> Fraction | None:
-    """The fraction k/q of π that a period stands for."""
+    """Fraction k/q such that the period, rounded to a double, represents kπ/q."""
     for q in _DENOMINATORS:
         k = round(T * q / math.pi)
         if k and abs(Fraction(k, q) * Fraction(math.pi) - Fraction(T)) <= 2 * Fraction(math.ulp(T)):
@@ -185,7 +187,7 @@ def multiple_of_pi(T: float) -> Fraction | None:
 
 
 def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
-    """The period as the multiple of π that it stands for."""
+    """Exact period as a multiple of π."""
     multiple = multiple_of_pi(system.period)
     if multiple is None:
         return number(system.period, rounded)
@@ -195,8 +197,8 @@ def period_of(system: PeriodicSystem, rounded: bool = False) -> Ball:
 def _orbit(
     result: Orbit, equation: Equation, found: _Enclosed, enclosures: list[Matrix]
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|; zero
-    without a load."""
+    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit relative to max|q|. Zero
+    without load."""
     if found.at_rest:
         return dict.fromkeys(result.coordinates, (0.0, 0.0)), 0.0
     q = result.at(np.array([float(start) for start in found.turn.starts]))
@@ -217,7 +219,7 @@ def _orbit(
 
 
 def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple[float, float]]:
-    """Bounds on the largest moduli of the outputs, where these are finite."""
+    """Bounds on the maximum moduli of the outputs, for outputs with finite bounds."""
     if outputs is None:
         return {}
     each = {name: outputs.largest_modulus(k) for k, name in enumerate(system.outputs)}
@@ -225,8 +227,8 @@ def _outputs(system: PeriodicSystem, outputs: Outputs | None) -> dict[str, tuple
 
 
 def true_error(result: Stability, discs: list[Multiplier]) -> float:
-    """Largest distance of an ordinary multiplier from the enclosure that is next to it, relative to the
-    spectral radius; NaN where it is unknown."""
+    """Largest distance of an ordinary multiplier from its nearest enclosure, relative to the spectral radius;
+    NaN if it is unknown."""
     centers = [(complex(disc.center), disc) for disc in discs for _ in range(disc.count)]
     radius = largest(disc.low for disc in discs)
     worst, left = arb(0), list(centers)
@@ -242,7 +244,7 @@ def true_error(result: Stability, discs: list[Multiplier]) -> float:
 
 
 def _decimal(x: Ball, digits: int, rounding: str) -> str:
-    """An exact ball as a decimal number, rounded in a direction."""
+    """Convert an exact ball to a decimal number, rounded in the given direction."""
     mantissa, exponent = (int(part) for part in x.man_exp())
     exact = Context(prec=abs(exponent) + mantissa.bit_length() + 10)
     value = exact.multiply(Decimal(mantissa), exact.power(Decimal(2), exponent))

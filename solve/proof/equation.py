@@ -47,7 +47,7 @@ itself, and then is shorter than a window at a jump."""
 
 @dataclass(frozen=True)
 class Equation:
-    """A system with n coordinates at a speed.
+    """Periodic system with n coordinates at a speed, in scaled first-order form.
 
     Parameters
     ----------
@@ -102,14 +102,14 @@ class Equation:
         return cls(instructions, n, speed, tuple(parameters), modes, frequencies, float(moved or 1.0), about)
 
     def vanishes(self, period: Ball) -> tuple[bool, bool]:
-        """Whether C, and whether d, is exactly zero at all phases. Without C, det Φ = 1 (Liouville)."""
+        """Whether C, and whether d, is exactly zero at all phases. If C = 0, det Φ = 1 (Liouville)."""
         entries = self._entries(interval(arb(0), period), None)
         rates, loads = (all(value.is_zero() for *_, value in entries[k][0]) for k in (1, 3))
         return rates, loads
 
     def outcomes(self, start: Ball, end: Ball, halvings: int = _HALVINGS) -> Outcomes:
-        """Outcomes of the operations with pieces between two phases, which are halved where the intervals are
-        too wide to decide. Raises UndecidedError where the outcomes differ."""
+        """Branches taken by the piecewise operations between two phases. The interval is halved if it is too
+        wide for a decision. Raises UndecidedError if the branches differ within it."""
         try:
             return self.instructions(self.inputs(interval(start, end)))[1]
         except UndecidedError:
@@ -122,13 +122,14 @@ class Equation:
         return first
 
     def largest_rate(self, phase: Ball) -> Ball:
-        """Upper bound on ‖[0 W 0; −m⁻¹r]‖ on an interval of phases, for all outcomes."""
+        """Upper bound on ‖[0 W 0; −m⁻¹r]‖ over an interval of phases, for all branches of piecewise
+        operations."""
         m, r = self.at(phase, None)
         return largest((norm(m.inv() * r), arb(float(self.frequencies.max()))))
 
     def growth(self, phase: Ball, outcomes: Outcomes) -> tuple[Ball, Ball]:
-        """Upper bounds on the logarithmic norm μ₂(A) and on Re tr A, A = [0 W; −m⁻¹r_y], on an interval of
-        phases: μ₂ is the largest eigenvalue of (A + A*)/2, which lies in a disc of Gershgorin."""
+        """Upper bounds on the logarithmic norm μ₂(A) and on Re tr A over an interval of phases, with A = [0
+        W; −m⁻¹r_y]. μ₂ is the largest eigenvalue of (A + A*)/2, bounded by Gershgorin's discs."""
         n = self.n
         P = self.at(phase.mid(), outcomes)[0].mid().inv().mid()
         m, r = self.at(phase, outcomes, P)
@@ -150,8 +151,8 @@ class Equation:
         return max(bounds), A.trace().real.upper()
 
     def at(self, phase: Ball, outcomes: Outcomes | None, P: Matrix | None = None) -> tuple[Matrix, Matrix]:
-        """m (n, n) and r (n, 2n+1) at real or complex phases, not multiplied by P if that is None; with any
-        outcomes if these are None."""
+        """Coefficients m (n, n) and r (n, 2n+1) at real or complex phases. P: matrix that r is multiplied by,
+        if given; outcomes: branches of piecewise operations, all of them if None."""
         matrix, zero = (acb_mat, acb(0)) if isinstance(phase, acb) else (arb_mat, arb(0))
         found = self._entries(phase, outcomes)
         M, C, K, d = (self._filled(matrix, zero, entries, columns) for entries, columns in found)
@@ -172,7 +173,7 @@ class Equation:
         return [m for m, _ in made], [r for _, r in made]
 
     def inputs(self, phase: Ball) -> list[Sequence[Ball]]:
-        """Inputs of the instructions at real or complex phases, or as power series."""
+        """Inputs of the instructions at real or complex phases, or at power series in the phase."""
         if self.about is None:
             return [[phase], [self.speed], self.parameters]
         states = self.about.states(phase)
@@ -212,6 +213,7 @@ class Equation:
 
 
 def _exact(*factors: Array) -> bool:
-    """Whether products of these by powers of two, which scales are, are neither subnormal nor infinite."""
+    """Whether the products of these numbers and the scales, powers of two, are neither subnormal nor
+    infinite."""
     sizes = np.abs(np.concatenate([factor.ravel() for factor in factors]))
     return bool((np.isfinite(sizes) & ((sizes == 0) | (sizes > _TINY))).all())

@@ -1,5 +1,5 @@
-"""Existence and uniqueness of a nonlinear periodic orbit near a trigonometric polynomial, by the theorem of
-Newton and Kantorovich.
+"""Existence and uniqueness of a nonlinear periodic orbit near a trigonometric polynomial, by the
+Newton–Kantorovich theorem.
 
 In the scaled coordinates of `solve.proof.equation`, with z = y₂′, the deviation from the polynomial
 satisfies y₁′ = W y₂, z = A₂ y − m⁻¹r_d + g, g = −m⁻¹N, where A = [0 W; A₂] and N is the nonlinear remainder.
@@ -50,7 +50,7 @@ radius. Motions have a size near 1 in scaled coordinates. Choices: radii from 2^
 
 @dataclass(frozen=True)
 class Existence:
-    """Radii, in the norm |(y, z)|, within which exactly one orbit exists.
+    """Radii, in the norm |(y, z)|, of the balls in which exactly one orbit exists.
 
     radius : of a ball that contains it
     unique : of a ball that contains no other one
@@ -66,7 +66,7 @@ class Existence:
 
 @dataclass(frozen=True)
 class Linear:
-    """Bounds on the linearised problem: Γ, a₂, κ₂ and η."""
+    """Bounds Γ, a₂, κ₂ and η on the linearised problem."""
 
     gamma: Ball
     rate: Ball
@@ -74,8 +74,8 @@ class Linear:
 
     @classmethod
     def of(cls, turn: Turn, Phi: Matrix, bounds: Transitions, states: list[Matrix]) -> "Linear":
-        """Bounds from the maps of the steps and the states (2n+1, 1) of (y¹, z¹) at their starts. Raises
-        ZeroDivisionError if 1 − Φ may be singular."""
+        """Compute the bounds from the maps of the steps and the states (2n+1, 1) of (y¹, z¹) at their starts.
+        Raises ZeroDivisionError if 1 − Φ may be singular."""
         size = Phi.nrows()
         resolvent = arb_mat([[int(i == j) - Phi[i, j] for j in range(size)] for i in range(size)]).inv()
         gamma = (bounds.tau * (1 + bounds.kappa * norm(resolvent))).upper()
@@ -96,7 +96,7 @@ class Linear:
 def existence(
     equation: Equation, second: Instructions, turn: Turn, linear: Linear, bounds: Transitions
 ) -> Existence:
-    """The radii. Raises StepsError where no orbit is proved."""
+    """Compute the radii of existence and uniqueness. Raises StepsError if existence is not proved."""
     curvature = Curvature.of(equation, second, turn, linear.rate)
     radius = (2 * linear.eta).upper()
     Lambda = curvature.over(radius)
@@ -117,7 +117,7 @@ def existence(
 
 
 def _unique(curvature: Curvature, linear: Linear, radius: Ball) -> Ball:
-    """Radius of a large ball that is mapped to itself by a contraction."""
+    """Radius of a large ball that a contraction maps into itself."""
     tube = (1 / (2 * linear.gamma * curvature.over(radius))).upper()
     if not tube < arb(2) ** _WIDEST:
         tube = arb(2) ** _WIDEST

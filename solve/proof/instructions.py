@@ -1,4 +1,4 @@
-"""Evaluation of a CasADi function on balls, discs and power series.
+"""Evaluation of a CasADi function for balls, discs and power series.
 
 A function of scalars is a list of instructions. Each operation is applied to whatever numbers are given, so
 that one list serves real balls, complex balls and power series. Operations with pieces (comparisons, |x|,
@@ -18,7 +18,7 @@ from solve.proof.balls import Ball, acb, arb
 
 
 class UndecidedError(Exception):
-    """An operation has different outcomes on parts of an interval."""
+    """Raised for a piecewise operation that takes different branches on parts of an interval."""
 
 
 Outcomes = tuple[Any, ...]
@@ -48,7 +48,8 @@ def _whole_power(x: Ball, k: int) -> Ball:
 
 
 def _analytic(name: str) -> Callable[[Ball], Ball]:
-    """A function that is undefined on discs which meet its branch cut: there it is not analytic."""
+    """Wrap a function; the result is undefined on discs that meet its branch cut, where it is not
+    analytic."""
 
     def apply(x: Ball) -> Ball:
         function = getattr(x, name)
@@ -58,8 +59,8 @@ def _analytic(name: str) -> Callable[[Ball], Ball]:
 
 
 def _inverse(name: str) -> Callable[[Ball], Ball]:
-    """asin, acos or atan, undefined on discs that may meet a branch cut: the real axis beyond ±1, for atan
-    the imaginary axis beyond ±i."""
+    """Wrap asin, acos or atan; the result is undefined on discs that may meet a branch cut (the real axis
+    beyond ±1; for atan the imaginary axis beyond ±i)."""
 
     def apply(x: Ball) -> Ball:
         if isinstance(x, acb):
@@ -132,8 +133,8 @@ def _towards_zero(x: Ball, y: Ball) -> int:
 
 
 def _half_plane(y: Ball, x: Ball) -> str:
-    """A half plane that contains all points (x, y), with the points far from its edge where that is possible.
-    Points in the left one lie on one side of the cut of atan2."""
+    """Half plane that contains all points (x, y), with the points far from its edge if possible. Points in
+    the left half plane lie on one side of the branch cut of atan2."""
     halves = {"right": x, "upper": y, "lower": -y}
     if y >= 0 or y < 0:
         halves["above the cut" if y >= 0 else "below the cut"] = -x
@@ -182,14 +183,16 @@ exact, since their comparisons are decided."""
 
 
 def _decided(decide: Callable[..., Any], operands: Sequence[Ball]) -> Any:
-    """The outcome on real balls. Complex ones, for parameters near real ones, have the outcomes of these."""
+    """Branch of an operation for real balls. Complex balls, for parameters near real values, take the branch
+    of the real ones."""
     if any(isinstance(operand, acb) for operand in operands):
         raise UndecidedError
     return decide(*operands)
 
 
 def _real_only(hull: Callable[..., Ball]) -> Callable[..., Ball]:
-    """Undefined for complex operands, for which the hull of real values is wrong."""
+    """Wrap a hull function; the result is undefined for complex operands, for which the hull of real values
+    is not an enclosure."""
     return lambda *operands: (
         acb(arb.nan()) if any(isinstance(operand, acb) for operand in operands) else hull(*operands)
     )
@@ -218,7 +221,7 @@ _NAMES = {value: name for name, value in vars(casadi).items() if name.startswith
 
 @dataclass(frozen=True)
 class Instructions:
-    """A function as a list of (operation, places of operands, place of the result, constant or function).
+    """Function as a list of (operation, indices of operands, index of the result, constant or function).
 
     The result of an output is its number with the row and the column of the entry, since later lines reuse
     places. entries: number of entries of each output that are not structurally zero.
@@ -229,14 +232,14 @@ class Instructions:
     entries: tuple[int, ...]
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies in other processes look their functions up again."""
+        """Pickle without the table of functions, which other processes rebuild."""
         lines = [line if line[0] not in _SMOOTH else (*line[:3], None) for line in self.lines]
         return _instructions, (lines, self.places, self.entries)
 
     @classmethod
     def of(cls, function: casadi.Function, number: Callable[[float], Ball] = arb) -> "Instructions":
-        """Instructions of a function, with its constants as balls by `number`. Raises LinearModelError for an
-        operation without a rule."""
+        """Instructions of a CasADi function, with its constants converted to balls by `number`. Raises
+        LinearModelError for an operation without an enclosure rule."""
         function = function if function.is_a("SXFunction") else function.expand()
         sparsities = map(function.sparsity_out, range(function.n_out()))
         triplets = [list(zip(*each.get_triplet(), strict=True)) for each in sparsities]
@@ -260,7 +263,7 @@ class Instructions:
     def __call__(
         self, inputs: Sequence[Sequence[Ball]], outcomes: Outcomes | None = None
     ) -> tuple[list[Entries], Outcomes]:
-        """Entries (row, column, value) of each output, and the outcomes of the operations with pieces.
+        """Entries (row, column, value) of each output, and the branches of the piecewise operations.
 
         Parameters
         ----------

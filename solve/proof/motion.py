@@ -75,7 +75,7 @@ class TrigonometricMotion:
 
     @classmethod
     def of(cls, curve: FourierCurve, period: Ball) -> "TrigonometricMotion":
-        """The motion with the coefficients of a curve, without the harmonics far below its round-off."""
+        """Motion with the Fourier coefficients of a curve, without harmonics far below its round-off."""
         c = curve.coefficients
         limits = _DROPPED * np.abs(c).max(axis=1, keepdims=True)
         large = np.flatnonzero((np.abs(c) > limits).any(axis=0))
@@ -84,7 +84,7 @@ class TrigonometricMotion:
 
     @property
     def curve(self) -> FourierCurve:
-        """Curve with the same coefficients, in double precision."""
+        """Curve with these coefficients in double precision."""
         nodes = np.array([0.0, float(self.period.mid())])
         return FourierCurve(nodes, self.cosines - 1j * self.sines)
 
@@ -94,8 +94,8 @@ class TrigonometricMotion:
 
     @cached_property
     def _weights(self) -> Matrix:
-        """Factors (3n, 2K+2) of the cosines and sines in q and its derivatives with respect to the phase: a
-        derivative of a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
+        """Factors (3n, 2K+2) of the cosines and sines in q and its derivatives with respect to the phase.
+        Each derivative of a cos + b sin replaces (a, b) by 2πk/T (b, −a)."""
         a, b, rows = self.cosines, self.sines, []
         for order in range(_ORDERS):
             powers = [(k * self._rate) ** order for k in range(a.shape[1])]
@@ -105,7 +105,8 @@ class TrigonometricMotion:
         return arb_mat(rows)
 
     def states(self, phase: Ball, orders: int = _ORDERS) -> list[list[Ball]]:
-        """q and its derivatives with respect to the phase, at a real or complex phase or as power series."""
+        """q and its derivatives with respect to the phase, at a real or complex phase or at a power
+        series."""
         if isinstance(phase, arb_series):
             return self._series(phase[0], phase[1], orders)
         angle, count = phase * self._rate, self.cosines.shape[1]
@@ -116,7 +117,7 @@ class TrigonometricMotion:
         return [values[order * n : (order + 1) * n] for order in range(orders)]
 
     def _series(self, phase: Ball, slope: Ball, orders: int) -> list[list[Ball]]:
-        """Power series of q and its derivatives in t, at phases φ + t·slope: with V_k = c_k exp(2πikφ/T), the
+        """Power series in t of q and its derivatives at phases φ + t·slope. With V_k = c_k exp(2πikφ/T), the
         coefficient of t^j is Re Σ_k V_k (2πik·slope/T)^j/j!."""
         terms, count = working_terms(), self.cosines.shape[1]
         waves = [(self._rate * phase * k).sin_cos() for k in range(count)]
@@ -139,7 +140,7 @@ class TrigonometricMotion:
         return found
 
     def _powers(self, slope: Ball, terms: int) -> Matrix:
-        """(2πk·slope/T)^j/j! in row j and column k."""
+        """Table of (2πk·slope/T)^j/j!, with j along the rows and k along the columns."""
         rates = [self._rate * slope * k for k in range(self.cosines.shape[1])]
         rows = [[arb(1)] * len(rates)]
         for j in range(1, terms):
@@ -151,8 +152,8 @@ class TrigonometricMotion:
         return [self.states(arb(phase), 1)[0] for phase in phases.tolist()]
 
     def polynomials(self) -> list[list[tuple[list[Ball], Ball]]]:
-        """Taylor polynomials of each coordinate on equal parts of the period, by fractions of these, and a
-        bound on their remainder: Σ_k (|a_k| + |b_k|) (2πkh/T)^J/J!, with J terms."""
+        """Taylor polynomials of each coordinate on equal intervals of the period, in the fraction of the
+        interval, and the bound Σ_k (|a_k| + |b_k|) (2πkh/T)^J/J! on the remainder after J terms."""
         parts = _PARTS * self.cosines.shape[1]
         length, errors = self.period / parts, []
         with precision(working_bits(), _TERMS):
@@ -170,7 +171,7 @@ class TrigonometricMotion:
 
 
 def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
-    """The orbit that `system` is linearised about as a trigonometric polynomial, whose harmonics decrease to
+    """Orbit about which `system` is linearised, as a trigonometric polynomial whose harmonics decrease to
     round-off. Raises NoOrbitError for an orbit with too many harmonics."""
     n, T = system.n, system.period
     count = round(T / system.model.period) * _FIRST_SAMPLES
@@ -195,8 +196,8 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
 def corrected(
     motion: TrigonometricMotion, nodes: Array, at: Callable[[Ball], list[Array]]
 ) -> TrigonometricMotion:
-    """The motion after a Newton correction with a defect from balls: rounding of forces that cancel does not
-    limit it. `at` returns M, C, K and the defect by the phase, at one of the nodes; those of the curve."""
+    """Apply one Newton correction to the motion. The defect is evaluated with balls, so that cancelling
+    forces cause no round-off. `at` returns M, C, K and the defect at the phase of a node."""
     phases = [motion.period * k / (len(nodes) - 1) for k in range(len(nodes) - 1)]
     matrices = [np.array(part) for part in zip(*map(at, phases), strict=True)]
     names = [f"q{i}" for i in range(motion.cosines.shape[0])]
@@ -209,7 +210,7 @@ def corrected(
 
 
 def _residual(residual: casadi.Function) -> tuple[list[Any], Any, list[Any]]:
-    """Inputs, r (n,), and q, qd, qdd, symbolic."""
+    """Symbolic inputs, residual r (n,), and q, qd and qdd."""
     inputs = [casadi.SX.sym(residual.name_in(i), *residual.size_in(i)) for i in range(residual.n_in())]
     (r,) = residual.call(inputs, True, False)
     return inputs, r, inputs[2:5]
@@ -217,7 +218,7 @@ def _residual(residual: casadi.Function) -> tuple[list[Any], Any, list[Any]]:
 
 @symbolic
 def linearised_about(residual: casadi.Function) -> casadi.Function:
-    """∂r/∂q̈, ∂r/∂q̇, ∂r/∂q and −r of phase, speed, q, qd, qdd and parameters."""
+    """Function of phase, speed, q, qd, qdd and parameters that returns ∂r/∂q̈, ∂r/∂q̇, ∂r/∂q and −r."""
     inputs, r, (q, qd, qdd) = _residual(residual)
     outputs: list[casadi.SX] = [*(casadi.jacobian(r, x) for x in (qdd, qd, q)), -r]
     return casadi.Function("linearised_about", inputs, casadi.cse(outputs))
@@ -225,8 +226,9 @@ def linearised_about(residual: casadi.Function) -> casadi.Function:
 
 @symbolic
 def second_derivatives(residual: casadi.Function) -> casadi.Function:
-    """∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b; and r, whose kinks and jumps, such
-    as those of |q|, derivatives do not contain."""
+    """Function that returns ∂²r_i/∂v_a∂v_b with v = (q, qd, qdd), in row a n + i and column b, and r. The
+    value r is required to detect kinks and jumps, such as those of |q|, which the derivatives do not
+    contain."""
     inputs, r, states = _residual(residual)
     v = casadi.vertcat(*states)
     jacobian = casadi.vec(casadi.jacobian(r, v))

@@ -51,19 +51,18 @@ def enclosed_orbit(
     rounded: bool,
     executor: Executor | None = None,
 ) -> Proof:
-    """The proof of an orbit whose equations, linearised about it, are given. executor: computes steps in
-    parallel."""
+    """Proof for an orbit; `system` is linearised about it. executor: computes steps in parallel."""
     begun = time.process_time()
     bits, most = math.ceil(min(digits, MOST_DIGITS) * math.log2(10)) + GUARD_BITS, _MOST_ADVANCE
     marching = Marching(*(ROUNDED if rounded else (bits, most)), executor=executor)
     with precision(2 * bits):
         try:
-            found = _found(orbit, system, marching, rounded)
+            found = _prove_existence(orbit, system, marching, rounded)
         except (NoOrbitError, ResonanceError, StepsError) as error:
             return _unproved(orbit, str(error), time.process_time() - begun)
         discs = multipliers(found.Phi)
         index = verdict(found.Phi, discs, False)
-        located = _located(found, system.coordinates)
+        located = _radii_by_coordinate(found, system.coordinates)
         maxima, error = _extrema(orbit, found.motion, located)
         centers, radii, isolated = discs_of(discs)
         open_verdict = ("no verdict is proved: discs of multipliers meet the unit circle",)
@@ -85,9 +84,9 @@ def enclosed_orbit(
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Equations about a motion, number of steps, enclosure of the monodromy matrix of the orbit near the
-    motion, and its place."""
+class _LinearisedProof:
+    """Equations linearised about a motion, number of steps, enclosure of the monodromy matrix of the orbit
+    near the motion, and radii of existence of this orbit."""
 
     equation: Equation
     motion: TrigonometricMotion
@@ -96,8 +95,10 @@ class _Found:
     existence: Existence
 
 
-def _found(orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, rounded: bool) -> _Found:
-    """Raises NoOrbitError, ResonanceError and StepsError where no orbit is proved."""
+def _prove_existence(
+    orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, rounded: bool
+) -> _LinearisedProof:
+    """Prove existence of the orbit. Raises NoOrbitError, ResonanceError or StepsError if the proof fails."""
     model = system.model
     period = period_of(model, rounded) * round(system.period / model.period)
     equation, motion = _equation(system, orbit.speed, period, rounded)
@@ -108,7 +109,7 @@ def _found(orbit: NonlinearOrbit, system: LinearisedModel, marching: Marching, r
     linear = Linear.of(turned, Phi, bounds, states(turned, equation.n, whole))
     second = _instructions(model, second_derivatives, rounded)
     proved = existence(equation, second, turned, linear, bounds)
-    return _Found(equation, motion, len(turned.steps), widened(Phi, proved.change), proved)
+    return _LinearisedProof(equation, motion, len(turned.steps), widened(Phi, proved.change), proved)
 
 
 def _instructions(
@@ -120,8 +121,8 @@ def _instructions(
 def _equation(
     system: LinearisedModel, omega: float, period: Ball, rounded: bool
 ) -> tuple[Equation, TrigonometricMotion]:
-    """The equations about a motion near the one of the system, in scales that balance their coefficients.
-    The load is measured by the inertia forces of the motion rather than by the defect, which is far below."""
+    """Equations linearised about a motion near the orbit, in scales that balance their coefficients. The load
+    is scaled by the inertia forces of the motion, since the defect is far smaller."""
     model, n = system.model, system.n
     numbers = [number(float(x), rounded) for x in (omega, *model.setup.p)]
     instructions = _instructions(model, linearised_about, rounded)
@@ -165,9 +166,10 @@ def _unproved(orbit: NonlinearOrbit, reason: str, seconds: float) -> Proof:
     )
 
 
-def _located(found: _Found, names: tuple[str, ...]) -> ProvedOrbit:
-    """The radii by coordinate. An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a. Conversely, |u_a| ≤ c ρ s_a implies a
-    norm ≤ ρ, if c Σ_a |T⁻¹_ia| s_a ≤ λ for every i; likewise for u̇ and ü with T W."""
+def _radii_by_coordinate(found: _LinearisedProof, names: tuple[str, ...]) -> ProvedOrbit:
+    """Radius of existence and uniqueness for each coordinate. An orbit of norm ≤ ρ has |u_a| ≤ ρ s_a.
+    Conversely, |u_a| ≤ c ρ s_a implies a norm ≤ ρ if c Σ_a |T⁻¹_ia| s_a ≤ λ for every i; u̇ and ü are
+    treated alike, with T W."""
     equation, motion, proved = found.equation, found.motion, found.existence
     n, sizes = equation.n, sizes_of(equation, proved.rate)
     T = arb_mat(equation.modes.tolist())
@@ -196,7 +198,7 @@ def _located(found: _Found, names: tuple[str, ...]) -> ProvedOrbit:
 def _extrema(
     orbit: NonlinearOrbit, motion: TrigonometricMotion, located: ProvedOrbit
 ) -> tuple[dict[str, tuple[float, float]], float]:
-    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit at its nodes, relative to
+    """Bounds on max|q| of each coordinate, and the error of the ordinary orbit at its nodes relative to
     max|q|."""
     nodes = orbit.curve.nodes[:-1]
     exact, given = motion.at(nodes), orbit.at(nodes)

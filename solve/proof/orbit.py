@@ -1,4 +1,4 @@
-"""Enclosures of the periodic solution: its states, and the extrema of its coordinates."""
+"""Enclosures of the states of the periodic solution and of the extrema of its coordinates."""
 
 import heapq
 import math
@@ -18,8 +18,8 @@ _CELLS = 20_000
 
 
 def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
-    """States (2n+1, 1) of the periodic solution at the start of each step. Raises ResonanceError where 1 − Φ
-    may be singular."""
+    """States (2n+1, 1) of the periodic solution at the start of each step. Raises ResonanceError if 1 − Φ may
+    be singular."""
     size = 2 * n
     difference = arb_mat([[int(i == j) - Phi[i, j] for j in range(size)] for i in range(size)])
     forced = arb_mat([[Phi[i, size]] for i in range(size)])
@@ -34,12 +34,13 @@ def states(turn: Turn, n: int, Phi: Matrix) -> list[Matrix]:
 
 
 def position_and_rate(state: Matrix) -> Matrix:
-    """The scaled state (2n, 1) without the unit load."""
+    """Scaled state (2n, 1), without the entry 1 for the load."""
     return arb_mat(state.table()[:-1])
 
 
 def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[list[Ball], Ball]]:
-    """Coefficients by τ of a combination (1, 2n) of the state on each step, and a bound on their error."""
+    """Coefficients in τ of the linear combination `row` (1, 2n) of the state on each step, and a bound on
+    their error."""
     weight = sum((entry.abs_upper() for entry in row.entries()), arb(0))
     found = []
     for step, state in zip(turn.steps, states, strict=True):
@@ -50,7 +51,7 @@ def polynomials(turn: Turn, states: list[Matrix], row: Matrix) -> list[tuple[lis
 
 
 def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH) -> tuple[Ball, Ball]:
-    """Lower and upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and all pieces.
+    """Lower and upper bound on the maximum of |p(τ)| over 0 ≤ τ ≤ 1 and all polynomials.
 
     The interval with the largest upper bound is halved until this is close to the largest lower bound. Bounds
     are rounded up to doubles, so that their order is exact.
@@ -70,8 +71,8 @@ def largest_modulus(pieces: list[tuple[list[Ball], Ball]], width: float = _WIDTH
 
 
 def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball, Ball]:
-    """Lower bound on |p| in the middle of an interval, and upper bound on the whole, by the mean value form
-    of second order."""
+    """Lower bound on |p| at the middle of an interval, and upper bound on |p| over the interval, by the
+    second-order mean value form."""
     coefficients, error = piece
     middle, half = (arb(start) + arb(end)) / 2, (arb(end) - arb(start)) / 2
     value, slope, curvature = derivatives_on(coefficients, middle, arb(start).union(arb(end)))
@@ -81,7 +82,7 @@ def _on(piece: tuple[list[Ball], Ball], start: float, end: float) -> tuple[Ball,
 
 
 def derivatives_on(coefficients: list[Ball], middle: Ball, cell: Ball) -> tuple[Ball, Ball, Ball]:
-    """p and p′ at the middle, and a bound on |p″| on the cell, by Horner's scheme."""
+    """Values of p and p′ at the middle, and a bound on |p″| over the cell, by Horner's scheme."""
     value, slope, second = arb(0), arb(0), arb(0)
     first_on, value_on = arb(0), arb(0)
     for c in reversed(coefficients):

@@ -33,7 +33,7 @@ Polynomial = tuple[list[Ball], Ball]
 
 @dataclass(frozen=True)
 class Outputs:
-    """Outputs along the periodic solution of an equation, on steps without jumps.
+    """Outputs along the periodic solution of an equation, on steps without jumps of the matrices.
 
     states : (2n+1, 1) at the start of each step
     """
@@ -49,7 +49,8 @@ class Outputs:
     def of(
         cls, system: PeriodicSystem, equation: Equation, turn: Turn, states: list[Matrix], rounded: bool
     ) -> "Outputs | None":
-        """Outputs of a model; None without outputs, with jumps, or with operations without a rule."""
+        """Outputs of a model; None if it has no outputs, if its matrices jump, or if an output contains an
+        operation without an enclosure rule."""
         if not isinstance(system, Model) or not system.outputs or not all(step.load for step in turn.steps):
             return None
         try:
@@ -59,8 +60,8 @@ class Outputs:
         return cls(instructions, equation, turn, states)
 
     def largest_modulus(self, number: int) -> tuple[Ball, Ball]:
-        """Lower and upper bound on the maximum of an output's modulus; the upper one is infinite where an
-        operation with pieces is undecided."""
+        """Lower and upper bound on the maximum modulus of an output. The upper bound is infinite if the
+        branch of a piecewise operation is undecided."""
         low, heap = arb(0), [(-math.inf, at, 0.0, 1.0) for at in range(len(self.turn.steps))]
         for _ in range(_CELLS):
             bound, at, start, end = heap[0]
@@ -77,7 +78,7 @@ class Outputs:
         return low, arb(-heap[0][0])
 
     def _on(self, at: int, start: float, end: float) -> list[Ball]:
-        """Balls that contain the outputs on a part of a step."""
+        """Balls that contain the outputs on an interval of a step."""
         key = at, start, end
         if key not in self._found:
             self._found[key] = self._evaluated(at, arb(start), arb(end))
@@ -98,7 +99,7 @@ class Outputs:
         return [entries[0][2] if entries else arb(0) for entries in values]
 
     def _motion(self, at: int) -> list[list[Polynomial]]:
-        """q, q̇ and q̈ on a step."""
+        """Motion q, q̇ and q̈ on a step."""
         equation, n, state = self.equation, self.equation.n, self.states[at]
         step, h = self.turn.steps[at], self.turn.lengths[at]
         T = arb_mat(equation.modes.tolist()) * arb(equation.load)
@@ -117,7 +118,7 @@ class Outputs:
 
 
 def _polynomials(matrix: Matrix, terms: list[Matrix], error: Ball) -> list[Polynomial]:
-    """Rows of a matrix times terms, with their errors."""
+    """Products of the rows of a matrix and polynomial terms, with their errors."""
     products = [(matrix * term).entries() for term in terms]
     errors = [sum((abs(x) for x in row), arb(0)) * error for row in matrix.table()]
     return [([product[i] for product in products], each.upper()) for i, each in enumerate(errors)]

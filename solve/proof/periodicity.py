@@ -1,4 +1,5 @@
-"""Whether a list of instructions has the period T of the phase, by exact rules for each operation.
+"""Test whether a list of instructions is periodic in the phase with period T, by exact rules for each
+operation.
 
 At φ + T every intermediate value v is v + a + bπ with rational numbers a and b, or −v, or unknown. The phase
 has the change T. The rules follow from
@@ -22,7 +23,7 @@ from solve.proof.instructions import Instructions
 
 @dataclass(frozen=True)
 class Shift:
-    """v becomes v + a + bπ."""
+    """Change of a variable from v to v + a + bπ."""
 
     a: Fraction = Fraction(0)
     b: Fraction = Fraction(0)
@@ -40,8 +41,8 @@ Change = Shift | str | None
 
 
 def repeats(instructions: Instructions, period: Fraction) -> bool:
-    """Whether all outputs have the period `period`·π in the first input, the others being fixed or functions
-    with this period."""
+    """Whether all outputs have the period `period`·π in the first input. The other inputs are constants or
+    functions with this period."""
     work: list[tuple[Change, Fraction | None]] = [(None, None)] * instructions.places
     for operation, places, result, constant in instructions.lines:
         operands = [work[place] for place in places] if operation != casadi.OP_INPUT else []
@@ -105,7 +106,7 @@ def _scaled(factor: int) -> Callable[..., Change]:
 
 
 def _wave(changes: list[Change], constants: list[Fraction | None]) -> Change:
-    """sin and cos of a shifted angle."""
+    """Shift rule for sin and cos: an argument shifted by a multiple of 2π, or of π with a change of sign."""
     (shift,) = changes
     if not isinstance(shift, Shift) or shift.a or shift.b.denominator > 1:
         return None

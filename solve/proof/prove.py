@@ -1,4 +1,4 @@
-"""`prove`: multipliers, verdict and orbit of a system as enclosures."""
+"""Function `prove`, which encloses the multipliers, the verdict and the orbit of a system."""
 
 from concurrent.futures import Executor
 
@@ -105,16 +105,17 @@ def _enclosed_orbit(orbit: NonlinearOrbit, digits: int, rounded: bool, executor:
 
 
 def checked_digits(digits: int | None) -> int:
-    """The number of digits, the default one for None. Raises ValueOutOfBoundsError."""
+    """Validate the number of digits; None gives the default. Raises ValueOutOfBoundsError."""
     if digits is not None and not 1 <= digits <= _MOST_DIGITS:
         raise ValueOutOfBoundsError(f"digits is {digits}; allowed: 1 to {_MOST_DIGITS}")
     return DIGITS if digits is None else digits
 
 
 def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> PeriodicSystem:
-    """The system, whose matrices are a generated function of the phase, a function of the user that takes
-    symbolic phases, or an interpolant of samples; with `nonlinear`, a model with nonlinear equations that
-    have no jumps. Raises LinearModelError, and MissingLibraryError without python-flint."""
+    """Return the system if its matrices can be enclosed: a generated function of the phase, a user's function
+    that accepts symbolic phases, or an interpolant of samples. With `nonlinear`, it must be a model with
+    nonlinear equations without jumps. Raises LinearModelError, and MissingLibraryError without
+    python-flint."""
     require_vibration(system)
     if isinstance(system, Model):
         possible = isinstance(system._matrices, MatrixSampler) and not system.assembled
@@ -147,7 +148,7 @@ def prove_boxes(
     speed: float | None,
     executor: Executor | None = None,
 ) -> ProvedBoxes:
-    """Boxes of two quantities on which a verdict is proved, and others.
+    """Boxes of two quantities on which a verdict is proved, and undecided boxes.
 
     Parameters
     ----------

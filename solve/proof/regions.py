@@ -61,7 +61,7 @@ _TOGETHER = 16
 
 
 class Box(NamedTuple):
-    """Ranges of two quantities: exact doubles."""
+    """Ranges of two quantities, given as exact doubles."""
 
     x: tuple[float, float]
     y: tuple[float, float]
@@ -71,7 +71,7 @@ class Box(NamedTuple):
         return (self.x[1] - self.x[0]) * (self.y[1] - self.y[0])
 
     def halved(self, axis: int) -> tuple["Box", "Box"]:
-        """Both halves along x (0) or y (1)."""
+        """Both halves of the box, bisected along x (0) or y (1)."""
         low, high = self[axis]
         middle = (low + high) / 2
         if axis == 0:
@@ -81,7 +81,7 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Plane:
-    """A model over two of its parameters, or one of them and "speed".
+    """Model as a function of two parameters, or of one parameter and "speed".
 
     speed : rad/s, where it is not one of the two
     """
@@ -91,18 +91,18 @@ class Plane:
     speed: float | None
 
     def at(self, x: float, y: float) -> tuple[Model, float]:
-        """Model and speed (rad/s) at a point."""
+        """Model and speed (rad/s) at the values x and y of the two quantities."""
         values = dict(zip(self.names, (x, y), strict=True))
         speed = values.pop(SPEED, self.speed)
         assert speed is not None
         return self.system.varied(values), speed
 
     def equation(self, box: Box) -> Equation:
-        """The equation in the middle of a box, in scales that serve the whole."""
+        """Equation at the middle of a box, in scales that are used on the whole box."""
         return equation_of(*self.at(*(sum(side) / 2 for side in box)), rounded=False)
 
     def moved(self, equation: Equation, x: Ball, y: Ball) -> Equation:
-        """The equation with other values of the two quantities, in the same scales."""
+        """The same equation for other values of the two quantities, in the same scales."""
         order, parameters, speed = (
             list(self.system.setup.case.parameters),
             list(equation.parameters),
@@ -119,7 +119,7 @@ class Plane:
 @dataclass(frozen=True)
 class Polynomials:
     """Functions f (k) on a box: coefficients (k, p+1, q+1) of products of Chebyshev polynomials, and bounds
-    (k,) on their errors. conservative: whether C is zero, and so det Φ = 1."""
+    (k,) on their errors. conservative: whether C is zero, so that det Φ = 1."""
 
     coefficients: Array
     errors: Array
@@ -142,8 +142,9 @@ def require_degrees(plane: Plane, box: Box) -> None:
 
 
 def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Polynomials | None:
-    """Trace and determinant of Φ for one coordinate, else all entries by rows; None where too many nodes are
-    needed, or the coefficients of the equations are not analytic in a neighbourhood of the box."""
+    """Polynomials of the trace and determinant of Φ for one coordinate, otherwise of all entries of Φ by
+    rows. None if too many nodes are required, or if the coefficients of the equations are not analytic in
+    a neighbourhood of the box."""
     try:
         with precision(2 * _BITS):
             degrees, errors, conservative = _degrees(plane, box)
@@ -166,7 +167,7 @@ def polynomials(plane: Plane, box: Box, executor: Executor | None = None) -> Pol
 def _values(
     plane: Plane, box: Box, degrees: tuple[int, int], nodes: Sequence[tuple[int, int]]
 ) -> list[Array]:
-    """Midpoints and radii (2, k) of the functions at some nodes."""
+    """Midpoints and radii (2, k) of the functions at Chebyshev nodes of the box."""
     with precision(2 * _BITS):
         equation = plane.equation(box)
         period, breaks = period_of(plane.system), plane.system.breaks
@@ -191,8 +192,8 @@ def _node(k: int, count: int) -> Ball:
 
 
 def _transformed(values: Array, counts: tuple[int, int]) -> tuple[Array, Array]:
-    """Coefficients (k, p+1, q+1) of Chebyshev polynomials from values (nodes, 2, k), midpoints and radii, and
-    bounds (k,) on the errors of the polynomials by radii and rounding."""
+    """Chebyshev coefficients (k, p+1, q+1) from values (nodes, 2, k), which are midpoints and radii, and
+    bounds (k,) on the errors of the polynomials due to the radii and to rounding."""
     across, upwards = (_analysis(count) for count in counts)
     coefficients, errors = [], []
     for middles, radii in zip(values[:, 0].T, values[:, 1].T, strict=True):
@@ -219,8 +220,8 @@ def _analysis(count: int) -> Matrix:
 
 
 def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, bool]:
-    """Numbers of nodes along x and y, None if these are too many, bounds (k,) on the interpolation errors,
-    and whether C is zero on the box. Equal ratios ρ are tried first, then neighbours of the best."""
+    """Numbers of nodes along x and y (None if too many), bounds (k,) on the interpolation errors, and whether
+    C is zero on the box. Equal ellipse ratios ρ are tried first, then neighbours of the best pair."""
     equation = plane.equation(box)
     real = plane.moved(equation, *(interval(arb(low), arb(high)) for low, high in box))
     period = period_of(plane.system)
@@ -255,15 +256,16 @@ def _degrees(plane: Plane, box: Box) -> tuple[tuple[int, int] | None, Array, boo
 
 
 def axis_to_halve(plane: Plane, box: Box, widths: Sequence[float]) -> int:
-    """The axis, x (0) or y (1), whose halving leaves the smaller bound S on one of the halves; of equal ones
-    the wider one. Near a value of one quantity at which the equations are not analytic, bisecting the other
-    serves nothing."""
+    """Axis, x (0) or y (1), whose bisection leaves the smaller bound S on one of the halves; the wider axis
+    if the bounds are equal. If the equations are not analytic near a value of one quantity, bisecting the
+    other has no effect."""
     x, y = (min(_size(plane, half) for half in box.halved(axis)) for axis in (0, 1))
     return int(widths[1] > widths[0] if x == y else y < x)
 
 
 def _size(plane: Plane, box: Box) -> float:
-    """Logarithm of S on the smallest ellipses about a box; infinite where the equations are not analytic."""
+    """Logarithm of the bound S on the smallest ellipses around a box; infinite if the equations are not
+    analytic there."""
     try:
         with precision(2 * _BITS):
             equation = plane.equation(box)
@@ -276,7 +278,7 @@ def _size(plane: Plane, box: Box) -> float:
 
 
 def _count(size: Ball, ratio: float) -> int:
-    """Nodes for an error of less than half of what is allowed, with Λ ≤ 4."""
+    """Number of nodes for which the interpolation error is below half the allowed error, with Λ ≤ 4."""
     return max(2, math.ceil(float((32 * size / _ACCURACY / (ratio - 1)).log()) / math.log(ratio)) + 1)
 
 
@@ -290,7 +292,7 @@ def _error(size: Ball, ratios: Sequence[float], counts: Sequence[int]) -> Ball:
 
 
 def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
-    """A complex ball that contains the ellipse about an interval."""
+    """Complex ball that contains the ellipse around an interval."""
     low, high = map(arb, side)
     half, inverse = (high - low) / 2, 1 / arb(ratio)
     along, across = (half * (ratio + inverse) / 2).upper(), (half * (ratio - inverse) / 2).upper()
@@ -299,8 +301,8 @@ def _rectangle(side: tuple[float, float], ratio: float) -> Ball:
 
 
 def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[float]) -> list[Ball]:
-    """Bounds on the moduli of the functions for complex values of the two quantities: of trace and
-    determinant for one coordinate, else of every entry of Φ."""
+    """Bounds on the moduli of the functions for complex values of the two quantities. The functions are trace
+    and determinant for one coordinate, otherwise the entries of Φ."""
     size = 2 * real.n
     growth, trace, pending = arb(0), arb(0), list(_panels(real, period, breaks))
     while pending:
@@ -320,8 +322,8 @@ def _bounds(real: Equation, ellipse: Equation, period: Ball, breaks: Sequence[fl
 
 
 def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[Ball, Ball]:
-    """Bounds on μ₂(A) and Re tr A on an interval of phases; in a window at a jump, where all outcomes of the
-    operations with pieces are possible, by a norm of A."""
+    """Bounds on μ₂(A) and Re tr A over an interval of phases. In a window around a jump, where piecewise
+    operations may take any branch, a norm of A is used."""
     if outcomes is not None:
         return equation.growth(phase, outcomes)
     rate = equation.largest_rate(phase)
@@ -333,7 +335,8 @@ def _rates(equation: Equation, phase: Ball, outcomes: Outcomes | None) -> tuple[
 def _panels(
     real: Equation, period: Ball, breaks: Sequence[float]
 ) -> Iterator[tuple[Ball, Ball, Outcomes | None]]:
-    """Intervals of the period with the outcomes of the operations with pieces, None in windows at jumps."""
+    """Intervals of the period with the branches of the piecewise operations; None for the branches in windows
+    around jumps."""
     for start, end, window in intervals(real, period, breaks):
         if window:
             yield start, end, None

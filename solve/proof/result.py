@@ -16,7 +16,8 @@ from solve.results.stability import Stability
 
 @dataclass(frozen=True)
 class ProvedOrbit(Serializable):
-    """Place of an orbit of nonlinear equations: exactly one exists near q̄(φ) = Re Σ_k c_k exp(2πikφ/T).
+    """Proved region of an orbit of nonlinear equations: exactly one orbit exists near q̄(φ) = Re Σ_k c_k
+    exp(2πikφ/T).
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ class ProvedOrbit(Serializable):
 
 @dataclass(frozen=True)
 class Proof(Serializable):
-    """Enclosures of multipliers and orbit, and the ordinary result with its true error.
+    """Enclosures of multipliers and orbit, and the true error of the ordinary result.
 
     Attributes
     ----------
@@ -89,7 +90,7 @@ class Proof(Serializable):
 
     @property
     def contradicted(self) -> bool:
-        """Whether the ordinary verdict and the proved one exclude each other."""
+        """Whether the ordinary verdict contradicts the proved one."""
         ordinary, low = self.result.verdict, float(self.spectral_radius[0])
         asymptotically, stable, unstable, _ = VERDICTS
         excluded = {
@@ -101,23 +102,23 @@ class Proof(Serializable):
         return ordinary in excluded.get(self.verdict, ())
 
     def file_contents(self) -> FileContents:
-        """Contents of files: those of the ordinary result, with the proof in the metadata."""
+        """Contents of files: those of the ordinary result, with the proof in their metadata."""
         contents = self.result.file_contents()
         return replace(contents, metadata={**contents.metadata, "proof": to_json(self.record)})
 
     def save(self, path: str | Path) -> None:
-        """Write the proof, with the ordinary result, to a file; see `Result.save`. `solve.open` reads .npz
-        and .nc."""
+        """Write the ordinary result with its proof to a file; see `Result.save`. `solve.open` reads .npz and
+        .nc."""
         file = checked_data(path)
         write_atomic(file, writer(self, file))
 
     def statistics(self, name: str) -> tuple[float, float]:
-        """Lower and upper bound of max|q| of a coordinate."""
+        """Lower and upper bound on max|q| of a coordinate."""
         return self.max_abs[name]
 
     @property
     def record(self) -> dict[str, Any]:
-        """The object `proof` of JSON."""
+        """Value of the JSON key `proof`."""
         place = self.orbit
         located = {} if place is None else {"radius": _listed(place.radius), "unique": _listed(place.unique)}
         discs = zip(self.multipliers.tolist(), self.radii.tolist(), strict=True)

@@ -16,7 +16,7 @@ _APART = 4
 
 @dataclass(frozen=True)
 class Multiplier:
-    """A disc with Floquet multipliers.
+    """Disc that contains one or more Floquet multipliers.
 
     center : complex ball without radius
     radius : upper bound, exact
@@ -33,26 +33,27 @@ class Multiplier:
 
     @property
     def low(self) -> Ball:
-        """Lower bound on the modulus of one of the multipliers, at least 0."""
+        """Lower bound, at least 0, on the modulus of one of the multipliers in the disc."""
         low = (abs(self.center) - self.radius).lower()
         return low if low > 0 else arb(0)
 
     @property
     def high(self) -> Ball:
-        """Upper bound on the modulus of each multiplier."""
+        """Upper bound on the moduli of the multipliers in the disc."""
         return (abs(self.center) + self.radius).upper()
 
 
 def multipliers(Phi: Matrix) -> list[Multiplier]:
-    """Discs of all eigenvalues of a real interval matrix (N, N), in order of decreasing modulus; those that
-    are not isolated from each other share a disc."""
+    """Discs that enclose all eigenvalues of a real interval matrix (N, N), in order of decreasing modulus.
+    Eigenvalues that cannot be separated share a disc."""
     Phi = acb_mat(Phi)
     found = [_discs(D) for D in _similar(Phi)]
     return min(found, key=lambda discs: float(largest(disc.high for disc in discs)))
 
 
 def _similar(Phi: Matrix) -> list[Matrix]:
-    """The matrix, and one that is similar to it and nearly diagonal, if its eigenvectors are regular."""
+    """The matrix and a nearly diagonal matrix that is similar to it, if its eigenvectors are linearly
+    independent."""
     X = Phi.mid().eig(right=True, algorithm="approx")[1].mid()
     try:
         return [Phi, X.solve(Phi * X)]
@@ -77,8 +78,8 @@ def _discs(D: Matrix) -> list[Multiplier]:
 
 
 def _with_real(discs: list[Multiplier]) -> list[Multiplier]:
-    """Discs with real centers where these prove that a multiplier is real: the only one in a disc that is
-    symmetric about the real axis, since its conjugate is a multiplier too."""
+    """Discs, with centers made real if the multiplier is proved real: it is alone in a disc symmetric about
+    the real axis, which also contains its conjugate."""
     made = list(discs)
     for at, disc in enumerate(discs):
         if not disc.isolated or disc.center.imag.is_zero() or abs(disc.center.imag) > disc.radius:
@@ -95,7 +96,7 @@ def _radius(x: Ball) -> Ball:
 
 
 def _least(distances: list[Ball]) -> Ball:
-    """Lower bound on distances, infinite if there are none."""
+    """Lower bound on the smallest distance; infinite without distances."""
     return min((distance.lower() for distance in distances), default=arb.pos_inf())
 
 
@@ -103,7 +104,7 @@ def _isolated(
     i: int, centers: list[Ball], radii: list[Ball], moduli: list[list[Ball]], own: Ball
 ) -> tuple[Ball, Ball] | None:
     """Radius of a disc about center i that contains exactly one eigenvalue, and a lower bound on the distance
-    of the others; None if none is found."""
+    of all other eigenvalues; None if no such disc is found."""
     others = [j for j in range(len(centers)) if j != i]
     if not others:
         return radii[i], arb.pos_inf()
@@ -124,7 +125,8 @@ def _isolated(
 
 
 def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
-    """Sets of discs that may overlap: each contains as many eigenvalues as it has discs."""
+    """Sets of discs that may overlap. The union of a set contains as many eigenvalues as the set has
+    discs."""
     sets: list[list[int]] = []
     for i in range(len(centers)):
         near = [
@@ -135,7 +137,8 @@ def _connected(centers: list[Ball], radii: list[Ball]) -> list[list[int]]:
 
 
 def _joined(some: list[int], centers: list[Ball], radii: list[Ball], count: int) -> Multiplier:
-    """A disc that contains a set of discs. If these are several, smaller ones may isolate multipliers."""
+    """Disc that contains a set of discs. If there are several sets, smaller discs that isolate single
+    multipliers are tried."""
     center = (sum((centers[i] for i in some), acb(0)) / len(some)).mid()
     reach = largest(abs(centers[i] - center) + radii[i] for i in some)
     others = [abs(centers[j] - center) - radii[j] for j in range(len(centers)) if j not in some]

@@ -1,4 +1,4 @@
-"""Enclosure of the map of one step by a Taylor polynomial with a bounded defect.
+"""Enclosure of the map of one step by a Taylor polynomial with a bound on its defect.
 
 On a step of length h, τ = t/h in [0, 1], the solution Y (2n, 2n+1) with Y(0) = (I, 0) is approximated by a
 polynomial Ỹ with exact coefficients. Its defects are D₁ = Ỹ₁′ − hWỸ₂ and D₂ = mỸ₂′ + hr(Ỹ, 1). The error E =
@@ -37,7 +37,7 @@ _BOUNDS = 64
 
 
 class StepTooLongError(Exception):
-    """No enclosure of the required accuracy on a step of this length."""
+    """Raised if a step of this length has no enclosure of the required accuracy."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Step:
 def step(
     equation: Equation, start: Ball, length: Ball, bits: int, most: float, allowed: float | None = None
 ) -> Step:
-    """Enclosure of a step with h‖A‖ below `most`, an error below `allowed`, and a truncation error below
-    2^-bits; the allowed error is 2^-bits if that is None.
+    """Enclosure of a step with h‖A‖ below `most`, an error below `allowed` (2^-bits if None), and a
+    truncation error below 2^-bits.
 
     Raises StepTooLongError where that is not reached, or an operation with pieces changes its outcome.
     """
@@ -100,8 +100,8 @@ def step(
 def _bounds_on_step(
     equation: Equation, start: Ball, length: Ball, outcomes: Outcomes, P: Matrix, most: float
 ) -> tuple[Ball, Ball]:
-    """Upper bounds on h‖A‖ and max(1, ‖m⁻¹‖) on the step. Raises StepTooLongError where m may be
-    singular, or h‖A‖ is too large."""
+    """Upper bounds on h‖A‖ and max(1, ‖m⁻¹‖) on the step. Raises StepTooLongError if m may be singular or
+    h‖A‖ is too large."""
     n, frequency = equation.n, float(equation.frequencies.max())
     rates, inverses = [arb(frequency) * length], [arb(1)]
     pending = [(part / _PARTS, (part + 1) / _PARTS) for part in range(_PARTS)]
@@ -121,7 +121,7 @@ def _bounds_on_step(
 
 
 def _rate(n: int, m: Matrix, r: Matrix) -> tuple[Ball, Ball]:
-    """Upper bounds on ‖m⁻¹r_y‖ and ‖m⁻¹‖, infinite where m may be singular."""
+    """Upper bounds on ‖m⁻¹r_y‖ and ‖m⁻¹‖; infinite if m may be singular."""
     try:
         inverse = m.inv()
     except ZeroDivisionError:
@@ -132,8 +132,8 @@ def _rate(n: int, m: Matrix, r: Matrix) -> tuple[Ball, Ball]:
 def _truncation(
     equation: Equation, start: Ball, length: Ball, outcomes: Outcomes, P: Matrix, aim: Ball
 ) -> tuple[int, tuple[Ball, Ball]]:
-    """Order J of the coefficients, and Σ_{j>J} ‖m_j‖h^j and Σ_{j>J} ‖r_j‖h^{j+1}, below the aim. Raises
-    StepTooLongError where the coefficients are not analytic on a disc twice as large as the step."""
+    """Order J for which Σ_{j>J} ‖m_j‖h^j and Σ_{j>J} ‖r_j‖h^{j+1} are below the aim, and these sums. Raises
+    StepTooLongError if the coefficients are not analytic on a disc twice as large as the step."""
     h, best = length.upper(), None
     for ratio in _RATIOS:
         radius = h * ratio
@@ -153,7 +153,7 @@ def _truncation(
 def _polynomial(
     n: int, W: Matrix, h: Ball, m: list[Matrix], r: list[Matrix], aim: Ball
 ) -> tuple[list[Matrix], Ball]:
-    """Coefficients of Ỹ, until these are below the aim, and Σ_k ‖D_k‖."""
+    """Coefficients of Ỹ, computed until they are below the aim, and Σ_k ‖D_k‖."""
     order = len(m) - 1
     rows, loads = [], []
     power = h
@@ -192,7 +192,7 @@ def _polynomial(
 
 
 def _forces(n: int, k: int, rows: list[Matrix], loads: list[list[Ball]], stacked: list[Matrix]) -> Matrix:
-    """The coefficient of τ^k of m Ỹ₂′ + h r (Ỹ, 1) without m_0 (k + 1) Y_{2,k+1}."""
+    """Coefficient of τ^k in m Ỹ₂′ + h r (Ỹ, 1), without the term m_0 (k + 1) Y_{2,k+1}."""
     total = arb_mat(n, 2 * n + 1)
     for j in range(max(0, k - len(stacked) + 1), min(k, len(rows) - 1) + 1):
         total += rows[j] * stacked[k - j]
@@ -205,14 +205,14 @@ def _forces(n: int, k: int, rows: list[Matrix], loads: list[list[Ball]], stacked
 
 
 def _stacked(n: int, k: int, term: Matrix) -> Matrix:
-    """Column that stacks Y_k and k Y_{2,k}."""
+    """Column with Y_k above k Y_{2,k}."""
     entries = term.entries()
     rates = [k * entry for entry in entries[n * (2 * n + 1) :]]
     return arb_mat(3 * n, 2 * n + 1, entries + rates)
 
 
 def _joined(first: Matrix, second: Matrix, divisor: int) -> Matrix:
-    """Exact midpoint of both, one above the other, divided by a whole number."""
+    """Exact midpoint of the first matrix above the second, divided by an integer."""
     made = arb_mat(2 * first.nrows(), first.ncols(), first.entries() + second.entries())
     return (made / divisor).mid()
 

@@ -1,4 +1,5 @@
-"""Functions of the phase that are not generated, as CasADi functions: functions of the user, and samples.
+"""Functions of the phase that are not generated (functions of the user, interpolated samples) as CasADi
+functions.
 
 A function `matrices(phase, speed)` is called with arrays of symbols. Its operations on these form a graph, as
 that of generated code, of which a proof evaluates every operation in ball arithmetic. What a graph cannot
@@ -30,7 +31,7 @@ _MOST_FACTORS = 16
 
 
 class Symbol:
-    """A symbolic number, for elements of arrays of objects. NumPy's functions call its methods."""
+    """Symbolic number as an element of arrays of objects. NumPy's functions call its methods."""
 
     def __init__(self, value: Any):
         self.value = value
@@ -67,7 +68,8 @@ class Symbol:
 
 
 def _plain(x: Any) -> Any:
-    """Value of a symbol, or a real number. Raises TypeError for a number that is not a double."""
+    """CasADi expression of a symbol, or a real number unchanged. Raises TypeError for a number that is not a
+    double."""
     if isinstance(x, Symbol):
         return x.value
     if np.iscomplexobj(x) or (value := float(x)) != x:
@@ -76,7 +78,7 @@ def _plain(x: Any) -> Any:
 
 
 def _forward(operation: Callable[[Any, Any], Any]) -> Callable[[Symbol, Any], Symbol]:
-    """The operation with a number; NumPy applies it to each element of an array."""
+    """Operation between a symbol and a number, which NumPy applies to each element of an array."""
     return lambda self, other: (
         NotImplemented if isinstance(other, np.ndarray) else Symbol(operation(self.value, _plain(other)))
     )
@@ -107,8 +109,8 @@ for _name in ("sin", "cos", "tan"):
 
 @symbolic
 def linearised(system: PeriodicSystem) -> casadi.Function:
-    """M, C, K and d of phase, speed and parameters; those of a generated model as they are. Raises
-    LinearModelError for a function of the user with operations that symbols do not have."""
+    """CasADi functions M, C, K and d of phase, speed and parameters; those of a generated model are returned
+    unchanged. Raises LinearModelError for a user's function with operations that symbols do not support."""
     if isinstance(system, Model):
         return system.setup.function("linearised")
     phase, speed = casadi.SX.sym("phase"), casadi.SX.sym("speed")
@@ -124,7 +126,8 @@ def linearised(system: PeriodicSystem) -> casadi.Function:
 
 @contextmanager
 def _unsimplified() -> Iterator[None]:
-    """CasADi rounds products of constants where it simplifies, as in 5 (0.2 x) = x: not inside the block."""
+    """Context manager that switches off CasADi's simplification, which rounds products of constants, as in 5
+    (0.2 x) = x."""
     before = casadi.GlobalOptions.getSimplificationOnTheFly()
     casadi.GlobalOptions.setSimplificationOnTheFly(False)
     try:
@@ -155,7 +158,7 @@ def _called(system: PeriodicSystem, phase: casadi.SX, speed: casadi.SX) -> list[
 
 
 def _matrices(system: PeriodicSystem, arrays: list[np.ndarray]) -> list[casadi.SX]:
-    """M, C, K and d of arrays at one phase."""
+    """Symbolic M, C, K and d from the arrays at one phase."""
     shapes = ((system.n, system.n),) * 3 + ((system.n, 1),)
     return [_matrix(array, shape) for array, shape in zip(arrays, shapes, strict=True)]
 
@@ -170,7 +173,7 @@ def _interpolated(samples: Samples, phase: casadi.SX) -> list[np.ndarray]:
 
 
 def _matrix(array: np.ndarray, shape: tuple[int, int]) -> casadi.SX:
-    """Symbolic matrix of an array; entries that are the number zero are structural zeros."""
+    """Symbolic matrix from an array; entries that are the number zero become structural zeros."""
     made = casadi.SX(*shape)
     for (i, j), x in np.ndenumerate(np.reshape(array, shape)):
         value = _plain(x)

@@ -27,7 +27,7 @@ _CELL = 0.5
 
 @dataclass(frozen=True)
 class StepBounds:
-    """Upper bounds on a step from t_i to t_{i+1}.
+    """Upper bounds for a step from t_i to t_{i+1}.
 
     growth : sup_t ‖Ψ(t, t_i)‖
     to_end : ∫ ‖Ψ(t_{i+1}, s)‖ ds
@@ -41,7 +41,7 @@ class StepBounds:
 
 @dataclass(frozen=True)
 class Transitions:
-    """κ and τ of a period, and the bounds on its steps."""
+    """Bounds κ and τ for a period, and the bounds for its steps."""
 
     kappa: Ball
     tau: Ball
@@ -61,8 +61,8 @@ def transitions(turn: Turn) -> Transitions:
 
 
 def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
-    """Norms of the products of the maps j … i−1, by (j, i). A product has log₂ levels of factors, so that its
-    radius does not grow exponentially with their number."""
+    """Norms of the products of the maps j … i−1, in a dictionary by (j, i). Products are formed by halves in
+    about log₂ levels, so that radii do not grow exponentially with the number of maps."""
     found = {(i, i): arb(1) for i in range(len(maps) + 1)}
 
     def fill(first: int, last: int) -> None:
@@ -84,7 +84,7 @@ def _norms(maps: list[Matrix]) -> dict[tuple[int, int], Ball]:
 
 
 def _from_start(maps: list[Matrix]) -> list[Matrix]:
-    """Products of the first map, the first two, …, by halves."""
+    """Products of the first map, of the first two, and so on, formed by halves."""
     if len(maps) < 2:
         return maps
     first, second = (_from_start(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
@@ -92,7 +92,7 @@ def _from_start(maps: list[Matrix]) -> list[Matrix]:
 
 
 def _to_end(maps: list[Matrix]) -> list[Matrix]:
-    """Products of all maps, all but the first, …, the last, by halves."""
+    """Products of all maps, of all but the first, and so on to the last map, formed by halves."""
     if len(maps) < 2:
         return maps
     first, second = (_to_end(half) for half in (maps[: len(maps) // 2], maps[len(maps) // 2 :]))
@@ -100,7 +100,7 @@ def _to_end(maps: list[Matrix]) -> list[Matrix]:
 
 
 def _homogeneous(map: Matrix) -> Matrix:
-    """The map of the state without the load."""
+    """Map of the state, without the load."""
     return arb_mat([row[:-1] for row in map.table()[:-1]])
 
 
@@ -126,7 +126,7 @@ def _on_step(step: Step, length: Ball) -> StepBounds:
 
 
 def _value(step: Step, at: Ball) -> Matrix:
-    """Enclosure of Y at a fraction of the step, without the load."""
+    """Enclosure of Y, without the load, at a fraction of the step."""
     total = step.terms[-1]
     for term in reversed(step.terms[:-1]):
         total = total * at + term

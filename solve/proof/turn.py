@@ -1,4 +1,4 @@
-"""The maps of a period: steps between the jumps, and their products by halves.
+"""Maps of the steps of a period, which end at the jumps, and their products by halves.
 
 Comparisons in generated code are made with rounded numbers, so that a jump is somewhere near its break. In a
 window of a few units in the last place around each break, every outcome is admitted, and the map is the
@@ -43,7 +43,7 @@ _Found = tuple[Ball, Ball, Step]
 
 @dataclass(frozen=True)
 class Turn:
-    """Steps of a period: start and length of each, and its enclosure."""
+    """Steps of a period, each with its start, length and enclosure."""
 
     period: Ball
     starts: tuple[Ball, ...]
@@ -51,8 +51,8 @@ class Turn:
     steps: tuple[Step, ...]
 
     def levels(self) -> list[list[Matrix]]:
-        """Products of 1, 2, 4, … neighbouring maps; the last one is that of the period. Radii grow with the
-        number of levels, and not exponentially with the number of steps."""
+        """Products of 1, 2, 4, … neighbouring maps. The last product is the map of the period. Radii grow
+        with the number of levels, not exponentially with the number of steps."""
         levels = [[each.map for each in self.steps]]
         while len(levels[-1]) > 1:
             pairs = itertools.zip_longest(levels[-1][::2], levels[-1][1::2])
@@ -60,7 +60,7 @@ class Turn:
         return levels
 
     def states(self, start: Matrix) -> list[Matrix]:
-        """States (2n+1, 1) at the start of each step, from the first one."""
+        """States (2n+1, 1) at the start of each step, computed from the state at the start of the first."""
         states = [start]
         for maps in reversed(self.levels()[:-1]):
             states = [
@@ -72,8 +72,8 @@ class Turn:
 
 @dataclass(frozen=True)
 class Marching:
-    """How steps are found: each with a truncation error below 2^-bits and h‖A‖ below `most`; see `step` for
-    `allowed`. executor: computes the steps of parts of the period in parallel."""
+    """Requirements on the steps: a truncation error below 2^-bits and h‖A‖ below `most`; see `step` for
+    `allowed`. executor: computes steps of different parts of the period in parallel."""
 
     bits: int
     most: float
@@ -82,7 +82,7 @@ class Marching:
 
 
 def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Marching) -> Turn:
-    """Steps of a period. Raises StepsError where no step is found."""
+    """Compute the steps of a period. Raises StepsError if a step cannot be enclosed."""
     executor, alone = marching.executor, replace(marching, executor=None)
     parts = list(_parts(equation, period, breaks, 1 if executor is None else _PARTS))
     march = partial(_march, equation, float(period.mid()), alone)
@@ -99,8 +99,8 @@ def turn(equation: Equation, period: Ball, breaks: Sequence[float], marching: Ma
 
 
 def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int) -> Iterator[_Part]:
-    """Start and end of intervals of at most 1/count of the period, and of windows, which are marked. Ends of
-    parts between jumps are exact."""
+    """Start and end of intervals of at most 1/count of the period, and of windows around jumps, which are
+    marked. Interval ends between jumps are exact."""
     for start, end, window in intervals(equation, period, breaks):
         if window:
             yield start, end, True
@@ -113,13 +113,14 @@ def _parts(equation: Equation, period: Ball, breaks: Sequence[float], count: int
 
 
 def _steps(march: Callable[[_Part], Iterator[_Found]], bits: int, part: _Part) -> list[_Found]:
-    """Steps of a part of the period in another process, with some bits of working precision."""
+    """Steps of one part of the period, computed in another process with the given working precision in
+    bits."""
     with precision(bits):
         return list(march(part))
 
 
 def _march(equation: Equation, period: float, marching: Marching, part: _Part) -> Iterator[_Found]:
-    """Steps of a part of the period."""
+    """Steps of one part of the period."""
     start, end, window = part
     if window:
         yield _window(equation, start, end - start)
@@ -128,7 +129,8 @@ def _march(equation: Equation, period: float, marching: Marching, part: _Part) -
 
 
 def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iterator[_Part]:
-    """Start and end of the intervals between the jumps and of the windows around these, which are marked."""
+    """Start and end of the intervals between the jumps, and of the windows around the jumps, which are
+    marked."""
     end, first = float(period.mid()), 0.0
     width = _WINDOW * math.ulp(end)
     if _jumps(equation, arb(-width), arb(width)):
@@ -146,7 +148,7 @@ def intervals(equation: Equation, period: Ball, breaks: Sequence[float]) -> Iter
 
 
 def _jumps(equation: Equation, start: Ball, end: Ball) -> bool:
-    """Whether an operation with pieces may change its outcome between two phases."""
+    """Whether a piecewise operation may change its branch between two phases."""
     try:
         equation.outcomes(start, end, 0)
     except UndecidedError:

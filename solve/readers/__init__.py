@@ -1,1 +1,1 @@
-"""Systems from matrices of other tools. Files are data: nothing in them is executed."""
+"""Systems from matrices of other programs. The files are data; their content is not executed."""

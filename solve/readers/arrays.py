@@ -89,7 +89,7 @@ def _first_order(arrays: Mapping[str, Any], source: Source, options: Mapping[str
 
 
 def _matrix(arrays: Mapping[str, Any], name: str, file: str) -> Array:
-    """Array (k, …, …) with a name; a two-dimensional one is a constant matrix. Raises FileError."""
+    """Array (k, …, …) with the given name; a two-dimensional array is a constant matrix. Raises FileError."""
     if name not in arrays:
         raise FileError(f"'{file}' has no {name}; give M and K, or A")
     values = _real(arrays[name], name, file)
@@ -102,7 +102,7 @@ def _matrix(arrays: Mapping[str, Any], name: str, file: str) -> Array:
 
 
 def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: str) -> Array:
-    """Array (k, n) with a name; zero if it is missing. Raises FileError."""
+    """Array (k, n) with the given name; zero if it is missing. Raises FileError."""
     if name not in arrays:
         return np.zeros((count, size))
     values = _real(arrays[name], name, file)
@@ -117,10 +117,10 @@ def _vector(arrays: Mapping[str, Any], name: str, count: int, size: int, file: s
 
 
 def _real(values: Any, name: str, file: str) -> Array:
-    """Values, checked to be finite real numbers. Raises FileError."""
+    """Return the values. Raises FileError unless they are finite real numbers."""
     array = np.asarray(values)
     if array.dtype.kind not in "fiub":
-        raise FileError(f"'{file}': {name} holds {array.dtype}; expected real numbers")
+        raise FileError(f"'{file}': {name} contains {array.dtype}; expected real numbers")
     array = array.astype(float)
     if not np.isfinite(array).all():
         raise FileError(f"'{file}': {name} has NaN or infinite entries; expected finite numbers")
@@ -138,12 +138,12 @@ def _require_shapes(arrays: Mapping[str, Array], shape: tuple[int, int], file: s
 
 
 def _repeated(array: Array, count: int) -> Array:
-    """Array with constant values repeated at every azimuth."""
+    """Array in which constant values are repeated at every azimuth."""
     return np.repeat(array, count, axis=0) if len(array) == 1 else array
 
 
 def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
-    """Azimuths in rad; None if the file has no azimuth, or a single one."""
+    """Azimuths in rad; None if the file contains no azimuths, or only one."""
     if "phase" not in arrays:
         return None
     phases = _real(arrays["phase"], "phase", file).ravel()
@@ -151,7 +151,7 @@ def _phases(arrays: Mapping[str, Any], file: str) -> Array | None:
 
 
 def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:
-    """Number with a name; None if it is missing. Raises FileError."""
+    """Number with the given name; None if it is missing. Raises FileError."""
     if name not in arrays:
         return None
     values = _real(arrays[name], name, file).ravel()
@@ -161,17 +161,17 @@ def _number(arrays: Mapping[str, Any], name: str, file: str) -> float | None:
 
 
 def _texts(arrays: Mapping[str, Any], name: str, file: str) -> list[str]:
-    """Texts with a name; empty if they are missing. Raises FileError."""
+    """Texts with the given name; empty if they are missing. Raises FileError."""
     if name not in arrays:
         return []
     texts = [np.asarray(text).ravel() for text in np.asarray(arrays[name]).ravel()]
     if any(len(text) != 1 or text.dtype.kind not in "US" for text in texts):
-        raise FileError(f"'{file}': {name} are not texts; give a name for each")
+        raise FileError(f"'{file}': {name} are not texts; give each of them a name as text")
     return [text[0].decode() if isinstance(text[0], bytes) else str(text[0]).strip() for text in texts]
 
 
 def _checked_names(names: Sequence[str], count: int, kind: str, file: str) -> Sequence[str]:
-    """Names, checked to be as many as expected. Raises FileError."""
+    """Return the names. Raises FileError unless their number is as expected."""
     if len(names) != count:
         raise FileError(f"'{file}' names {len(names)} {kind}; expected {count}, one for each row")
     return names

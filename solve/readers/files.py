@@ -1,4 +1,4 @@
-"""Paths and patterns of files, and the names of matrices in them."""
+"""Paths and patterns of files, and names of the matrices in them."""
 
 import glob
 import re
@@ -15,8 +15,8 @@ _MOST_FILES = 10_000
 """Maximum number of files of a pattern. A choice."""
 
 
-def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
-    """Files that paths and patterns denote; those of a pattern are ordered by the numbers in their names.
+def matching_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    """Files matched by paths and patterns. Files of a pattern are ordered by the numbers in their names.
 
     Raises FileError without any file.
     """
@@ -40,14 +40,14 @@ def expanded(paths: str | Path | Sequence[str | Path]) -> list[Path]:
 
 
 def checked_path(path: object) -> str | Path:
-    """Checked path. Raises FileError for objects that are not a path."""
+    """Convert to a path. Raises FileError for objects that are not paths."""
     if not isinstance(path, str | Path):
         raise FileError(f"path is {path!r}; give the path of a file")
     return path
 
 
 def is_matrix_file(text: str) -> bool:
-    """Whether a text is the path or pattern of a file that can be read.
+    """Whether a text is the path of a file, or a pattern of files, that can be read.
 
     >>> is_matrix_file("run.*.lin"), is_matrix_file("cam"), is_matrix_file("cam.py")
     (True, False, False)
@@ -56,7 +56,7 @@ def is_matrix_file(text: str) -> bool:
 
 
 def is_pattern(text: str) -> bool:
-    """Whether a path has wildcards.
+    """Whether a path contains wildcards.
 
     >>> is_pattern("run.*.lin"), is_pattern("run.1.lin")
     (True, False)

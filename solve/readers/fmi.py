@@ -1,4 +1,4 @@
-"""A functional mock-up unit for model exchange, FMI 2 or 3, run by FMPy (https://fmi-standard.org)."""
+"""Functional mock-up unit for model exchange, FMI 2 or 3, run by FMPy (https://fmi-standard.org)."""
 
 import ctypes
 from collections.abc import Callable, Mapping
@@ -17,7 +17,7 @@ _MOST_UPDATES = 100
 
 
 class Unit:
-    """Instance of a unit in continuous time. A context manager, which removes it.
+    """Instance of a unit in continuous-time mode; a context manager that removes it at the end.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Unit:
             raise
 
     def _declare(self, description: Any) -> None:
-        """Names, value references and labels. Raises FileError for units of other kinds."""
+        """Read names, value references and labels. Raises FileError for units of other kinds."""
         exchange = description.modelExchange
         if exchange is None or description.fmiVersion not in ("2.0", "3.0"):
             raise FileError(
@@ -64,7 +64,7 @@ class Unit:
             "outputs": self._of_causality("output"),
         }
         if not rates or any(variable.dimensions for group in found.values() for variable in group):
-            raise FileError(f"'{self.path}' has no states, or arrays; allowed: scalar states and signals")
+            raise FileError(f"'{self.path}' has no states, or has arrays; allowed: scalar states and signals")
         self.states, self.inputs, self.outputs = (
             [variable.name for variable in group] for group in found.values()
         )
@@ -119,7 +119,7 @@ class Unit:
         for _ in range(_MOST_UPDATES):
             pending, ends, *_, timed, time = unit.newDiscreteStates() if is_2 else unit.updateDiscreteStates()
             if ends:
-                raise FileError("it ends at its initialisation")
+                raise FileError("its simulation ends at the initialisation")
             if not pending:
                 break
         else:
@@ -137,7 +137,7 @@ class Unit:
 
     @staticmethod
     def _filled(getter: Callable[..., Any], count: int) -> Array:
-        """Numbers (count,) of a function of FMI."""
+        """Numbers (count,) that an FMI function returns."""
         values = (ctypes.c_double * count)()
         getter(values, count)
         return np.array(values)
@@ -148,19 +148,19 @@ class Unit:
         self._instance.setContinuousStates(pointer, len(x))  # type: ignore[union-attr]
 
     def rates(self, time: float, x: Array) -> Array:
-        """ẋ (N,) at a time in s and states (N,)."""
+        """Rates ẋ (N,) at a time in s for states (N,)."""
         self._set(time, x)
         return self._filled(self._get_rates, len(x))
 
     def products(self, time: float, x: Array, seeds: Array) -> Array:
-        """Directional derivatives (N, k) of ẋ along directions (N, k) of the states."""
+        """Directional derivatives (N, k) of ẋ in the directions (N, k) of the states."""
         self._set(time, x)
         known = self._known[: len(x)]
         columns = [self._derivative(self._rates, known, seed) for seed in seeds.T]
         return np.stack(columns, axis=1)
 
     def jacobian(self, time: float, x: Array) -> Array:
-        """Derivatives (N + y, N + r) of ẋ and the outputs by the states and the inputs."""
+        """Derivatives (N + y, N + r) of ẋ and the outputs with respect to the states and the inputs."""
         self._set(time, x)
         columns = [self._derivative(self._unknown, [known], [1.0]) for known in self._known]
         return np.stack(columns, axis=1)

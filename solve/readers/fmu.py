@@ -92,7 +92,7 @@ def read_fmu(
             require_name(f"state of '{file}'", name, unit.states)
         kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
         if not len(kept):
-            raise ValueOutOfBoundsError("exclude names all states; leave one or more")
+            raise ValueOutOfBoundsError("exclude lists all states; keep at least one state")
         if motion is None:
             function = closed_motion(unit, kept, duration)
             states, jacobians = _sampled(unit, function, duration, kept)
@@ -107,7 +107,7 @@ def read_fmu(
 
 
 def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array]:
-    """States (k, N) and derivatives (k, …) at as many azimuths as the harmonics require."""
+    """States (k, N) and Jacobians (k, …), at as many azimuths as their harmonics require."""
     count = _FEWEST_AZIMUTHS
     while True:
         states = motion(np.arange(count) * (duration / count)).T
@@ -124,16 +124,16 @@ def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[
 
 
 def _jacobians(unit: Unit, states: Array, duration: float) -> Array:
-    """Derivatives (k, N + y, N + r) at uniform times. Raises FileError."""
+    """Jacobians (k, N + y, N + r) at uniform times. Raises FileError."""
     times = np.arange(len(states)) * (duration / len(states))
     found = np.array([unit.jacobian(t, x) for t, x in zip(times, states, strict=True)])
     if not np.isfinite(found).all():
-        raise FileError(f"'{unit.path}' has derivatives that are no finite numbers along its motion")
+        raise FileError(f"'{unit.path}' has NaN or infinite derivatives along its motion")
     return found
 
 
 def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
-    """States (k, N) of a given motion. Raises UnknownNameError, ValueOutOfBoundsError."""
+    """States (k, N) of the motion given by the user. Raises UnknownNameError, ValueOutOfBoundsError."""
     for name in motion:
         require_name(f"state of '{unit.path}'", name, unit.states)
     missing = [name for name in unit.states if name not in motion]
@@ -143,7 +143,7 @@ def _given(unit: Unit, motion: Mapping[str, Array]) -> Array:
         raise ValueOutOfBoundsError(f"motion needs equally many values, 3 or more, of each state; {reason}")
     states = np.stack([np.asarray(motion[name], dtype=float) for name in unit.states], axis=1)
     if not np.isfinite(states).all():
-        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite ones")
+        raise ValueOutOfBoundsError("motion has NaN or infinite values; give finite values")
     return states
 
 
@@ -157,19 +157,19 @@ def _require_one_set_of_equations(unit: Unit, states: Array, duration: float) ->
 
 
 def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
-    """Raise ValueOutOfBoundsError if the remaining states act on an excluded one."""
+    """Raise ValueOutOfBoundsError if an excluded state depends on the remaining ones."""
     others = np.setdiff1d(np.arange(len(unit.states)), kept)
     influence = np.abs(jacobians[:, others][:, :, kept]).max(axis=0)
     acting = np.argwhere(influence > _COUPLED * np.abs(jacobians).max())
     if len(acting):
         first, second = unit.states[others[acting[0, 0]]], unit.states[kept[acting[0, 1]]]
         raise ValueOutOfBoundsError(
-            f"exclude names {first}, whose rate depends on {second}; exclude states with a prescribed motion"
+            f"exclude lists {first}, whose rate depends on {second}; exclude states with a prescribed motion"
         )
 
 
 def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> SampledStates:
-    """System of the remaining states."""
+    """System of the states that are not excluded."""
     N = len(unit.states)
     A, B = jacobians[:, kept][:, :, kept], jacobians[:, kept, N:]
     signals: Signals | None = None
@@ -185,7 +185,7 @@ def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> Sampled
 
 
 def _source(unit: Unit, file: Path, speed: float, states: Array) -> Source:
-    """Labels of the unit."""
+    """Labels of the system from the unit."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
     points = dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

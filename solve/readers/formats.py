@@ -115,7 +115,7 @@ def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
 
 
 def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
-    """System of the arrays of a file. Raises FileError."""
+    """System from the arrays of a file. Raises FileError."""
     file = Path(checked_path(path))
     arrays = named_arrays(file, ending)
     if ending == ".mat":
@@ -124,8 +124,8 @@ def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:
 
 
 def _azimuth_first(name: str, values: Array) -> Array:
-    """MATLAB array with the last index moved to the front; a two-dimensional array only if it contains
-    vectors over the azimuth."""
+    """MATLAB array with the last index moved to the front. A two-dimensional array is changed only if it
+    contains vectors over the azimuth."""
     if name not in _OVER_AZIMUTH or (values.ndim == 2 and name not in "db"):
         return values
     return np.moveaxis(values, -1, 0)

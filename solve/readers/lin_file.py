@@ -1,4 +1,5 @@
-"""One linearisation file of OpenFAST (`.lin`, format of versions 2 to 4): operating points and A, B, C, D."""
+"""Reader of one OpenFAST linearisation file (`.lin`, format of versions 2 to 4): operating points and A, B,
+C, D."""
 
 import itertools
 import math
@@ -26,7 +27,7 @@ _COUNTS = {"continuous states": "states", "inputs": "inputs", "outputs": "output
 
 
 class Signal(NamedTuple):
-    """State, input or output: description with unit, operating point, and whether it is in the rotating
+    """State, input or output: description with unit, operating point, and whether it refers to the rotating
     frame."""
 
     description: str
@@ -48,7 +49,7 @@ class LinFile:
 
     @classmethod
     def read(cls, path: Path) -> "LinFile":
-        """Read a file. Raises FileError that names file and line."""
+        """Read a file. Raises FileError, whose text contains file and line."""
         try:
             lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
         except OSError as error:
@@ -123,7 +124,7 @@ class _Parser:
         self.file.matrices[name] = values
 
     def _shape(self, name: str) -> tuple[int, int]:
-        """Shape of a matrix, from the numbers of states, inputs and outputs."""
+        """Shape of a matrix according to the numbers of states, inputs and outputs."""
         states, inputs, outputs = (self.file.counts.get(kind, 0) for kind in _COUNTS.values())
         return {
             "A": (states, states),
@@ -133,7 +134,7 @@ class _Parser:
         }[name]
 
     def _numbers(self, text: str, count: int | None) -> Sequence[float]:
-        """Finite numbers of a text. Raises FileError."""
+        """Finite numbers in a text. Raises FileError."""
         try:
             values = [float(word) for word in text.split()]
         except ValueError:
@@ -148,7 +149,7 @@ class _Parser:
         return int(text)
 
     def _check(self) -> None:
-        """Raise FileError for a file without what a system needs."""
+        """Raise FileError if the file lacks data that a system requires."""
         file, missing = self.file, "is not a linearisation file of OpenFAST, or is truncated: it has no"
         for name, value in (("'Azimuth'", file.azimuth), ("'Rotor Speed'", file.speed)):
             if math.isnan(value):

@@ -1,4 +1,4 @@
-"""Matrices in Matrix Market files, one file per matrix and azimuth."""
+"""Matrices in Matrix Market files, with one file per matrix and azimuth."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from solve.array_files import matrix_market
 from solve.arrays import Array
 from solve.errors import FileError
 from solve.readers.arrays import Read, system_of
-from solve.readers.files import expanded
+from solve.readers.files import matching_files
 from solve.units import speed_in_si
 
 _SYMBOL = re.compile(r"(?:^|[._-])(M|Cq|C|K|d|A|B|D|b)(?:[._-]?(\d+))?\.mtx$")
@@ -58,7 +58,7 @@ def read_matrix_market(
     >>> read_matrix_market(f"{folder}/run.*.mtx", speed=1.0).n
     1
     """
-    files = expanded(paths)
+    files = matching_files(paths)
     series: dict[str, dict[int, Path]] = {}
     for file in files:
         found = _SYMBOL.search(file.name)
@@ -88,7 +88,7 @@ def read_matrix_market(
 
 
 def _stacked(numbers: dict[int, Path]) -> Array:
-    """Matrices (k, …) in the order of their numbers. Raises FileError."""
+    """Matrices (k, …) stacked in ascending order of their numbers. Raises FileError."""
     matrices = [matrix_market(numbers[number]) for number in sorted(numbers)]
     first = next(iter(numbers.values()))
     if len({matrix.shape for matrix in matrices}) > 1:

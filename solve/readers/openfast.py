@@ -1,4 +1,4 @@
-"""Linearisations of a wind turbine by OpenFAST over the azimuth of its rotor."""
+"""Linearisations of a wind turbine by OpenFAST over the azimuth of the rotor."""
 
 import itertools
 import math
@@ -11,7 +11,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.errors import FileError, require_name
 from solve.first_order import Signals
-from solve.readers.files import expanded
+from solve.readers.files import matching_files
 from solve.readers.lin_file import LinFile, Signal
 from solve.readers.sampled import SampledStates, Source
 
@@ -67,7 +67,7 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
     Traceback (most recent call last):
     solve.errors.FileError: no file matches 'no_such_file.*.lin'; give the path of files that exist
     """
-    files = [LinFile.read(path) for path in _whole_turbine(expanded(paths))]
+    files = [LinFile.read(path) for path in _whole_turbine(matching_files(paths))]
     first = files[0]
     _require_same(files)
     names = {kind: _names(first.signals.get(kind, []), kind) for kind in ("states", "inputs", "outputs")}
@@ -86,13 +86,13 @@ def read_openfast(paths: str | Path | Sequence[str | Path], exclude: Sequence[st
 
 
 def _whole_turbine(paths: Sequence[Path]) -> list[Path]:
-    """Paths without the files of single modules, unless there are only such files."""
+    """Paths without the files of individual modules, unless there are no others."""
     whole = [path for path in paths if not re.search(r"\.\d+\.[A-Za-z]\w*\.lin$", path.name)]
     return whole or list(paths)
 
 
 def _require_same(files: Sequence[LinFile]) -> None:
-    """Raise FileError for files of different models or operating points."""
+    """Raise FileError for files from different models or operating points."""
     first = files[0]
     for file in files[1:]:
         for kind in ("states", "inputs", "outputs"):
@@ -115,11 +115,13 @@ def _require_same(files: Sequence[LinFile]) -> None:
             "one operating point"
         )
     if speeds.mean() <= 0:
-        raise FileError(f"the rotor speed is {speeds.mean():g} rad/s; linearise a rotating rotor")
+        raise FileError(
+            f"the rotor speed is {speeds.mean():g} rad/s; give files linearised at a rotating rotor"
+        )
 
 
 def _names(signals: Sequence[Signal], kind: str) -> list[str]:
-    """Names of signals: the label of a degree of freedom, or the words of the description."""
+    """Short names of signals: the label of a degree of freedom, or words of the description."""
     names: list[str] = []
     for signal in signals:
         name = _name(signal.description)
@@ -158,7 +160,7 @@ def _kept(states: Sequence[str], exclude: Sequence[str]) -> list[int]:
 
 
 def _azimuth(file: LinFile) -> float:
-    """Azimuth in rad within a revolution, from the states if they agree with the printed one."""
+    """Azimuth in rad within a revolution, computed from the states if they agree with the printed value."""
     angles = []
     for text in _AZIMUTH_STATES:
         angles += [
@@ -173,7 +175,7 @@ def _azimuth(file: LinFile) -> float:
 
 
 def _signals(matrices: dict[str, Array], names: dict[str, list[str]], kept: Sequence[int]) -> Signals | None:
-    """B, C, D of the kept states with their names; None unless all three are present."""
+    """Matrices B, C, D for the states that are kept, with names; None unless all three are present."""
     if not {"B", "C", "D"} <= matrices.keys() or not (names["inputs"] or names["outputs"]):
         return None
     states = {names["states"][k] for k in kept}
@@ -206,5 +208,5 @@ def _source(files: Sequence[LinFile], names: dict[str, list[str]]) -> Source:
 
 
 def _common_name(paths: Sequence[Path]) -> str:
-    """Common beginning of the names of the files."""
+    """Common beginning of the file names."""
     return re.sub(r"(\.\d+)?\.lin$", "", paths[0].name)

@@ -1,4 +1,4 @@
-"""Systems from paths of files, which commands accept in place of a model."""
+"""Systems read from paths of files, which commands accept in place of a model."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -20,5 +20,5 @@ READERS: dict[str, Callable[..., Any]] = {
 
 
 def read(text: str) -> Read:
-    """System read from a path or pattern. Raises FileError, MatricesError."""
+    """Read a system from a path or pattern. Raises FileError, MatricesError."""
     return READERS[Path(text).suffix.lower()](text)

@@ -1,4 +1,4 @@
-"""Systems that were sampled by another tool at one speed."""
+"""Systems that another program sampled at one speed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ speed with four digits or more."""
 
 @dataclass(frozen=True)
 class Source:
-    """Origin of samples: file, tool and speed.
+    """Origin of samples: file, program and speed.
 
     Attributes
     ----------
@@ -45,12 +45,12 @@ class Source:
 
 
 class _OfSource:
-    """Mixin that adds the labels of a source, and a warning at other speeds."""
+    """Mixin that sets the labels of a source, and warns at other speeds."""
 
     source: Source
 
     def of_source(self, source: Source) -> None:
-        """Take the labels of the source."""
+        """Set the labels of the source. Returns the system."""
         if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
             raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")
         vars(self).update(

@@ -1,4 +1,4 @@
-"""Periodic motion of a functional mock-up unit by shooting."""
+"""Periodic motion of a functional mock-up unit, found by shooting."""
 
 from collections.abc import Callable
 
@@ -30,7 +30,7 @@ Motion = Callable[[Array], Array]
 
 
 def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
-    """Motion over a period from states of which those at positions `kept` (k,) are periodic.
+    """Motion over a period. The states with indices `kept` (k,) are periodic.
 
     The others start at their start values. Raises FileError if the motion cannot be integrated, is not
     isolated, or is not found.
@@ -53,7 +53,7 @@ def closed_motion(unit: Unit, kept: Array, duration: float) -> Motion:
 
 
 def _solved(unit: Unit, Phi: Array, residual: Array, sizes: Array) -> Array:
-    """(I - Φ)⁻¹ times the residual. Raises FileError for a multiplier +1."""
+    """Solution of (I - Φ) x = residual. Raises FileError for a multiplier +1."""
     scaled = np.eye(len(Phi)) - Phi * sizes / sizes[:, None]
     singular = np.linalg.svd(scaled, compute_uv=False)
     if singular[-1] <= _SINGULAR * singular[0]:
@@ -65,7 +65,8 @@ def _solved(unit: Unit, Phi: Array, residual: Array, sizes: Array) -> Array:
 
 
 def _integrated(unit: Unit, x: Array, duration: float) -> tuple[Motion, Array, Array]:
-    """Motion from states (N,), the states at the end, and their largest moduli, at least tiny."""
+    """Motion from initial states (N,), the states at the end, and the largest moduli of the states, at least
+    a tiny number."""
     from scipy.integrate import solve_ivp
 
     found = solve_ivp(
@@ -89,7 +90,7 @@ def _nonzero(sizes: Array) -> Array:
 
 
 def _monodromy(unit: Unit, x: Array, kept: Array, duration: float) -> Array:
-    """Derivatives (k, k) of the kept states at the end of a period by those at its start."""
+    """Derivatives (k, k) of the states `kept` at the end of a period with respect to those at its start."""
     from scipy.integrate import solve_ivp
 
     N, k = len(x), len(kept)

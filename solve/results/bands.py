@@ -44,7 +44,7 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class Bands(Sequence[Band], Result):
-    """Unstable bands in ascending order, a sequence of `Band`, from `solve.bands`.
+    """Sequence of unstable bands in ascending order, from `solve.bands`.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ _SHORT = {STABLE: "stable", UNSTABLE: "unstable", UNDETERMINED: "open"}
 
 @dataclass(frozen=True)
 class BranchPoints(ResultOver):
-    """Nonlinear orbits of P points of a branch.
+    """Nonlinear orbits at P points of a branch.
 
     Attributes
     ----------
@@ -109,8 +109,8 @@ class BranchPoints(ResultOver):
 
     @property
     def verdicts(self) -> list[str]:
-        """Verdicts (P,), which are "undetermined" within the errors of the spectral radii, with the margins
-        of `solve.period.multipliers.verdicts`."""
+        """Verdicts (P,), with the margins of `solve.period.multipliers.verdicts`; "undetermined" within the
+        errors of the spectral radii."""
         errors = self.errors[:, 1]
         beyond = np.where(self.radius - SURE * errors > 1 + UNIT_CIRCLE, UNSTABLE, UNDETERMINED)
         return np.where(self.radius + errors < 1 - UNIT_CIRCLE, STABLE, beyond).tolist()
@@ -136,7 +136,7 @@ class Branch(BranchPoints):
     _recorded: ClassVar[str] = "turning folds doublings tori jumps rtol periods"
 
     def curve(self, point: int) -> FourierCurve:
-        """Orbit of a point, from which `solve.nonlinear` starts to compute it to a tolerance.
+        """Orbit at a point, as a start for `solve.nonlinear`, which computes it to a tolerance.
 
         Examples
         --------
@@ -162,17 +162,17 @@ class Branch(BranchPoints):
 
     @property
     def folds(self) -> list[dict[str, Any]]:
-        """Turning points of the branches in their order."""
+        """Folds of all branches, in the order of the branches."""
         return self._special(FOLD)
 
     @property
     def doublings(self) -> list[dict[str, Any]]:
-        """Period doublings, where a multiplier is -1."""
+        """Period doublings, at which a multiplier is -1."""
         return self._special(DOUBLING)
 
     @property
     def tori(self) -> list[dict[str, Any]]:
-        """Neimark–Sacker points, where a pair of complex multipliers passes the unit circle."""
+        """Neimark–Sacker points, at which a pair of complex multipliers passes the unit circle."""
         return self._special(TORUS)
 
     def _special(self, kind: str) -> list[dict[str, Any]]:
@@ -196,8 +196,8 @@ class Branch(BranchPoints):
     @property
     def jumps(self) -> list[dict[str, Any]]:
         """Jumps of the response during a slow change of the parameter along the first branch: direction,
-        value of the parameter, and largest modulus of the first coordinate before and after the jump; None if
-        the branch has no stable orbit on that side."""
+        value of the parameter, and largest modulus of the first coordinate before and after the jump. None
+        stands for a side without a stable orbit."""
         first_branch, records = np.flatnonzero(self.numbers == 0), []
         values, peaks, verdicts = (
             self.values[first_branch],
@@ -255,7 +255,7 @@ class Branch(BranchPoints):
         return sentences
 
     def _where(self, which: Array) -> str:
-        """Text that locates points (P,)."""
+        """Text that describes the location of points (P,)."""
         first = self.system.unit_of(self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
@@ -286,7 +286,7 @@ class Branch(BranchPoints):
         return columns_by_name(columns)
 
     def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
-        """Columns of the statistics of a quantity; the table shows the largest moduli of the first
+        """Columns of the statistics of a quantity. Tables show the largest moduli of the first
         coordinates."""
         unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
         columns = []
@@ -328,7 +328,7 @@ class Branch(BranchPoints):
 
 
 def _distance(kind: str, multipliers: Array) -> Array:
-    """Distance of multipliers from the point of the unit circle that defines a kind of point."""
+    """Distance of the multipliers from the point of the unit circle that defines a kind of special point."""
     if kind == TORUS:
         return np.where(np.imag(multipliers) > 0, np.abs(multipliers) - 1, np.inf)
     return multipliers - (1 if kind == FOLD else -1)

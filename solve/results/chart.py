@@ -1,4 +1,4 @@
-"""Stability over two quantities: spectral radius, verdict and boundaries."""
+"""Stability over two quantities: spectral radius, verdict and stability boundaries."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,7 +22,7 @@ from solve.system import PeriodicSystem
 
 @serializable
 class BoundaryCurve(NamedTuple):
-    """Curve between a stable and an unstable region.
+    """Curve that separates a stable and an unstable region.
 
     Attributes
     ----------
@@ -39,7 +39,8 @@ class BoundaryCurve(NamedTuple):
 @serializable
 @dataclass(frozen=True)
 class Cut:
-    """Stability along a line through a chart, on which the quantity `across` is held at `value`.
+    """Stability along a line through a chart, on which the quantity `across` is constant with the value
+    `value`.
 
     Attributes
     ----------
@@ -94,13 +95,13 @@ class ProvedBoxes:
     seconds: float
 
     def fraction(self, *verdicts: int) -> float:
-        """Fraction of the area with one of these verdicts."""
+        """Fraction of the area whose verdict is one of the given ones."""
         areas = (self.ends[:, 1] - self.ends[:, 0]) * (self.ends[:, 3] - self.ends[:, 2])
         return float(areas[np.isin(self.verdicts, verdicts)].sum() / areas.sum())
 
     def at(self, x: Array, y: Array) -> Array:
-        """Positions in VERDICTS (ny, nx) at the points of a grid; for a point on a common edge, the verdict
-        of either box."""
+        """Indices in VERDICTS (ny, nx) at the points of a grid. A point on a common edge has the verdict of
+        either box."""
         verdicts = np.full((len(y), len(x)), UNDETERMINED)
         first = np.stack([np.searchsorted(axis, self.ends[:, k]) for axis, k in ((x, 0), (y, 2))], axis=1)
         last = np.stack(
@@ -114,7 +115,7 @@ class ProvedBoxes:
         return verdicts
 
     def record(self) -> dict[str, Any]:
-        """The objects `proved` and `boxes` of JSON."""
+        """Values of the JSON keys `proved` and `boxes`."""
         return {
             "proved": {
                 "stable": self.fraction(ASYMPTOTICALLY_STABLE, STABLE),
@@ -155,7 +156,7 @@ class ChartPoints(Result):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Numbers ny and nx of the values."""
+        """Numbers (ny, nx) of the values along y and x."""
         return len(self.y), len(self.x)
 
     @property
@@ -193,7 +194,7 @@ class ChartPoints(Result):
 
     @property
     def failures(self) -> dict[tuple[int, int], str]:
-        """Reasons of failures, by row and column of the point."""
+        """Reasons of failures, in a dictionary by row and column of the point."""
         return {divmod(at, len(self.x)): reason for at, reason in self.results.failures.items()}
 
     def span(self, name: str, values: Array) -> str:
@@ -251,13 +252,13 @@ class Chart(ChartPoints):
 
     def cut(self, x: float | None = None, y: float | None = None) -> Cut:
         """Stability along the line of constant x or y, with refined crossings. Raises ValueOutOfBoundsError
-        unless exactly one of the two is given."""
+        unless exactly one of x and y is given."""
         if (x is None) == (y is None):
             raise ValueOutOfBoundsError("a cut needs either x or y; give one of them")
         return self.solve_cut(0, float(x)) if x is not None else self.solve_cut(1, float(y or 0.0))
 
     def with_cuts(self, held: Sequence[tuple[str, float]]) -> "Chart":
-        """Chart with cuts at values of quantities, given by name. Raises UnknownNameError."""
+        """Chart with cuts at the given values of quantities, by name. Raises UnknownNameError."""
         names = self.x_name, self.y_name
         for name, _ in held:
             require_name("quantity of the chart", name, names)
@@ -281,7 +282,7 @@ class Chart(ChartPoints):
 
     @property
     def contradicted(self) -> int:
-        """Number of grid points whose verdict and proved verdict exclude each other."""
+        """Number of grid points whose verdict contradicts the proved verdict."""
         if self.proved is None:
             return 0
         proved, ordinary = self.proved.at(self.x, self.y), self.results.verdicts.reshape(self.shape)
@@ -297,7 +298,7 @@ class Chart(ChartPoints):
         return [{"kind": kind, **dict(zip("xy", points.T, strict=True))} for kind, points in self.boundaries]
 
     def header_rows(self) -> HeaderRows:
-        """Quantities, the requested values, and the fraction of stable points."""
+        """Heading rows: quantities, requested values, and fraction of stable points."""
         radius, decided = self.spectral_radius, self.stable[np.isfinite(self.stable)]
         share, open_ = (
             100 * float(decided.sum()) / max(decided.size, 1),

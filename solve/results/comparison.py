@@ -1,4 +1,4 @@
-"""Comparison of methods on one problem: at equal steps and at equal accuracy."""
+"""Comparison of methods on one problem, at equal steps and at equal accuracy."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -20,7 +20,7 @@ the multipliers."""
 @serializable
 @dataclass(frozen=True)
 class Row:
-    """Result of one method with one number of steps per period.
+    """Result of one method for one number of steps per period.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class Row:
     warnings: list[str] = field(default_factory=list)
 
     def error(self, of: str) -> float:
-        """Relative error of ORBIT or MULTIPLIERS."""
+        """Relative error of the orbit or of the multipliers. of: ORBIT or MULTIPLIERS."""
         return self.orbit_error if of == ORBIT else self.multiplier_error
 
 
@@ -91,7 +91,7 @@ class Comparison(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warning about targets for which the reference is not accurate enough."""
+        """Warning about targets for which the reference solution is not accurate enough."""
         error = max(self.reference.error_estimate)
         targets = {row.target for row in self.rows if row.target is not None}
         close = ", ".join(f"{target:g}" for target in sorted(targets) if target < 10 * error)
@@ -104,7 +104,7 @@ class Comparison(Result):
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
-        """System of the reference."""
+        """System of the reference solution."""
         return self.reference.system
 
     @property
@@ -126,7 +126,7 @@ class Comparison(Result):
         return self.columns_of(self.rows)
 
     def columns_of(self, rows: Sequence[Row]) -> dict[str, Column]:
-        """Columns of the table for some of its rows."""
+        """Columns of the table for the given rows."""
         labels: dict[str, tuple[Any, ...]] = {
             "method": ("", "", "method"),
             "order": ("", ""),
@@ -145,7 +145,7 @@ class Comparison(Result):
         return {name: Column([getattr(row, name) for row in rows], *of) for name, of in labels.items()}
 
     def header_rows(self) -> HeaderRows:
-        """Rows of the heading: the reference and its errors."""
+        """Heading rows on the reference solution and its errors."""
         reference, (orbit, multipliers) = self.reference, self.reference.error_estimate
         return [
             ("reference", f"{reference.method}, {reference.steps} steps a period"),

@@ -1,4 +1,4 @@
-"""Columns and metadata of results, from which records, tables and files are made.
+"""Columns and metadata of results, from which records, tables and files are generated.
 
 In records, the objects of `--json`, NaN and infinity become None, complex numbers [re, im].
 """
@@ -31,7 +31,7 @@ MOST_SHOWN = 6
 
 
 class Column(NamedTuple):
-    """Quantity of a result, from which its record, tables and files are made.
+    """Quantity of a result, from which its record, tables and files are generated.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Column(NamedTuple):
 
     @property
     def array(self) -> Array:
-        """Values, with NaN or an empty text for missing ones."""
+        """Array of the values; NaN or an empty text replaces missing values."""
         if isinstance(self.values, np.ndarray):
             return self.values
         present = [value for value in self.values if value is not None]
@@ -67,7 +67,7 @@ class Column(NamedTuple):
 
     @property
     def texts(self) -> Sequence[str]:
-        """Values as texts for tables."""
+        """Values formatted for tables."""
         if not callable(self.text):
             return self.text
         return [self.text(value) if known(value) else "–" for value in self.values]
@@ -98,8 +98,8 @@ def digits(form: str, factor: float = 1.0) -> Callable[[float], str]:
 def sized(
     values: Any, unit: str, meaning: str, heading: str, places: int, largest: float | None = None
 ) -> Column:
-    """Column of values in SI units; tables show them with the unit prefix that suits the largest modulus, and
-    with `places` significant digits of it."""
+    """Column of values in SI units. Tables show them with the unit prefix that suits the largest modulus,
+    which has `places` significant digits."""
     if largest is None:
         numbers = np.array([math.nan if value is None else value for value in values], dtype=float)
         largest = float(np.nanmax(np.abs(numbers), initial=0.0))
@@ -119,7 +119,7 @@ def speeds_of(
     form: str = ".6g",
     axes: tuple[str, ...] = ("row",),
 ) -> Column:
-    """Column of speeds in rad/s; tables show them in the system's unit of speed, whose name replaces "{}" in
+    """Column of speeds in rad/s. Tables show them in the system's unit of speed, whose name replaces "{}" in
     the heading."""
     unit = system.speed_unit
     return Column(
@@ -137,7 +137,7 @@ def varied_column(
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
-    """Columns of the largest moduli (P, n) of the coordinates; tables show those that fit `beside` other
+    """Columns of the largest moduli (P, n) of the coordinates. Tables show as many as fit `beside` other
     columns."""
     numbered = enumerate(zip(system.coordinates, peaks.T, strict=True), start=beside)
     return [
@@ -147,7 +147,7 @@ def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tupl
 
 
 def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool) -> Column:
-    """Column of the largest moduli of a coordinate or output, which tables show on request."""
+    """Column of the largest moduli of a coordinate or output. Tables show it if `is_shown`."""
     unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
     factor, shown = prefixed(unit, float(np.nanmax(peaks, initial=0.0)))
     heading = headed(f"max|{name}|", shown) if is_shown else ""
@@ -156,8 +156,8 @@ def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool)
 
 @dataclass(frozen=True)
 class FileContents:
-    """Content of a result's files. columns: columns of the table, for .csv and .nc. others: further columns
-    for .nc. metadata: JSON object. arrays: arrays in .npz and .mat, by default the columns."""
+    """Content of a result's files. columns: columns of the table, for .csv and .nc; others: additional
+    columns for .nc; metadata: JSON object; arrays: arrays for .npz and .mat (default: the columns)."""
 
     columns: Columns
     others: Columns
@@ -165,7 +165,7 @@ class FileContents:
     arrays: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Raise ValueOutOfBoundsError for names that no file can contain."""
+        """Raise ValueOutOfBoundsError for names that a file cannot contain."""
         for name in (*self.columns, *self.others, *self.arrays):
             if not name or "/" in name or name == "metadata" or is_state_name(name):
                 raise ValueOutOfBoundsError(
@@ -174,7 +174,7 @@ class FileContents:
 
     @property
     def table(self) -> dict[str, Array]:
-        """Columns of equal length, with one row for each point of the axes of the column that has most
+        """Columns of equal length, with one row per combination of the axes of that column which has the most
         axes."""
         widest = max(self.columns.values(), key=lambda column: len(column.axes))
         axes, shape = widest.axes, widest.array.shape
@@ -192,7 +192,7 @@ class FileContents:
 
     @property
     def metadata_text(self) -> str:
-        """Metadata and versions as JSON."""
+        """Metadata and versions as JSON text."""
         return json.dumps({**self.metadata, "versions": versions()}, ensure_ascii=False, allow_nan=False)
 
 
@@ -215,7 +215,8 @@ def curves_of(
 
 
 def columns_by_name(columns: Sequence[tuple[str, Column]]) -> Columns:
-    """Columns by name. Raises ValueOutOfBoundsError for two of the same name, one of which would be lost."""
+    """Columns in a dictionary by name. Raises ValueOutOfBoundsError for duplicate names, since one column
+    would be lost."""
     by_name: dict[str, Column] = {}
     for name, column in columns:
         first = by_name.setdefault(name, column)
@@ -228,7 +229,7 @@ def columns_by_name(columns: Sequence[tuple[str, Column]]) -> Columns:
 
 
 def rows_of(columns: Columns) -> list[dict[str, Any]]:
-    """Rows of a record, from columns."""
+    """Rows of a record from columns."""
     rows = zip(*(column.values for column in columns.values()), strict=True)
     return [dict(zip(columns, row, strict=True)) for row in rows]
 

@@ -1,4 +1,4 @@
-"""Feedback gain over the period, solution of its Riccati equation, and stability of the closed loop."""
+"""Controllers: gain over the period, solution of the Riccati equation, and stability of the closed loop."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ _TITLES = {"lqr": "regulator", "kalman": "Kalman filter", "lqg": "regulator with
 
 @serializable
 class Vibration(NamedTuple):
-    """Largest moduli of a quantity over a period without and with feedback, and its root mean square with
+    """Largest modulus of a quantity over a period without and with feedback, and root mean square with
     feedback, in SI units."""
 
     without: float
@@ -137,12 +137,12 @@ class Controller(Result):
 
     @cached_property
     def harmonics(self) -> Array:
-        """Complex harmonics (13, r, N) of the gain, or (13, N, y) of a filter: K = Re Σ_k K_k e^{ikφ} for a
-        period of 2π."""
+        """Complex harmonics K_k of the gain K = Re Σ_k K_k e^{ikφ} (period 2π): (13, r, N) for a regulator,
+        (13, N, y) for a filter."""
         return self._harmonics_of(self.gain)
 
     def _harmonics_of(self, function: Callable[[Array], Array]) -> Array:
-        """Complex harmonics (13, …) of a function of phases."""
+        """Complex harmonics (13, …) of a function of the phase."""
         count = 16 * _PHASES
         values = function(np.arange(count) * (self.system.period / count))
         transform = np.fft.rfft(values, axis=0)[: _HARMONICS + 1] * (2 / count)
@@ -151,7 +151,7 @@ class Controller(Result):
 
     @property
     def multipliers(self) -> Array:
-        """Multipliers of the closed loop, by falling modulus."""
+        """Floquet multipliers of the closed loop in order of decreasing modulus."""
         return self.stability.multipliers
 
     @property
@@ -166,7 +166,7 @@ class Controller(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful."""
+        """Warnings about the result, one sentence each."""
         observer = [] if self.observer is None else self.observer.warnings
         missed = []
         if not self.error_estimate <= self.rtol:
@@ -218,7 +218,7 @@ class Controller(Result):
 
     @property
     def gain_names(self) -> list[str]:
-        """Names of the entries of the gain by rows."""
+        """Names of the entries of the gain, row by row."""
         if self.kind == "kalman":
             return [f"{state}_by_{signal}" for state in self.states for signal in self.signals]
         return [f"{signal}_by_{state}" for signal in self.signals for state in self.states]
@@ -233,7 +233,7 @@ class Controller(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per phase: entries of the gain."""
+        """Columns of the table, with one row per phase: entries of the gain."""
         phase = np.linspace(0.0, self.system.period, _PHASES)
         gains = self.gain(phase).reshape(_PHASES, -1).T
         columns = {"phase": Column(phase, "rad", "phase of the drive", axes=("phase",))}
@@ -243,7 +243,7 @@ class Controller(Result):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Columns; in .npz and .mat also gain and solution as matrices."""
+        """Columns of the table; in .npz and .mat also gain and solution as matrices."""
         phase = np.linspace(0.0, self.system.period, _PHASES)
         arrays = {"phase": phase, "gain": self.gain(phase), "riccati": self.riccati(phase)}
         return FileContents(self.columns, {}, self.metadata, {**arrays, "multipliers": self.multipliers})

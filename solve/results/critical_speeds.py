@@ -18,8 +18,8 @@ from solve.system import PeriodicSystem
 @serializable
 @dataclass(frozen=True)
 class Combination:
-    """Combination resonance (ω̄i + sign · ω̄j)/order at a speed in rad/s, modes counted from 1. With i = j it
-    is the parametric resonance of one mode, the principal one at order 1."""
+    """Combination resonance (ω̄i + sign · ω̄j)/order at a speed in rad/s, with modes counted from 1. With i =
+    j it is the parametric resonance of one mode (the principal one for order 1)."""
 
     speed: float
     modes: tuple[int, int]
@@ -28,18 +28,18 @@ class Combination:
 
     @property
     def is_division(self) -> bool:
-        """Whether this is an integer division of one frequency, with half the order."""
+        """Whether this is an integer division of one frequency; the divisor is half the order."""
         return self.modes[0] == self.modes[1] and self.order % 2 == 0
 
     def same(self, other: "Combination | None") -> bool:
-        """Whether both are the same resonance, irrespective of the speed."""
+        """Whether both objects describe the same resonance, at any speed."""
         return other is not None and self == replace(other, speed=self.speed)
 
 
 @serializable
 @dataclass(frozen=True)
 class Maximum:
-    """Local maximum: its speed (rad/s) and its height, infinite if the response is unbounded."""
+    """Local maximum: speed (rad/s), and height (infinite if the response is unbounded)."""
 
     speed: float
     height: float
@@ -48,7 +48,7 @@ class Maximum:
 @serializable
 @dataclass(frozen=True)
 class Critical:
-    """Critical speed by three criteria; None for a criterion that has no maximum there.
+    """Critical speed by three criteria; None for a criterion without a maximum there.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class Critical:
 
     @property
     def explained(self) -> tuple[str, str]:
-        """Modes and order of the resonance that explains the row, as texts for tables."""
+        """Modes and order of the resonance to which the row is attributed, as texts for tables."""
         if self.candidates:
             orders = {candidate.order for candidate in self.candidates}
             return "?", str(*orders) if len(orders) == 1 else "?"
@@ -90,12 +90,12 @@ class Critical:
 
     @property
     def unbounded(self) -> bool:
-        """Whether the response is unbounded here."""
+        """Whether the response is unbounded at this critical speed."""
         return self.response is not None and math.isinf(self.response.height)
 
     @property
     def speed(self) -> float:
-        """Speed in rad/s by the first criterion that shows it."""
+        """Speed in rad/s from the first criterion that has a maximum."""
         maxima = [way.speed for way in (self.response, self.multiplier, self.radius) if way]
         return maxima[0] if maxima else float(self.division or np.nan)
 
@@ -136,14 +136,14 @@ class SolvedSpeeds(Result):
 
     @property
     def decimals(self) -> str:
-        """Number format of speeds: three decimals, but at most the seven digits to which speeds are
+        """Number format of speeds: three decimals, but not more than the seven digits to which speeds are
         accurate."""
         before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
     @property
     def unstable_ranges(self) -> list[tuple[float, float, float]]:
-        """Ranges of unstable speeds: first and last speed (rad/s), largest |ρ|."""
+        """Ranges of unstable speeds: first and last speed (rad/s), and largest |ρ|."""
         return [
             (*self.speeds[[first, last]].tolist(), float(self.radius[first : last + 1].max()))
             for first, last in runs(self.unstable)
@@ -180,7 +180,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warnings about the equations, unstable ranges, unbounded responses and meaningless frequencies, one
+        """Warnings about the equations, unstable ranges, unbounded responses and undefined frequencies, one
         sentence each."""
         sentences, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
         if self.unstable_ranges:
@@ -197,8 +197,9 @@ class CriticalSpeeds(SolvedSpeeds):
         if self.unbounded:
             speeds = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
             sentences.append(
-                f"the response is unbounded {speeds}: a multiplier is +1 there, as at an undamped resonance "
-                "or at the edge of an unstable range; its height is ∞ (null in JSON)"
+                f"the response is unbounded {speeds}: a multiplier is +1 there, as at an undamped "
+                "resonance or at the edge of an unstable range; the height of such a maximum is ∞ (null "
+                "in JSON)"
             )
         if self.imaginary.any():
             speeds = self.speeds[self.imaginary]
@@ -238,11 +239,11 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def divided(self) -> list[tuple[float, int, int]]:
-        """Speeds, modes and orders of integer divisions of frequencies."""
+        """Speeds, modes and orders of the integer divisions of frequencies."""
         return [(row.division, row.mode or 0, row.order or 0) for row in self.rows if row.division]
 
     def plot(self, *, campbell: bool = False) -> Figure:
-        """Figure of response, dominant multiplier (not with `campbell`) and Campbell diagram."""
+        """Figure of response, dominant multiplier (omitted with `campbell`) and Campbell diagram."""
         return super().plot(campbell=campbell)
 
     _rows: ClassVar[str] = "rows"
@@ -298,7 +299,7 @@ class CriticalSpeeds(SolvedSpeeds):
 
     @property
     def _of_divisions(self) -> Columns:
-        """Columns of integer divisions and other resonances."""
+        """Columns of integer divisions and of other resonances."""
         rows, mean = self.rows, "integer division of the mean natural frequency at this speed"
         # Tables show a combination in place of a missing division.
         either = [row.division or (row.combination or _NOWHERE).speed for row in rows]
@@ -324,7 +325,7 @@ class CriticalSpeeds(SolvedSpeeds):
         heading: str = "",
         shown: Sequence[float | None] | None = None,
     ) -> Column:
-        """Column of speeds. shown: values in tables, if they differ."""
+        """Column of speeds. shown: values in tables, if different."""
         column = speeds_of(self.system, values, meaning, heading, self.decimals)
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 

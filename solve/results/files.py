@@ -1,4 +1,4 @@
-"""Output files: checked before the calculation, then written completely or not at all."""
+"""Output files: checked before the calculation, and written either completely or not at all."""
 
 import os
 import platform
@@ -17,7 +17,7 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
-    """Checked path of an output file. Raises FileError if the file cannot be written.
+    """Path of an output file after a check. Raises FileError if the file cannot be written.
 
     Raises FileError for an unknown ending, a missing or read-only folder, a read-only file, and a folder or
     device of that name.
@@ -46,7 +46,8 @@ def checked(path: str | Path, endings: Iterable[str], kind: str) -> Path:
 
 
 class AtomicFiles:
-    """Context manager of files that all appear at the end of the block; none appears if the block raises.
+    """Context manager for a set of files, all of which appear at the end of the block. None appears if the
+    block raises an exception.
 
     Contents are collected in memory first: on a full disk a C library may end the process, whereas Python
     raises an exception.
@@ -56,7 +57,7 @@ class AtomicFiles:
         self._contents: dict[Path, bytes] = {}
 
     def write(self, file: Path, write: Callable[[BinaryIO], None]) -> None:
-        """Collect the content of a checked file, which `write` writes to a stream."""
+        """Add a checked file; the function `write` writes its content to a stream."""
         stream = BytesIO()
         write(stream)
         self._contents[file] = stream.getvalue()
@@ -85,8 +86,8 @@ def write_atomic(file: Path, write: Callable[[BinaryIO], None]) -> None:
 
 @contextmanager
 def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, bytes | None]]:
-    """The file, a temporary file with the content and the permissions of the file that it will replace, the
-    target of the file's links, and the target's present content."""
+    """The file, a temporary file with the new content and the permissions of the existing file, the target of
+    symbolic links, and the current content of the target."""
     with ExitStack() as cleaning:
         with _file_errors(file):
             target = file.resolve()
@@ -100,7 +101,7 @@ def _prepared(file: Path, content: bytes) -> Iterator[tuple[Path, Path, Path, by
 
 
 def _restore(target: Path, before: bytes | None) -> None:
-    """Restore the previous content of a replaced file; remove the file if it had none."""
+    """Restore the previous content of a replaced file; remove the file if it did not exist before."""
     with suppress(OSError):
         if before is None:
             target.unlink(missing_ok=True)
@@ -119,8 +120,8 @@ def _file_errors(file: Path) -> Iterator[None]:
 
 @contextmanager
 def _temporary(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
-    """New temporary file in the folder of another file, and its stream; removed at the end. Temporary files
-    that dead processes left there are removed as well."""
+    """Name and stream of a new temporary file in the folder of another file; removed at the end. Temporary
+    files of processes that no longer run are removed as well."""
     _remove_leftovers(file.parent)
     temporary = file.parent / f"{_prefix(os.getpid())}{secrets.token_hex(8)}"
     stream = temporary.open("xb")
@@ -132,7 +133,7 @@ def _temporary(file: Path) -> Iterator[tuple[Path, BinaryIO]]:
 
 
 def _prefix(process: int | str) -> str:
-    """Beginning of the names of temporary files of a process of this machine."""
+    """Common beginning of the names of a process's temporary files on this machine."""
     return f".{platform.node()}-{process}-parametric-"
 
 
@@ -146,7 +147,7 @@ def _remove_leftovers(folder: Path) -> None:
 
 
 def _is_alive(process: int) -> bool:
-    """Whether a process with this number runs; True if that is unknown."""
+    """Whether a process with this number is running; True if this cannot be determined."""
     if os.name != "posix":
         return True
     try:

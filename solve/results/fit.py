@@ -54,7 +54,7 @@ class Channel(NamedTuple):
 
     @property
     def relative(self) -> float:
-        """Root mean square of the difference, relative to that of the measured values."""
+        """Root mean square of the difference, divided by that of the measured values."""
         size = math.sqrt(float(np.mean(np.abs(self.measured) ** 2)))
         difference = math.sqrt(float(np.mean(np.abs(self.computed - self.measured) ** 2)))
         return difference / size if size else math.nan
@@ -62,8 +62,8 @@ class Channel(NamedTuple):
 
 @serializable
 class Interval(NamedTuple):
-    """Fitted value and the ends of its 95 % confidence interval, in the model's unit; infinite if the data do
-    not determine the value."""
+    """Fitted value and the ends of its 95 % confidence interval, in the model's unit. The ends are infinite
+    if the data do not determine the value."""
 
     value: float
     low: float
@@ -105,8 +105,8 @@ class Fitted(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warnings about disagreement of data and model, and about undetermined parameters, one sentence
-        each."""
+        """Warnings about differences between data and model, and about parameters that the data do not
+        determine, one sentence each."""
         return [*self._reduction, *self.doubts, *self.unidentifiable]
 
     @property
@@ -143,7 +143,7 @@ class Fitted(Result):
 
     @property
     def toml(self) -> str:
-        """Case file of the fitted model, every number with its unit and source."""
+        """Text of a case file for the fitted model, every number with its unit and source."""
         sources = {
             name: f"fitted to {self.data}; 95 % interval {interval.low:.6g} to {interval.high:.6g}"
             for name, interval in self.parameters.items()

@@ -28,7 +28,7 @@ _DOUBTFUL = 1e-4
 @serializable
 @dataclass(frozen=True)
 class Meeting:
-    """Two modes whose frequencies cross or nearly meet.
+    """Two modes whose frequencies cross or nearly coincide.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Meeting:
 @serializable
 @dataclass(frozen=True)
 class Ambiguity:
-    """Two modes whose identity is undetermined between two values.
+    """Two modes whose identity is undetermined between two values of the speed or parameter.
 
     Attributes
     ----------
@@ -137,11 +137,12 @@ class ModesOver(ResultOver):
 
     @property
     def damping(self) -> Array:
-        """Damping ratios -Re λ/|λ| (P, M); negative for a mode that grows, 0 for λ = 0 within its errors."""
+        """Damping ratios -Re λ/|λ| (P, M). Negative for a mode that grows; 0 if λ is zero within its
+        errors."""
         return damping_ratios(self.exponents, self.resolution)
 
     def mode(self, label: str) -> int:
-        """Position of the mode with a label. Raises UnknownNameError."""
+        """Index of the mode with a label. Raises UnknownNameError."""
         require_name("mode", label, self.labels)
         return list(self.labels).index(label)
 
@@ -181,7 +182,7 @@ class FollowedModes(ModesOver):
         return [f"the identity of modes {listed(places)} is undetermined: {reason}"]
 
     def text_of(self, value: float) -> str:
-        """Text of a speed in rad/s or a value of the parameter."""
+        """Text of a value of the varied quantity, which is the speed in rad/s or a parameter."""
         return self.system.unit_of(self.over).text(value, ".6g")
 
     def record(self) -> dict[str, Any]:
@@ -217,8 +218,8 @@ class FollowedModes(ModesOver):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Columns of the table, with one row per speed and mode; in .nc, .npz and .mat the participation of
-        harmonics and coordinates."""
+        """Columns of the table, with one row per speed and mode; in .nc, .npz and .mat also the participation
+        of harmonics and coordinates."""
         axes = "point", "mode", "coordinate", "harmonic"
         others = {
             "coordinate": Column(np.array(self.system.coordinates), axes=("coordinate",)),
@@ -239,7 +240,7 @@ class FollowedModes(ModesOver):
 
 
 def damping_ratios(exponents: Array, resolution: float) -> Array:
-    """-Re λ/|λ|; 0 up to the resolution of λ, as for rigid-body modes."""
+    """Damping ratios -Re λ/|λ|; 0 where |λ| is within `resolution`, as for rigid-body modes."""
     size = np.abs(exponents)
     with np.errstate(invalid="ignore"):
         is_zero = size <= resolution

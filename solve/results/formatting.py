@@ -19,7 +19,7 @@ MOST_NAMED = 4
 
 
 def listed(texts: Sequence[str]) -> str:
-    """First texts, separated by commas, and the number of the others.
+    """First texts, separated by commas, and the number of the remaining texts.
 
     >>> listed(["a", "b", "c", "d", "e"])
     'a, b, c, d and 1 more'
@@ -38,7 +38,7 @@ def greek(name: str) -> str:
 
 
 def headed(name: str, unit: str) -> str:
-    """Heading of a column: name and unit, if any.
+    """Heading of a column: name, and unit if there is one.
 
     >>> headed("max|q1|", "mm"), headed("zeta", "1")
     ('max|q1| (mm)', 'ζ')
@@ -57,7 +57,8 @@ def round_magnification(allowed: float) -> float:
 
 
 def prefixed(unit: str, magnitude: float) -> tuple[float, str]:
-    """Factor and prefixed unit with which the magnitude lies between 1 and 1000, if a prefix is usual.
+    """Factor and prefixed unit for which the magnitude lies between 1 and 1000, if prefixes are usual for the
+    unit.
 
     The unit "1" is not shown.
 
@@ -94,7 +95,7 @@ def named(figure: str, quantity: str) -> str:
 
 
 def fixed(value: float, magnitude: float, digits: int = 7) -> str:
-    """Value with as many decimals as give the magnitude `digits` significant digits.
+    """Value with as many decimals as are needed to show the magnitude with `digits` significant digits.
 
     >>> fixed(-1.25, 768.4522)
     '-1.2500'

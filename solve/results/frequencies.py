@@ -1,4 +1,4 @@
-"""Natural frequencies at positions of the drive and over a parameter."""
+"""Natural frequencies at positions of the drive, and over a parameter."""
 
 import itertools
 import math
@@ -34,12 +34,12 @@ _MOST_LINKS = 3
 
 
 class Roots(Result):
-    """Eigenvalues λ of K v = λ M v, as frequencies (λ > 0) and growth rates (λ < 0) in arrays of the same
-    shape."""
+    """Eigenvalues λ of K v = λ M v as two arrays of the same shape: frequencies (λ > 0) and growth rates (λ <
+    0)."""
 
     @property
     def signed(self) -> Array:
-        """Frequencies, or growth rates with a minus sign where λ < 0; ascending with λ."""
+        """Frequencies, or the negative growth rate where λ < 0; in ascending order of λ."""
         return self._roots.signed
 
     @property
@@ -52,15 +52,15 @@ class Roots(Result):
         return float(np.nanmax(np.abs(self.signed), initial=0.0))
 
     def text_of(self, root: float) -> str:
-        """Text of a frequency, or of a growth rate given as a negative number."""
+        """Text of a frequency; a negative number is formatted as a growth rate."""
         if root == 0:
             return "0"
         text = fixed(abs(root), self._largest, 6)
         return f"{text}i" if root < 0 else text
 
     def statistics(self, axis: int) -> dict[str, Array]:
-        """Statistics of signed roots along an axis, by name (mean, min, max); the mean is NaN if frequencies
-        and growth rates mix."""
+        """Statistics (mean, min, max) of signed roots along an axis, by name. The mean is NaN if frequencies
+        and growth rates occur together."""
         signed = self.signed
         mixed = (signed < 0).any(axis=axis) & ~(signed < 0).all(axis=axis)
         mean = np.where(mixed, np.nan, signed.mean(axis=axis))
@@ -68,13 +68,13 @@ class Roots(Result):
 
 
 def _roots_of(frequencies: Array, growth_rates: Array | None) -> NaturalFrequencies:
-    """Frequencies and growth rates as one object; files of earlier versions contain no growth rates."""
+    """Roots from frequencies and growth rates; files of earlier versions contain no growth rates."""
     rates = np.full_like(frequencies, np.nan) if growth_rates is None else growth_rates
     return NaturalFrequencies(frequencies, rates)
 
 
 def _growing(rows: Roots, places: str) -> list[str]:
-    """Sentence that names the modes that grow in some rows of a result; empty if none does."""
+    """Sentence that names the modes that grow in the given rows of a result; empty if none grows."""
     frequencies, rates = rows._roots
     grows = np.isfinite(rates)
     if not grows.any():
@@ -91,7 +91,7 @@ def _growing(rows: Roots, places: str) -> list[str]:
 
 
 def _vibrating(figures: Mapping[str, Array]) -> dict[str, Array]:
-    """Statistics of signed roots, with NaN instead of growth rates."""
+    """Statistics of signed roots, with NaN in place of growth rates."""
     return {name: np.where(values < 0, np.nan, values) for name, values in figures.items()}
 
 
@@ -128,12 +128,12 @@ class Frequencies(Roots):
 
     @property
     def freedoms(self) -> int:
-        """Number of degrees of freedom; constraints of inextensible links are subtracted."""
+        """Number of degrees of freedom, after subtraction of the constraints of inextensible links."""
         return self.system.freedoms
 
     def shapes(self, number: int = 0) -> list[ModeShape]:
-        """Mode shapes at the position with this index. Raises ValueOutOfBoundsError for systems other than
-        beam structures."""
+        """Mode shapes at the position with index `number`. Raises ValueOutOfBoundsError for systems that are
+        not structures of beams."""
         return structure_of(self.system).mode_shapes(float(self.positions[number]), self.values[number])
 
     def texts(self, number: int, form: str, factor: float = 1.0) -> list[str]:
@@ -216,7 +216,7 @@ class Variation(Roots):
 
     @property
     def largest_growth_rates(self) -> Array:
-        """Largest growth rates over the positions (v, k); NaN where a mode grows at no position."""
+        """Largest growth rates (v, k) over the positions; NaN where the mode grows at no position."""
         return np.fmax.reduce(self._roots[1], axis=1)
 
     @property
@@ -225,8 +225,8 @@ class Variation(Roots):
 
     @property
     def shown_modes(self) -> list[int]:
-        """Indices (from 0) of the lowest mode and of the lowest elastic mode, the first that is not a
-        rigid-body mode at all positions."""
+        """Indices (from 0) of the lowest mode and of the lowest elastic mode, which is the first mode that is
+        not a rigid-body mode at every position."""
         signed = np.nan_to_num(self.signed).any(axis=(0, 1))
         return sorted({0, int(signed.argmax())})
 
@@ -268,9 +268,9 @@ class Variation(Roots):
 
 @dataclass(frozen=True)
 class Findings(Result):
-    """Natural frequencies at a position and, if requested, over the revolution and a parameter, with mode
-    shapes. first: parameters that were given as a range and have its first possible value here, but not in
-    `variation`."""
+    """Natural frequencies and mode shapes at a position and, if requested, frequencies over the revolution
+    and over a parameter. first: parameters that were given as a range; at the position they have the first
+    possible value of the range."""
 
     here: Frequencies
     turn: Frequencies | None = None
@@ -325,7 +325,7 @@ class Findings(Result):
         hertz = f"{', '.join(texts)} Hz" if len(texts) else "none"
         rates = ", ".join(f"{rate:.4g}" for rate in growth_rates[growing])
         growth = f" Growth rates: {rates} 1/s." if rates else ""
-        return f"The lowest natural frequencies{where}, standing still: {hertz}.{growth}"
+        return f"The lowest natural frequencies{where}, at standstill: {hertz}.{growth}"
 
     def header_rows(self) -> HeaderRows:
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
@@ -344,8 +344,8 @@ class Findings(Result):
 
     @property
     def widest(self) -> "Frequencies | Variation":
-        """Frequencies that files and figures contain: those over the parameter, else over the revolution,
-        else at the position."""
+        """Frequencies for files and figures: those over the parameter if computed, otherwise over the
+        revolution, otherwise at the position."""
         return self.variation or self.turn or self.here
 
     def file_contents(self) -> FileContents:

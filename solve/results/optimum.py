@@ -19,7 +19,7 @@ AT_BOUND = 1e-6
 
 @serializable
 class Requirement(NamedTuple):
-    """Requirement and its bound, with the worst value over all speeds at the optimum."""
+    """Requirement with its bound, and the worst value over all speeds at the optimum."""
 
     name: str
     value: float
@@ -28,7 +28,8 @@ class Requirement(NamedTuple):
 
 @serializable
 class Curves(NamedTuple):
-    """Values (m,) of a coordinate or output at phases (m,) over a period, before and at the optimum."""
+    """Values (m,) of a coordinate or output at phases (m,) over a period, for the initial design and the
+    optimum."""
 
     phase: Array
     before: Array
@@ -37,7 +38,7 @@ class Curves(NamedTuple):
 
 @serializable
 class FreeParameter(NamedTuple):
-    """A free parameter before and at the optimum, and its bounds, in the model's unit."""
+    """Initial and optimal value of a free parameter, and its bounds, in the model's unit."""
 
     before: float
     value: float
@@ -46,7 +47,7 @@ class FreeParameter(NamedTuple):
 
     @property
     def at_bound(self) -> str:
-        """Text "low" or "high" for the bound on which the optimum lies; an empty text for none."""
+        """Bound on which the optimum lies: "low", "high", or an empty text."""
         margin = AT_BOUND * (self.high - self.low)
         if self.value - self.low <= margin:
             return "low"
@@ -149,7 +150,7 @@ class Optimum(Result):
 
     @property
     def toml(self) -> str:
-        """Case file of the optimal model, every number with its unit and source."""
+        """Text of a case file for the optimal model, every number with its unit and source."""
         sources = {
             name: f"optimum of {self.minimised}; bounds {parameter.low:.6g} to {parameter.high:.6g}"
             for name, parameter in self.parameters.items()

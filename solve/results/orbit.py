@@ -1,4 +1,4 @@
-"""Periodic solution of the linearised equations: a continuous curve with its stability and warnings."""
+"""Periodic solution of the linearised equations: continuous curve, stability and warnings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -66,7 +66,7 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def phase(self) -> Array:
-        """Phases (m+1,) of the nodes in rad, both ends of the period included."""
+        """Phases (m+1,) of the nodes in rad, including both ends of the period."""
         return self.curve.nodes
 
     @property
@@ -81,13 +81,13 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def qd(self) -> Array:
-        """Velocities (n, m+1) at the nodes, derivatives with respect to time."""
+        """Velocities (n, m+1) at the nodes (derivatives with respect to time)."""
         return self._nodal[1]
 
     @property
     def qdd(self) -> Array:
-        """Accelerations (n, m+1) at the nodes, derivatives with respect to time; at a jump of the matrices,
-        the values after it."""
+        """Accelerations (n, m+1) at the nodes (derivatives with respect to time). At a jump of the matrices,
+        the values just after the jump."""
         return self._nodal[2]
 
     @property
@@ -102,7 +102,7 @@ class Orbit(Stability, SolvedMotion):
 
     @property
     def xd(self) -> Array:
-        """Rates (N, m+1) of the first-order states at the nodes, derivatives with respect to time."""
+        """Rates (N, m+1) of the first-order states at the nodes (derivatives with respect to time)."""
         return self.qd[len(self.coordinates) - len(self.states) :]
 
     @cached_property
@@ -145,8 +145,8 @@ class Orbit(Stability, SolvedMotion):
 
     @stored_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """Estimated max|difference| of the linear and the nonlinear orbit of each coordinate, relative to
-        the coordinate's scale.
+        """Estimated maximum difference between the linear and the nonlinear orbit for each coordinate,
+        relative to the coordinate's scale.
 
         The scale (see `solve.certify.correction`) is max|q| unless the forces on the coordinate cancel. The
         estimate is the size of one correction of Newton's method on the same grid, and accurate while it is
@@ -161,7 +161,7 @@ class Orbit(Stability, SolvedMotion):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Warnings about the accuracy and about quantities beyond the bounds of the model, one sentence
+        """Warnings about the accuracy and about quantities outside the bounds of the model, one sentence
         each."""
         system = self.system
         names = {*system.judged_quantities, *(() if system.outputs_apart else system.outputs)}

@@ -35,7 +35,7 @@ class PeriodicMotion:
     speed: float
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q, q̇ and q̈ (n, k), derivatives with respect to time, at phases (k,)."""
+        """q, q̇ and q̈ (n, k) at phases (k,); derivatives are with respect to time."""
         raise NotImplementedError
 
     def at(self, phase: Array) -> Array:
@@ -44,7 +44,7 @@ class PeriodicMotion:
 
     @property
     def samples(self) -> int:
-        """Number of samples per period that resolve the curves."""
+        """Number of samples per period, sufficient to resolve the curves."""
         return LEAST_SAMPLES
 
     def signal(self, name: str) -> Signal:
@@ -71,7 +71,8 @@ class PeriodicMotion:
         return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
 
     def statistics(self, name: str) -> Statistics:
-        """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
+        """Extrema and mean of a coordinate or output, evaluated on the continuous curve. Raises
+        UnknownNameError."""
         if name in self.system.coordinates:
             return Statistics(*self._figures[self.system.coordinates.index(name)].tolist())
         self._require(name)
@@ -108,7 +109,7 @@ class PeriodicMotion:
         return spectrum(self._coordinate_samples[self.system.coordinates.index(name)], count)
 
     def _is_evaluated_alone(self, cache: str) -> bool:
-        """Whether an output is evaluated on its own, because the values of all outputs are not cached yet."""
+        """Whether an output is evaluated separately, because the values of all outputs are not cached yet."""
         return self.system.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:
@@ -117,7 +118,7 @@ class PeriodicMotion:
             self.output_statistics  # noqa: B018 - cached from here on
 
     def _require(self, name: str) -> None:
-        """Raise UnknownNameError unless there is a coordinate or output of that name."""
+        """Raise UnknownNameError unless a coordinate or output has this name."""
         require_name("coordinate or output", name, [*self.system.coordinates, *self.system.outputs])
 
     @property
@@ -132,14 +133,14 @@ class PeriodicMotion:
 
     @stored_property
     def output_samples(self) -> Mapping[str, Array]:
-        """Outputs (samples + 1,) at equidistant phases that resolve them, including both ends."""
+        """Outputs (samples + 1,) at equidistant phases that resolve their curves, including both ends."""
         phase = self._sample_phases
         sampled = self.system.output_values(phase, self.speed, *self.state(phase))
         return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
 
     @cached_property
     def _figures(self) -> Array:
-        """Statistics (n, 7) of the coordinates, the fields of `Statistics`."""
+        """Fields of `Statistics` (n, 7) of the coordinates."""
         return figures(self._coordinate_samples, self._coordinates_at, self.system.period)
 
     @stored_property
@@ -150,17 +151,17 @@ class PeriodicMotion:
 
     @property
     def _output_figures(self) -> Array:
-        """Statistics (o, 7) of the outputs, the fields of `Statistics`."""
+        """Fields of `Statistics` (o, 7) of the outputs."""
         samples = np.array([self.output_samples[name][:-1] for name in self.system.outputs])
         return figures(samples, self._outputs_at, self.system.period)
 
     def _coordinates_at(self, phase: Array) -> Array:
-        """Coordinates (n, k), each at its own phases (n, k)."""
+        """Values of each coordinate at phases of its own (n, k)."""
         values, rows = self.at(phase.ravel()).reshape(len(phase), *phase.shape), np.arange(len(phase))
         return values[rows, rows]
 
     def _outputs_at(self, phase: Array) -> Array:
-        """Outputs (o, k), each at its own phases (o, k)."""
+        """Values of each output at phases of its own (o, k)."""
         flat = phase.ravel()
         values = self.system.output_values(flat, self.speed, *self.state(flat))
         return np.stack(
@@ -184,13 +185,13 @@ class PeriodicMotion:
 
 @dataclass(frozen=True)
 class QuasiStatic(PeriodicMotion):
-    """Kinetostatic solution K(φ) q = d(φ), in which q̇ and q̈ are neglected."""
+    """Quasi-static solution K(φ) q = d(φ), in which q̇ and q̈ are neglected."""
 
     system: PeriodicSystem
     speed: float
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
-        """q and the zeros q̇ and q̈ (n, k) at phases (k,). Raises MatricesError for a singular K."""
+        """q, with zeros for q̇ and q̈, (n, k) at phases (k,). Raises MatricesError for a singular K."""
         _, _, K, d = self.system.at(phase, self.speed)
         try:
             q = np.linalg.solve(K, d[..., None])[..., 0].T
@@ -203,7 +204,7 @@ class QuasiStatic(PeriodicMotion):
 
 
 class SolvedMotion(PeriodicMotion):
-    """Periodic motion along the curve of a solution, with the quasi-static solution for comparison."""
+    """Periodic motion from the curve of a solution, with the quasi-static solution for comparison."""
 
     certified: Certified
     steps: Any
@@ -217,7 +218,7 @@ class SolvedMotion(PeriodicMotion):
 
     @property
     def samples(self) -> int:
-        """Number of samples per period: equally many for each step."""
+        """Number of samples per period; each step has the same number."""
         return self.steps * samples_a_step(self.steps)
 
     def state(self, phase: Array) -> tuple[Array, Array, Array]:
@@ -240,24 +241,25 @@ class SolvedMotion(PeriodicMotion):
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Kinetostatic solution at the same speed."""
+        """Quasi-static solution at the same speed."""
         return QuasiStatic(self.system, self.speed)
 
     @stored_property
     def _figures(self) -> Array:
-        """Statistics (n, 7) of the coordinates."""
+        """Fields of `Statistics` (n, 7) of the coordinates."""
         return coordinate_figures(self.curve, self.certified.request.engine)
 
     @property
     def _output_figures(self) -> Array:
-        """Statistics (o, 7) of the outputs, by compiled code if the model has C code of them."""
+        """Fields of `Statistics` (o, 7) of the outputs, by compiled code if the model's outputs have C
+        code."""
         engine = self.certified.request.engine
         compiled = compiled_output_figures(self.system, self.curve, self.speed, engine)
         return super()._output_figures if compiled is None else compiled
 
 
 def require_finite(phase: Array) -> Array:
-    """The phases; raise ValueOutOfBoundsError if one is NaN or infinite."""
+    """Return the phases. Raises ValueOutOfBoundsError if a phase is NaN or infinite."""
     if not np.isfinite(phase).all():
         raise ValueOutOfBoundsError("a phase is NaN or infinite; give finite angles in rad")
     return phase

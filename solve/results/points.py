@@ -1,4 +1,4 @@
-"""Results of many points in arrays."""
+"""Results at many points, as arrays."""
 
 from dataclasses import dataclass, field
 
@@ -101,7 +101,7 @@ class PointResults:
 
     @classmethod
     def blank(cls, count: int, multipliers: int, kept: Kept) -> "PointResults":
-        """Results of points that are not solved yet, with a given number of multipliers per point. Raises
+        """Results of points that are not solved yet, with `multipliers` multipliers per point. Raises
         ValueOutOfBoundsError if they exceed the memory limit."""
         numbers = len(FIGURES) * len(kept.names) + 2 * multipliers
         spectra = len(kept.spectra) * (kept.harmonics + 1) * _NUMBERS_AN_AMPLITUDE
@@ -143,7 +143,8 @@ class PointResults:
 
     @property
     def spectral_radius(self) -> Array:
-        """Largest |ρ| (P,) without rigid-body modes; NaN where the point failed or nothing vibrates."""
+        """Largest |ρ| (P,) without rigid-body modes; NaN where the point failed or the system has no
+        vibration."""
         none = self.multipliers.shape[1] == 0
         return np.full(len(self), np.nan) if none else np.abs(self.multipliers[:, 0])
 
@@ -160,7 +161,7 @@ class PointResults:
 
     @property
     def _outside(self) -> Array:
-        """Whether a multiplier lies outside the unit circle by more than its error (P,)."""
+        """Whether (P,) a multiplier lies outside the unit circle by more than its error."""
         radius = self.spectral_radius
         # For multipliers that underflow the error may be infinite, and the product with 0 is NaN.
         with np.errstate(invalid="ignore"):
@@ -168,12 +169,12 @@ class PointResults:
 
     @property
     def kinds(self) -> Array:
-        """Kind (P,) of the multiplier outside the unit circle: one of KINDS, or an empty text if there is
+        """Kind (P,) of the multiplier outside the unit circle (one of KINDS), or an empty text if there is
         none."""
         return np.where(self._outside, np.array(KINDS)[kinds_of(self.multipliers)], "")
 
     def insert(self, index: Array, part: "PointResults") -> None:
-        """Insert the results of the points at the indices."""
+        """Insert the results of points at the given indices."""
         for name in _ARRAYS:
             getattr(self, name)[index] = getattr(part, name)
         self.warnings.update({int(index[point]): texts for point, texts in part.warnings.items()})
@@ -181,7 +182,7 @@ class PointResults:
 
 
 def selected(results: PointResults, points: Array, kept: Kept) -> PointResults:
-    """Results of points at indices (k,), with fewer quantities and without spectra."""
+    """Results of points with indices (k,), with fewer quantities and without spectra."""
     selection = PointResults.blank(len(points), results.multipliers.shape[1], kept)
     quantities = [results.kept.names.index(name) for name in kept.names]
     for name in _ARRAYS:

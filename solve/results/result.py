@@ -1,4 +1,4 @@
-"""Base class of results: tables, files, DataFrame, Dataset, representation."""
+"""Base class of results: tables, files, DataFrame, Dataset, repr."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,16 +23,16 @@ else:
 
 
 def views() -> ModuleType:
-    """Package of tables, figures and HTML. It is imported at the first display only, because views are above
-    results in the order of imports."""
+    """Package of tables, figures and HTML. It is imported at the first display, because views are a higher
+    layer than results."""
     import solve.views
 
     return solve.views
 
 
 class Result(Serializable):
-    """Base of all results. A subclass is a dataclass with the system that it belongs to; it defines `columns`
-    and, if needed, `_recorded` or `summary_values`, and `header_rows`.
+    """Base class of all results. A subclass is a dataclass with the system it belongs to. It defines
+    `columns` and, if needed, `_recorded` or `summary_values`, and `header_rows`.
 
     Attributes
     ----------
@@ -62,13 +62,13 @@ class Result(Serializable):
 
     @property
     def _reduction(self) -> list[str]:
-        """Sentence on the error of the reduction of the system, for results without their own estimate."""
+        """Sentence on the error of the system's reduction, for results without an estimate of this error."""
         reduction = self.system.reduction
         return [] if reduction is None else [reduction.sentence]
 
     @property
     def summary(self) -> str:
-        """Main finding in one or two sentences; empty for many results."""
+        """Main finding in one or two sentences; empty for many classes of results."""
         return ""
 
     @property
@@ -78,11 +78,11 @@ class Result(Serializable):
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        """Values that belong to the result as a whole, by name."""
+        """Values that belong to the result as a whole, in a dictionary by name."""
         return {name: getattr(self, name) for name in self._recorded.split()}
 
     def header_rows(self) -> HeaderRows:
-        """Rows of the heading below model and speed: a label and its text."""
+        """Rows of the heading below model and speed, each with a label and a text."""
         return []
 
     def plot(self, *args: Any, **options: Any) -> Figure:
@@ -102,13 +102,13 @@ class Result(Serializable):
         return model_info(self.system)
 
     def record(self) -> dict[str, Any]:
-        """JSON object that the result's command prints with `--json`."""
+        """JSON object that the command of this result prints with `--json`."""
         rows = {self._rows: rows_of(self.columns)} if self._rows else {}
         return to_json({**self.model_info, **self.summary_values, **rows, "warnings": self.warnings})
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """JSON object in the attributes of files: the record without the columns."""
+        """JSON object for the attributes of files: the record without the columns."""
         return to_json({**self.model_info, **self.summary_values, "warnings": self.warnings})
 
     def file_contents(self) -> FileContents:
@@ -134,19 +134,19 @@ class Result(Serializable):
         write_atomic(file, writer(self, file))
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Dataset with a variable per column, whose attributes are `units` and `long_name`; the attributes of
+        """Dataset with one variable per column, with the attributes `units` and `long_name`. Attributes of
         the dataset name model, case and parameters."""
         return dataset(self.file_contents())
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """DataFrame with the table of a .csv file, without units."""
+        """DataFrame with the same table as a .csv file, without units."""
         import pandas
 
         return pandas.DataFrame(self.file_contents().table)
 
 
 class ResultOver(Result):
-    """Base of results over the speed or one parameter.
+    """Base class of results over the speed or one parameter.
 
     Attributes
     ----------
@@ -161,10 +161,10 @@ class ResultOver(Result):
 
     @property
     def over(self) -> str:
-        """Name of what varies: "speed", or a parameter."""
+        """Name of the varied quantity: "speed", or a parameter."""
         return next(iter(self.parameters), SPEED)
 
     @property
     def values(self) -> Array:
-        """Values (P,) of what varies; speeds in rad/s."""
+        """Values (P,) of the varied quantity; speeds in rad/s."""
         return self.parameters.get(self.over, self.speeds)

@@ -14,8 +14,8 @@ from solve.results.serialization import serializable
 @serializable
 class RigidBodyMode(NamedTuple):
     """Rigid-body mode e. vector (n,): components of e; damped: whether C e ≠ 0; error: largest |K e| over the
-    period, relative to Σ|K_ij e_j|; drift: steady velocity w (per unit of time) of a damped mode, q = w e t +
-    p(t); None without an orbit."""
+    period, relative to Σ|K_ij e_j|; drift: steady velocity w (per unit of time) of a damped mode, with q =
+    w e t + p(t) and periodic p; None without an orbit."""
 
     vector: tuple[float, ...]
     damped: bool
@@ -23,7 +23,7 @@ class RigidBodyMode(NamedTuple):
     drift: float | None = None
 
     def ratio(self, coordinates: Sequence[str]) -> str:
-        """Ratio of the coordinates that move.
+        """Text with the ratio of the coordinates that move.
 
         >>> RigidBodyMode((1.0, -0.5, 0.0), False, 0.0).ratio(("motor", "gear", "case"))
         'motor : gear = 1 : -0.5'
@@ -38,8 +38,8 @@ class RigidBodyMode(NamedTuple):
 def rigid_body_modes_of(
     modes: RigidBodyModes, secular: Array | None = None, speed: float = 0.0
 ) -> list[RigidBodyMode]:
-    """Rigid-body modes at the first point. secular (P, r): steady velocities with respect to the phase, at a
-    speed in rad/s."""
+    """Rigid-body modes at the first point. secular (P, r): steady velocities with respect to the phase.
+    speed: in rad/s."""
     rigid_modes = []
     for at in np.flatnonzero(modes.present[0]).tolist():
         damped = bool(modes.dragged[0, at])
@@ -50,8 +50,8 @@ def rigid_body_modes_of(
 
 
 def steady_part(apart: Array, nodes: Array, modes: Sequence[RigidBodyMode], speed: float) -> Array:
-    """Part of differences (turns, n, k) from an orbit at phases (k,) that is steady motion along rigid-body
-    modes, at a speed in rad/s: an offset and the drift; for an undamped mode, an offset and any constant
+    """Steady motion along rigid-body modes contained in differences (turns, n, k) from an orbit at phases
+    (k,), at a speed in rad/s: an offset and the drift; for an undamped mode, an offset and any constant
     velocity."""
     steady = np.zeros_like(apart)
     if not modes:

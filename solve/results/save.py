@@ -24,7 +24,7 @@ _STATE_GROUP = "state"
 
 
 class Saved(Protocol):
-    """Result that can be saved."""
+    """Result that can be saved (protocol)."""
 
     def file_contents(self) -> FileContents: ...
 
@@ -41,7 +41,7 @@ def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
 
 @first_is(str, Path, such_as="'orbit.nc'")
 def opened(path: str | Path) -> Any:
-    """Result restored from a file that its method `save` wrote.
+    """Result restored from a file that was written by its method `save`.
 
     No code is run. The result is identical to the saved one, bit by bit, except that it has no equations.
 
@@ -97,7 +97,7 @@ def _read_nc(file: Path) -> dict[str, Array]:
 
 
 def dataset(contents: FileContents) -> "xarray.Dataset":
-    """Dataset with a variable per column and the attributes `units` and `long_name`. Time, and columns with
+    """Dataset with one variable per column and the attributes `units` and `long_name`. Time, and columns with
     the name of their axis, become coordinates."""
     import xarray
 

@@ -1,4 +1,4 @@
-"""Orbits reached by motions from random initial states."""
+"""Orbits on which motions from random initial states settle."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from solve.system import PeriodicSystem
 
 @dataclass(frozen=True)
 class Scatter(Result):
-    """Orbits reached by motions from N random initial states, from `solve.scatter`.
+    """Orbits on which motions from N random initial states settle, from `solve.scatter`.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Scatter(Result):
 
     @property
     def shares(self) -> Array:
-        """Fraction of the initial states that leads to each orbit."""
+        """Fraction of the initial states whose motions settle on each orbit."""
         return np.array([float((self.leads == number).mean()) for number in range(len(self.orbits))])
 
     @stored_property

@@ -32,7 +32,7 @@ tolerance of orbits and multipliers."""
 @serializable
 @dataclass(frozen=True)
 class Sensitivity:
-    """Sensitivity of one quantity.
+    """Derivatives of one quantity, with their errors.
 
     Attributes
     ----------
@@ -79,11 +79,12 @@ class Sensitivities(Result):
     notes: Sequence[str] = ()
 
     def __getitem__(self, quantity: str) -> dict[str, float | complex]:
-        """Derivatives of a quantity, by name of the parameter."""
+        """Derivatives of a quantity, in a dictionary by name of the parameter."""
         return dict(zip(self.by, self.found[quantity].derivatives.tolist(), strict=True))
 
     def elasticities(self, quantity: str) -> dict[str, float | complex]:
-        """Elasticities (θ/q) ∂q/∂θ of a quantity q with respect to parameters θ, by name; NaN if q is 0."""
+        """Elasticities (θ/q) ∂q/∂θ of a quantity q, in a dictionary by name of the parameter θ; NaN if q is
+        0."""
         one = self.found[quantity]
         scale = 1 / one.value if one.value != 0 else math.nan
         return dict(zip(self.by, (one.derivatives * self._values * scale).tolist(), strict=True))
@@ -165,7 +166,7 @@ class Sensitivities(Result):
         return f"Largest elasticities: {', '.join(parts)}." if parts else ""
 
     def ranked(self, quantity: str) -> list[str]:
-        """Names of the parameters of the quantity, the largest elasticity first."""
+        """Names of the parameters in order of decreasing elasticity of the quantity."""
         sizes = np.abs(self.found[quantity].derivatives * self._values)
         absolute = np.abs(self.found[quantity].derivatives)
         order = np.lexsort((-np.nan_to_num(absolute), -np.nan_to_num(sizes)))
@@ -224,7 +225,7 @@ class SensitivitiesOver(Result):
             )
 
     def __getitem__(self, quantity: str) -> dict[str, Array]:
-        """Derivatives (P,) of a quantity by name of the parameter."""
+        """Derivatives (P,) of a quantity, in a dictionary by name of the parameter."""
         place = list(self.quantities).index(quantity)
         return dict(zip(self.by, self.derivatives[:, place].T, strict=True))
 
@@ -268,7 +269,7 @@ class SensitivitiesOver(Result):
         }
 
     def ranked(self, place: int) -> list[int]:
-        """Indices of the parameters with the largest elasticities of a quantity over the speeds, largest
-        first."""
+        """Indices of the parameters in order of decreasing elasticity of a quantity over the speeds. place:
+        index of the quantity."""
         sizes = np.nan_to_num(np.abs(self.elasticities[:, place])).max(axis=0)
         return np.argsort(-sizes, kind="stable")[:MOST_SHOWN].tolist()

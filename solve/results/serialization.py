@@ -1,5 +1,5 @@
-"""Conversion of results to plain data and arrays, and back; files contain these data so that the result can
-be restored.
+"""Conversion of results to plain data and arrays, and back. Files contain these data, from which the result
+is restored.
 
 Reading runs no code. It constructs only classes that are declared `serializable`; of a system it restores the
 labels, not the equations.
@@ -46,7 +46,7 @@ _NUMERIC_KINDS = "fciub"
 
 
 def serializable(kind: Kind) -> Kind:
-    """Declare that files may contain objects of a dataclass or named tuple."""
+    """Register a dataclass or named tuple whose objects files may contain."""
     CLASSES[_name_of(kind)] = kind
     return kind
 
@@ -58,7 +58,8 @@ def _name_of(kind: type) -> str:
 
 
 class stored_property(cached_property[Value]):  # noqa: N801 - named as the decorator that it extends
-    """Cached property whose value files contain, because it needs the equations or the solver."""
+    """Cached property whose value is written to files, because its computation needs the equations or the
+    solver."""
 
 
 NOT_STORED = {"stored": False}
@@ -66,7 +67,7 @@ NOT_STORED = {"stored": False}
 
 
 class Serializable:
-    """Base of dataclasses whose objects files may contain: their fields, except those with metadata
+    """Base class of dataclasses that can be written to files: their fields, except those with metadata
     NOT_STORED, and the values of each `stored_property`."""
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -83,7 +84,7 @@ class Serializable:
 
 
 def _field_names(kind: type, stored: bool) -> list[str]:
-    """Names of the fields of a dataclass that files contain, or of its other fields."""
+    """Names of the fields of a dataclass that are written to files, or with `stored` false, of the others."""
     fields = dataclasses.fields(kind)
     return [field.name for field in fields if field.metadata.get("stored", True) is stored]
 
@@ -127,7 +128,7 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
 
 
 class StoredSystem(PeriodicSystem):
-    """Labels of a system that were read from a file. Methods that need the equations raise ReopenedError."""
+    """Labels of a system, read from a file. Methods that need the equations raise ReopenedError."""
 
     solvable = False
     freedoms = 0  # type: ignore[assignment]
@@ -148,7 +149,7 @@ class StoredSystem(PeriodicSystem):
 
 
 class _Encoder:
-    """Values as plain data, in which arrays and systems are replaced by numbers."""
+    """Encoder of values as plain data, in which arrays and systems are replaced by numbers."""
 
     def __init__(self) -> None:
         self._flat: dict[np.dtype[Any], list[Array]] = {}
@@ -158,11 +159,11 @@ class _Encoder:
 
     @property
     def arrays(self) -> list[Array]:
-        """Arrays to store, joined to one per data type, because many arrays make a file slow."""
+        """Arrays to store, joined to one array per data type, because many arrays make a file slow."""
         return [np.concatenate(parts, dtype=kind) for kind, parts in self._flat.items()]
 
     def plain(self, value: Any) -> Any:
-        """Value as JSON data. A list begins with the name of the kind of value that follows."""
+        """Convert a value to JSON data. A list begins with the name of the kind of value it contains."""
         if isinstance(value, GivenSpeed) and value.unit:
             return ["speed", float(value), self.plain(value.unit)]
         if value is None or isinstance(value, str | bool | int | float):
@@ -202,7 +203,7 @@ class _Encoder:
 
 
 class _Decoder:
-    """Decoder of plain data. Each method but `value` decodes the lists that begin with its name."""
+    """Decoder of plain data. Each method except `value` decodes the lists that begin with its name."""
 
     def __init__(self, arrays: Sequence[Array], systems: Sequence[Mapping[str, Any]]):
         self._arrays = arrays
@@ -248,8 +249,8 @@ class _Decoder:
 
 
 def to_arrays(result: Any) -> dict[str, Array]:
-    """Result as numeric arrays by name: the JSON data as bytes, the arrays to which these refer, and a
-    checksum."""
+    """Convert a result to numeric arrays by name: the JSON data as bytes, the arrays to which they refer, and
+    a checksum."""
     encoder = _Encoder()
     plain = encoder.plain(result)
     content = {"format": FORMAT, "systems": encoder.systems, "result": plain}
@@ -259,7 +260,7 @@ def to_arrays(result: Any) -> dict[str, Array]:
 
 
 def from_arrays(arrays: Mapping[str, Array]) -> Any:
-    """Result restored from the arrays of `to_arrays`.
+    """Result restored from the arrays that `to_arrays` returned.
 
     Raises FileError for a later format, ResultKindError for an unknown class, and any exception of Python for
     damaged arrays.
@@ -280,7 +281,7 @@ def from_arrays(arrays: Mapping[str, Array]) -> Any:
 
 
 def _checksum(state: Mapping[str, Array]) -> Array:
-    """SHA-256 of all arrays. The file formats themselves protect only part of their content."""
+    """SHA-256 checksum of all arrays. The file formats themselves protect only part of their content."""
     digest = hashlib.sha256()
     for name, array in state.items():
         digest.update(f"{name} {array.dtype.str} {array.shape}".encode())

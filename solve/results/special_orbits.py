@@ -1,4 +1,4 @@
-"""Orbits of nonlinear equations, and of mechanisms whose motion is prescribed."""
+"""Orbits of nonlinear equations, and orbits of mechanisms with prescribed motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ _ROUNDOFF = 1e-14
 @dataclass(frozen=True)
 class NonlinearOrbit(Orbit):
     """Periodic solution of the nonlinear equations r(φ, Ω, q, q̇, q̈) = 0 over `periods` periods, from
-    `solve.nonlinear`. Its system is the linearisation along the orbit.
+    `solve.nonlinear`. Its attribute `system` is the system linearised along the orbit.
 
     Attributes
     ----------
@@ -65,24 +65,24 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def linearisation_error(self) -> Mapping[str, float] | None:
-        """None, because the equations are not linearised."""
+        """Always None, because the equations are not linearised."""
         return
 
     @stored_property
     def notes(self) -> list[str]:
-        """Notes of engine and method, on rigid-body modes, and on strategies that failed."""
+        """Notes on engine and method, on rigid-body modes, and on strategies that failed."""
         return [*super().notes, *self.failed]
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Not available for a nonlinear orbit: raises ValueOutOfBoundsError."""
+        """Not available for a nonlinear orbit. Raises ValueOutOfBoundsError."""
         raise ValueOutOfBoundsError(
             "the quasi-static solution is one of the linear model; leave out --quasi-static or --nonlinear"
         )
 
     @stored_property
     def linear(self) -> PeriodicCurve | None:
-        """Linear orbit on the same grid; None if there is none."""
+        """Linear orbit on the same grid; None if it does not exist."""
         grid, certified = self.certified.solutions.grid, self.certified
         rest = Curve(grid.nodes, np.zeros((self.system.n, grid.steps, 1)))
         engine = certified.request.engine
@@ -99,7 +99,7 @@ class NonlinearOrbit(Orbit):
 
     @cached_property
     def doubts(self) -> list[str]:
-        """Warnings if the requested orbit may not have been found, one sentence each."""
+        """Warnings that the requested orbit may not have been found, one sentence each."""
         sentences = []
         if self.periods > 1 and repeats_early(self.curve, self.periods):
             sentences.append(
@@ -125,7 +125,7 @@ class NonlinearOrbit(Orbit):
 
     @stored_property
     def verdict(self) -> str:
-        """Verdict, as for linear orbits; "undetermined" for an orbit that grazes a switch."""
+        """Verdict as for linear orbits; "undetermined" for an orbit that grazes a switch."""
         return "undetermined" if self.grazing else super().verdict
 
     @property
@@ -143,7 +143,8 @@ class NonlinearOrbit(Orbit):
         return [*super().header_rows(), ("found", search)]
 
     def linear_values(self, name: str, phase: Array) -> Array | None:
-        """Coordinate or output (k,) of the linear orbit at phases (k,); None if there is no linear orbit."""
+        """Values (k,) of a coordinate or output on the linear orbit at phases (k,); None if there is no
+        linear orbit."""
         if self.linear is None:
             return None
         q, v, a = (self.linear(phase, derivative) for derivative in range(3))
@@ -155,7 +156,8 @@ class NonlinearOrbit(Orbit):
 
 
 class NoStability:
-    """Values that replace those of `Orbit` for a mechanism without coordinates, in which nothing vibrates."""
+    """Attributes that replace those of `Orbit` for a mechanism without coordinates, which has no
+    vibration."""
 
     method = described = "prescribed motion"
     steps = _STEPS
@@ -176,7 +178,7 @@ class NoStability:
 @dataclass(frozen=True)
 class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     """Prescribed motion of a mechanism without coordinates: outputs over a period, without multipliers,
-    exponents and verdict."""
+    exponents or verdict."""
 
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
@@ -210,7 +212,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
 
     @property
     def quasi_static(self) -> QuasiStatic:
-        """Not available without coordinates: raises NoVibrationError."""
+        """Not available without coordinates. Raises NoVibrationError."""
         raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
 
     @stored_property

@@ -56,7 +56,7 @@ def method_text(method: Method) -> str:
 
 @serializable
 class ErrorEstimate(NamedTuple):
-    """Estimated relative errors.
+    """Estimated relative errors of orbit and multipliers.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ serializable(InterpolationError)
 
 @dataclass(frozen=True)
 class Solution(Result):
-    """Solution of a system at one speed: method, grid and checks.
+    """Solution of a system at one speed, with method, grid and checks.
 
     Attributes
     ----------
@@ -125,8 +125,8 @@ class Solution(Result):
 
     @stored_property
     def liouville(self) -> float:
-        """Difference of log|det Φ| between the method and Liouville's formula: 0 except for modes that the
-        steps do not resolve. NaN for a method without steps."""
+        """Difference in log|det Φ| between the method and Liouville's formula. Modes that the steps do not
+        resolve contribute to it. NaN for a method without steps."""
         return liouville_defect(self.system, self.speed, self.certified.solutions)
 
     @stored_property
@@ -138,8 +138,8 @@ class Solution(Result):
 
     @stored_property
     def interpolation_error(self) -> InterpolationError | None:
-        """Estimated error of the interpolation of sampled matrices, which `error_estimate` contains; None for
-        systems that are not sampled."""
+        """Estimated error of the interpolation of sampled matrices, which is included in `error_estimate`;
+        None for systems that are not sampled."""
         if not self.system.solvable or not self.certified.interpolation:
             return None
         return self.certified.interpolation[0]
@@ -179,34 +179,36 @@ class Stability(Solution):
 
     @stored_property
     def multipliers(self) -> Array:
-        """Multipliers ρ (N,), complex, in order of decreasing modulus, of a conjugate pair the positive
-        imaginary part first; 0 if ρ underflows, NaN if it is unknown."""
+        """Multipliers ρ (N,), complex, in order of decreasing modulus; in conjugate pairs, the positive
+        imaginary part comes first. 0 if ρ underflows, NaN if it is unknown."""
         return self.spectrum.values
 
     @stored_property
     def exponents(self) -> Array:
-        """Exponents λ = ln(ρ)/T (N,) in 1/s, principal branch (chapter Eq. (11)), finite even where ρ
-        underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
+        """Exponents λ = ln(ρ)/T (N,) in 1/s, principal branch (chapter Eq. (11)). They are finite even where
+        ρ underflows; -inf if ρ is exactly 0, NaN if it is unknown."""
         return self.spectrum.logarithms / self.period
 
     @stored_property
     def multiplier_errors(self) -> Array:
-        """Estimated relative error of each multiplier (2n,); NaN if it is not accurate to even one digit."""
+        """Estimated relative error of each multiplier (2n,); NaN if the multiplier is not accurate to one
+        digit."""
         return self.spectrum.errors
 
     @property
     def unresolved(self) -> int:
-        """Number of multipliers that are not accurate to even one digit and have the error NaN."""
+        """Number of multipliers that are not accurate to one digit; their error is NaN."""
         return int(np.isnan(self.multiplier_errors).sum())
 
     @stored_property
     def modes(self) -> Sequence[FloquetMode]:
-        """Mode of each multiplier: its frequency in rad/s, also modulo 2π/T (folded)."""
+        """Mode of each multiplier, with its frequency in rad/s, also modulo 2π/T (folded)."""
         return self.spectrum.modes
 
     @stored_property
     def spectral_radius(self) -> float:
-        """Largest |ρ| without rigid-body modes; 0 if it is unresolved or there is no other multiplier."""
+        """Largest |ρ| without rigid-body modes; 0 if it is unresolved, or if all multipliers belong to
+        rigid-body modes."""
         if (
             self._rho.resolved[0]
             or not len(self._others)
@@ -217,12 +219,12 @@ class Stability(Solution):
 
     @property
     def _others(self) -> Array:
-        """Positions of the multipliers that do not belong to rigid-body modes."""
+        """Indices of the multipliers that do not belong to rigid-body modes."""
         return np.flatnonzero(~self.spectrum.rigid)
 
     @stored_property
     def rigid_body_modes(self) -> Sequence[RigidBodyMode]:
-        """Rigid-body modes, undamped ones first."""
+        """Rigid-body modes; undamped ones come first."""
         solutions = self.certified.solutions
         if solutions.free is None:
             return []
@@ -230,7 +232,7 @@ class Stability(Solution):
 
     @stored_property
     def distance_from_one(self) -> float:
-        """Smallest |ρ - 1| of the multipliers ρ; 0 at resonance and on a stability boundary of kind +1."""
+        """Smallest |ρ - 1| over the multipliers ρ; 0 at resonance and on a stability boundary of kind +1."""
         return float(self._rho.distance_from_one[0])
 
     @property
@@ -239,8 +241,7 @@ class Stability(Solution):
 
     @stored_property
     def error_estimate(self) -> ErrorEstimate:
-        """Errors of orbit and multipliers; infinite if the spectral radius is not accurate to even one
-        digit."""
+        """Errors of orbit and multipliers; infinite if the spectral radius is not accurate to one digit."""
         orbit, multipliers = map(float, self.certified.errors[0])
         if not self._rho.resolved[0]:
             largest = float(self.multiplier_errors[self._others[0]]) if len(self._others) else 0.0
@@ -259,7 +260,7 @@ class Stability(Solution):
 
     @stored_property
     def notes(self) -> list[str]:
-        """Notes of engine and method, and on rigid-body modes."""
+        """Notes on engine and method, and on rigid-body modes."""
         modes = (self._rigid_body_note(mode) for mode in self.rigid_body_modes)
         method = filter(None, self.certified.solutions.notes)
         error = self.interpolation_error
@@ -312,7 +313,7 @@ class Stability(Solution):
         return {"residual": None, **super().summary_values, **reduction, **sampled}
 
     def header_rows(self) -> HeaderRows:
-        """Method, errors, checks and notes."""
+        """Heading rows: method, errors, checks and notes."""
         errors, checks = self._accuracy()
         return [
             ("method", f"{self.described}, {self.steps} steps a period"),
@@ -323,7 +324,7 @@ class Stability(Solution):
         ]
 
     def _reduced(self) -> list[str]:
-        """Text on the error of the reduction; empty for a full system."""
+        """Text on the error of the system's reduction; empty for a full system."""
         error = self.reduction_error
         if error is None:
             return []

@@ -80,7 +80,7 @@ class SweepPoint:
         return "failed" if self.error else short_verdict(self.verdict)
 
     def record(self, system: PeriodicSystem) -> dict[str, Any]:
-        """Values of the point for the JSON record. system: the system of the sweep."""
+        """Values of the point for the JSON record of the sweep. system: system of the sweep."""
         point = {"speed": self.speed, **({"parameters": self.parameters} if self.parameters else {})}
         if self.error is not None:
             return {**point, "error": self.error}
@@ -130,7 +130,7 @@ class Sweep(Result):
 
     @cached_property
     def points(self) -> Sequence[SweepPoint]:
-        """Points in the order of the speeds."""
+        """Points of the sweep in the order of the speeds."""
         return [self._point(index) for index in range(len(self.speeds))]
 
     def _point(self, index: int) -> SweepPoint:
@@ -156,8 +156,8 @@ class Sweep(Result):
 
     @property
     def reductions(self) -> Array:
-        """Errors (P, 2) of orbit and multipliers due to the reduction of the system; NaN for a full system
-        and for failed points."""
+        """Errors (P, 2) of orbit and multipliers due to the system's reduction; NaN for a full system and for
+        failed points."""
         unknown = np.full((len(self.speeds), 2), np.nan)
         return getattr(self.results, "reductions", unknown)
 
@@ -172,7 +172,7 @@ class Sweep(Result):
         return self.results.all_multipliers
 
     def figures(self, name: str, figure: str = "max_abs") -> Array:
-        """Statistic of a coordinate or output at each point.
+        """Values (P,) of a statistic of a coordinate or output.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Sweep(Result):
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the equations, and one sentence for each kind of warning or failure with its speeds.
-        Texts that differ in their numbers only count as one kind, of which the first is shown."""
+        Texts that differ only in their numbers count as one kind, and the first is shown."""
         of_equations = list(self.system.equation_warnings)
         reasons = {index: [f"no result: {text}"] for index, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}
@@ -247,7 +247,7 @@ class Sweep(Result):
         return [f"reduce={self.system.options['reduce']}: relative errors of {errors}"]
 
     def _where(self, speeds: Sequence[float]) -> str:
-        """Text on the points with these speeds."""
+        """Text that describes the points with these speeds."""
         if self.parameters:
             return f"at {len(speeds)} of {len(self.speeds)} points"
         unit = self.system.speed_unit
@@ -262,7 +262,7 @@ class Sweep(Result):
         return {**super().record(), **to_json({"speeds": self.speeds, "points": points})}
 
     def plot(self, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
-        """Figure of the response over speed with its maxima, and of the spectral radius; unstable speeds
+        """Figure of the response over speed with its maxima, and of the spectral radius. Unstable speeds are
         shaded.
 
         If parameters vary, the horizontal axis is the quantity that varies fastest, with a line per value of
@@ -298,7 +298,7 @@ class Sweep(Result):
 
     @property
     def varied(self) -> dict[str, Array]:
-        """Values (P,) of the parameters and of the speed by name."""
+        """Values (P,) of the parameters and of the speed, by name."""
         return {**self.parameters, SPEED: self.speeds}
 
     @property

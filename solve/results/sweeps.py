@@ -22,7 +22,7 @@ PEAK, QUIET = "peak", "quiet"
 
 
 class Extreme(NamedTuple):
-    """Peak or quiet speed (rad/s) of the first system, and the responses of all systems at this speed."""
+    """Peak or quiet speed (rad/s) of the first system, with the responses of all systems at this speed."""
 
     speed: float
     kind: str
@@ -57,8 +57,8 @@ class Sweeps(Result):
     figure: str = "max_abs"
 
     def figures(self, quantity: str, figure: str | None = None) -> Array:
-        """Statistic (systems, P) of a coordinate or output, or the largest of a group of outputs; NaN where a
-        point failed. Raises UnknownNameError."""
+        """Statistic (systems, P) of a coordinate or output, or the maximum over a group of outputs; NaN where
+        a point failed. Raises UnknownNameError."""
         figure = figure or self.figure
         names = next(iter(self.sweeps.values())).system.parts(quantity)
         return np.max(
@@ -66,8 +66,8 @@ class Sweeps(Result):
         )
 
     def extremes(self, quantity: str, figure: str | None = None) -> list[Extreme]:
-        """Peaks and quiet speeds of the first system, ascending, with the responses of all systems. Raises
-        UnknownNameError."""
+        """Peaks and quiet speeds of the first system in ascending order, with the responses of all systems.
+        Raises UnknownNameError."""
         from scipy.signal import find_peaks
 
         responses = self.figures(quantity, figure)
@@ -87,7 +87,7 @@ class Sweeps(Result):
         return [f"{label}: {text}" for label, sweep in self.sweeps.items() for text in sweep.warnings]
 
     def plot(self, quantities: Sequence[str] | None = None, figure: str | None = None) -> Figure:
-        """Figure with a panel per quantity and a curve per system. Raises UnknownNameError."""
+        """Figure with one panel per quantity and one curve per system. Raises UnknownNameError."""
         return super().plot(quantities, figure)
 
     @property
@@ -148,8 +148,8 @@ class Validity(Result):
 
     @property
     def trusted_to(self) -> float | None:
-        """Highest speed (rad/s) up to which all errors are allowed; None if those of the lowest speed are
-        not."""
+        """Speed (rad/s) up to which all errors are within the allowed limit; None if those of the lowest
+        speed exceed it."""
         within = [*(row.max() <= self.allowed for row in self.errors), False]
         count = within.index(False)
         return float(self.speeds[count - 1]) if count else None
@@ -177,7 +177,7 @@ class Validity(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per speed."""
+        """Columns of the table, with one row per speed."""
         columns = {"speed": speeds_of(self.system, self.speeds, heading="{}", axes=("speed",))}
         for number, (name, row) in enumerate(zip(self.system.coordinates, self.errors.T, strict=True)):
             meaning = f"error of the linear orbit in {name}, relative"
@@ -198,7 +198,7 @@ class Validity(Result):
 
     @property
     def limit(self) -> str:
-        """Text on the speed up to which the linear model is valid."""
+        """Text that states the speed up to which the linear model is valid."""
         limit, highest = f"{100 * self.allowed:g} %", self.trusted_to
         if highest is None:
             return f"errors exceed {limit} from the lowest of these speeds on"

@@ -1,4 +1,5 @@
-"""Tolerances: probabilities of instability and of leaving limits, Sobol indices, worst points."""
+"""Effects of parameter tolerances: probabilities of instability and of exceeded limits, Sobol indices, worst
+cases."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ UNSTABLE = "unstable"
 
 @serializable
 class ParameterSpread(NamedTuple):
-    """Spread of a parameter as text, its nominal value, and the range in which the worst point is sought, in
+    """Spread of a parameter as text, its nominal value, and the range in which the worst case is searched, in
     the model's unit."""
 
     text: str
@@ -43,7 +44,7 @@ class Probability(NamedTuple):
 
 @serializable
 class SobolIndices(NamedTuple):
-    """First-order and total index of a parameter, with 95 % errors."""
+    """First-order and total index of a parameter, with 95 % error margins."""
 
     first: float
     total: float
@@ -53,8 +54,8 @@ class SobolIndices(NamedTuple):
 
 @serializable
 class WorstPoint(NamedTuple):
-    """Worst value of a quantity within the ranges of the parameters, at a speed (rad/s), and its value at the
-    nominal parameters."""
+    """Worst value of a quantity within the ranges of the parameters, at a speed (rad/s), and its value for
+    the nominal parameters."""
 
     value: float
     nominal: float
@@ -64,7 +65,7 @@ class WorstPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class Tolerances(Result):
-    """Consequences of the tolerances of a model's parameters, from `solve.tolerances`.
+    """Effects of the tolerances of a model's parameters, from `solve.tolerances`.
 
     Attributes
     ----------
@@ -111,7 +112,7 @@ class Tolerances(Result):
 
     @stored_property
     def warnings(self) -> list[str]:
-        """Sentences on what is doubtful."""
+        """Warnings about the result, one sentence each."""
         return [*self._reduction, *self.doubts]
 
     @property
@@ -135,7 +136,7 @@ class Tolerances(Result):
 
     @property
     def columns(self) -> Columns:
-        """Row per sample."""
+        """Columns of the table, with one row per sample."""
         parameters = {
             name: Column(column, self.system.parameter_labels[name][0], self.system.parameter_labels[name][1])
             for name, column in zip(self.spreads, self.points.T, strict=True)

@@ -1,4 +1,4 @@
-"""Motion in time from an initial state, and the orbit that the motion reaches."""
+"""Motion in time from an initial state, and the orbit on which it settles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _RESOLVED = 0.1
 one digit."""
 
 _REMEDIES = {
-    "stable": "differences from it are undamped; start on the orbit",
+    "stable": "differences from the orbit are not damped; start on the orbit",
     "unstable": "it is unstable",
 }
 """Reason or remedy if an orbit is not reached, by the verdict on this orbit."""
@@ -41,7 +41,7 @@ _REMEDIES = {
 
 @dataclass(frozen=True)
 class TransientMotion(Result):
-    """Motion over a number of periods ("turns"), with the statistics of each.
+    """Motion over a number of periods ("turns"), with the statistics of each period.
 
     Attributes
     ----------
@@ -87,12 +87,12 @@ class TransientMotion(Result):
     @property
     def time(self) -> Array:
         """Times (j,) in seconds."""
-        starts = np.concatenate(([0.0], np.cumsum(self.system.period / self._mean)))
-        within = self.nodes[:-1] / self._mean[:, None]
+        starts = np.concatenate(([0.0], np.cumsum(self.system.period / self._mean_speeds)))
+        within = self.nodes[:-1] / self._mean_speeds[:, None]
         return np.append((starts[:-1, None] + within).ravel(), starts[-1])
 
     @property
-    def _mean(self) -> Array:
+    def _mean_speeds(self) -> Array:
         """Mean speeds (turns,) of the periods."""
         return (self.ends[:-1] + self.ends[1:]) / 2
 
@@ -103,7 +103,7 @@ class TransientMotion(Result):
 
     @property
     def qd(self) -> Array:
-        """Velocities (n, j), derivatives with respect to time."""
+        """Velocities (n, j) (derivatives with respect to time)."""
         return self._joined(1)
 
     @property
@@ -130,14 +130,14 @@ class TransientMotion(Result):
         return self.outputs[name]
 
     def _joined(self, derivative: int) -> Array:
-        values = self.motions[:, derivative] * (self._mean**derivative)[:, None, None]
+        values = self.motions[:, derivative] * (self._mean_speeds**derivative)[:, None, None]
         turns = np.concatenate(values[..., :-1], axis=-1)
         return np.concatenate((turns, values[-1][:, -1:]), axis=-1)
 
     @stored_property
     def _figures(self) -> Array:
-        """Statistics (turns, n + o, 7) of coordinates and outputs over each period, the fields of
-        `Statistics`: from interpolated curves or, if these are not accurate, from the states."""
+        """Fields of `Statistics` (turns, n + o, 7) of coordinates and outputs over each period, from
+        interpolated curves, or from the states if the curves are not accurate."""
         if not self._curves_resolved:
             return self._figures_of_states
         system = self.system
@@ -151,14 +151,14 @@ class TransientMotion(Result):
         return figures
 
     def _figures_of_curves(self, turns: Array, stride: int) -> Array:
-        """Statistics (P, n + o, 7) of curves through every stride-th state of the periods with indices
-        (P,)."""
+        """Fields of `Statistics` (P, n + o, 7), from curves through every stride-th state, for the periods
+        with indices (P,)."""
         system = self.system
         groups = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
         for names in groups:
             outputs = partial(self._outputs_within, turns, names) if names else None
-            group = Quantities(curve, self._mean[turns], outputs).figures()
+            group = Quantities(curve, self._mean_speeds[turns], outputs).figures()
             figures.append(group[:, system.n :] if figures else group)
         return np.concatenate(figures, axis=1)
 
@@ -169,7 +169,7 @@ class TransientMotion(Result):
 
     @property
     def _figures_of_states(self) -> Array:
-        """Largest value, smallest value and largest modulus of the states; other statistics are NaN."""
+        """Maximum, minimum and largest modulus of the states; other statistics are NaN."""
         names, last = (*self.system.coordinates, *self.system.outputs), len(self.nodes) - 1
         places = np.arange(self.turns)[:, None] * last + np.arange(last + 1)
         values = np.stack([self.values(name)[places] for name in names], axis=1)
@@ -181,8 +181,8 @@ class TransientMotion(Result):
     def _outputs_within(
         self, turns: Array, names: Sequence[str], s: Array, q: Array, qd: Array, qdd: Array
     ) -> Array:
-        """Outputs (P, o, k) in periods (P,), at phases s (P, k) with states (P, n, k);
-        derivatives with respect to time."""
+        """Outputs (P, o, k) in the periods with indices (P,), at phases s (P, k) with states (P, n, k).
+        Derivatives are with respect to time."""
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
@@ -193,8 +193,8 @@ class TransientMotion(Result):
 
     @cached_property
     def extremes(self) -> Mapping[str, Statistics]:
-        """Largest value, smallest value and largest modulus of each coordinate and output over all periods;
-        other statistics are NaN."""
+        """Maximum, minimum and largest modulus of each coordinate and output over all periods; other
+        statistics are NaN."""
         figures = np.moveaxis(self._figures, -1, 0)
         unknown = [np.nan] * (len(Statistics._fields) - 3)
         names = *self.system.coordinates, *self.system.outputs
@@ -205,7 +205,7 @@ class TransientMotion(Result):
 
     @property
     def peaks(self) -> Array:
-        """max|q| of each period (turns, n)."""
+        """Largest modulus (turns, n) of each coordinate in each period."""
         return self._figures[:, : self.system.n, 2]
 
 
@@ -234,8 +234,8 @@ class Transient(TransientMotion):
 
     @cached_property
     def distances(self) -> Array:
-        """max|difference|/max|q| between each period (turns, n) and the orbit, at the nodes, without steady
-        motion along rigid-body modes; NaN without an orbit."""
+        """Largest difference between each period (turns, n) and the orbit at the nodes, relative to max|q|,
+        without steady motion along rigid-body modes; NaN without an orbit."""
         if self.orbit is None:
             return np.full_like(self.peaks, np.nan)
         q = self.orbit.at(self.nodes)
@@ -247,8 +247,8 @@ class Transient(TransientMotion):
 
     @property
     def reached(self) -> int | None:
-        """Number of periods after which all further ones are within rtol of the orbit; None if the last one
-        is not."""
+        """Number of periods after which all later periods are within rtol of the orbit; None if the last
+        period is not."""
         beyond = [turn for turn, row in enumerate(self.distances, 1) if not row.max() <= self.rtol]
         last = beyond[-1] if beyond else 0
         return last if last < self.turns else None
@@ -280,8 +280,8 @@ class Transient(TransientMotion):
         return [unreached, *sentences]
 
     def record(self) -> dict[str, Any]:
-        """JSON object of `solve transient --json`: extrema of every coordinate and output; largest modulus of
-        each coordinate, and distance to the orbit, per period."""
+        """JSON object of `solve transient --json`: extrema of every coordinate and output; for each period,
+        the largest modulus of each coordinate and its distance from the orbit."""
         coordinates = {
             name: {**self._record(name), "peaks": peaks, "distances": distances}
             for name, peaks, distances in zip(

@@ -1,1 +1,1 @@
-"""Studies that consist of many solutions, one per file."""
+"""Studies, each of which combines many solutions; one study per file."""

@@ -1,4 +1,4 @@
-"""Bands of speed in which the motion is unstable, with refined edges.
+"""Unstable bands: ranges of speed in which the motion is unstable, with refined edges.
 
 Fast modes that are not damped out cannot be resolved at many speeds: the axial vibration of an undamped steel
 link rotates by thousands of radians per revolution of the crank, and so do its multipliers over speed. Only
@@ -178,7 +178,7 @@ def bands(
         step("narrow bands")
         samples += find_narrow_tongues(evaluate, samples, middle, predicted=_PREDICTED if constant else 1.0)
         if samples.failed.any():
-            notes = [*notes, _left_out(batch, by_speed(samples), system.speed_unit)]
+            notes = [*notes, _failed_speeds_text(batch, by_speed(samples), system.speed_unit)]
         step("edges of bands")
         runs = _UnstableRuns(evaluate, checked_tolerance(tolerance), omegas[-1:])
         unstable_bands = runs.bands(by_speed(samples))
@@ -189,9 +189,9 @@ def bands(
     return Bands(unstable_bands, system, range_, spacing, notes, speeds, radius, constant is not None)
 
 
-def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
-    """Message about ascending speeds without a result, with the reason for the first one. Raises
-    NoResultError if no speed has one."""
+def _failed_speeds_text(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
+    """Message about the speeds without a result, with the reason at the first of them. Raises NoResultError
+    if no speed has a result."""
     failures = gathered(batch, known.points[known.failed][:1], Kept(warnings=False)).failures
     reason = "multipliers are within their error of the unit circle; give a smaller rtol"
     failed = without_result(known.points[:, 0], known.failed, unit, failures.get(0, reason))
@@ -201,7 +201,7 @@ def _left_out(batch: Batch, known: StabilitySamples, unit: ShownUnit) -> str:
 
 
 def _subdivide(speeds: Array, parts: Array) -> Array:
-    """Ascending speeds with each of their intervals divided into at least this number of parts."""
+    """Ascending speeds with each interval divided into at least `parts` parts."""
     counts = np.maximum(np.ceil(parts * (1 - 1e-9)), 1).astype(int)
     at = np.concatenate([[0], np.cumsum(counts)])
     return np.interp(np.arange(at[-1] + 1), at, speeds)
@@ -210,8 +210,8 @@ def _subdivide(speeds: Array, parts: Array) -> Array:
 def _refine_near_coalescence(
     evaluate: Evaluate, known: StabilitySamples, rotation: Rotation
 ) -> StabilitySamples:
-    """Samples refined where two multipliers are closer to each other than they rotate between two speeds.
-    Each of several successive coalescences then has its own minimum of the distance."""
+    """Samples, refined where the distance of two multipliers is smaller than their rotation between two
+    speeds. Successive coalescences then have separate minima of the distance."""
     for _ in range(_HALVINGS):
         speeds, distance = known.points[:, 0], _least_angle(known.multipliers)
         turned = -np.diff(1 / speeds) * rotation(speeds[1:])
@@ -223,8 +223,8 @@ def _refine_near_coalescence(
 
 
 def _least_angle(multipliers: Array) -> Array:
-    """Smallest difference (k,) between the angles of lightly damped multipliers (k, N) above the real
-    axis."""
+    """Smallest difference (k,) between the angles of those lightly damped multipliers (k, N) that lie above
+    the real axis."""
     rotating = (np.imag(multipliers) > 0) & (np.abs(multipliers) > LIGHTLY_DAMPED)
     placeholders = 1e3 * (1 + np.arange(multipliers.shape[1]))
     angles = np.sort(np.where(rotating, np.angle(multipliers), placeholders), axis=1)
@@ -233,8 +233,8 @@ def _least_angle(multipliers: Array) -> Array:
 
 @dataclass(frozen=True)
 class _UnstableRuns:
-    """Runs of unstable speeds of one kind among ascending samples. highest (1,): highest speed. inside:
-    samples within runs. Results between two speeds are cached, because runs are split repeatedly."""
+    """Runs of consecutive unstable samples of one kind, over ascending speeds. highest (1,): highest speed;
+    inside: samples within runs. Results between two speeds are cached, because runs are split repeatedly."""
 
     evaluate: Evaluate
     tolerance: float
@@ -244,7 +244,7 @@ class _UnstableRuns:
     inside: "list[StabilitySamples]" = field(default_factory=list)
 
     def bands(self, known: StabilitySamples) -> list[Band]:
-        """Runs with their edges, split where points inside are stable or of another kind."""
+        """Bands with refined edges; runs are split where a point inside is stable or of another kind."""
         unstable_bands: list[Band] = []
         for _ in range(_MAX_SPLITS):
             unstable_bands, inside = self._search_inside(known)
@@ -254,7 +254,7 @@ class _UnstableRuns:
         return unstable_bands
 
     def _search_inside(self, known: StabilitySamples) -> tuple[list[Band], StabilitySamples]:
-        """Bands of one kind, and points inside the bands of mixed kind."""
+        """Bands of a single kind, and additional points inside the bands of mixed kind."""
         state = _state(known)
         changes = np.flatnonzero(np.diff(state))
         speeds = known.points[:, 0]
@@ -279,7 +279,8 @@ class _UnstableRuns:
         return uniform, looked[np.flatnonzero(np.repeat(mixed & growing[new], _POINTS_INSIDE))]
 
     def _inside(self, low: Array, high: Array, states: Array) -> tuple[StabilitySamples, Array]:
-        """Points inside runs of these states between their ends (k,), and whether the runs are mixed (k,)."""
+        """Additional points inside the runs with end states `states` between the speeds `low` and `high`
+        (k,), and whether the runs are mixed (k,)."""
         parts = (np.arange(_POINTS_INSIDE) + 1) / (_POINTS_INSIDE + 1)
         looked = self.evaluate((low[:, None] + parts * (high - low)[:, None]).reshape(-1, 1))
         self.inside.append(looked)
@@ -288,7 +289,7 @@ class _UnstableRuns:
         return looked, (_state(looked).reshape(-1, _POINTS_INSIDE) != states[:, None]).any(axis=1)
 
     def _cached_borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Result of `_borders`, with cached borders reused."""
+        """Result of `_borders`, from the cache where available."""
         speeds = known.points[:, 0].tolist()
         ends = [(speeds[at], speeds[at + 1]) for at in changes.tolist()]
         new = changes[np.array([pair not in self._between for pair in ends], dtype=bool)]
@@ -298,8 +299,8 @@ class _UnstableRuns:
         return cached[:, 0], cached[:, 1].astype(bool)
 
     def _borders(self, known: StabilitySamples, changes: Array, state: Array) -> tuple[Array, Array]:
-        """Speeds at which the state changes (k,), and whether a neighbour has no result (k,); the border is
-        then the last unstable speed."""
+        """Speeds (k,) at which the state changes, and whether (k,) a neighbour has no result. In that case
+        the border is the last unstable speed."""
         low, high = known[changes], known[changes + 1]
         borders = np.empty(len(changes))
         search = BoundarySearch(self.evaluate, self.highest, self.tolerance)
@@ -324,13 +325,14 @@ class _UnstableRuns:
 
 
 def _state(known: StabilitySamples) -> Array:
-    """Positions in KINDS (k,), -1 where stable, _UNKNOWN without a result."""
+    """Index in KINDS (k,) of each sample; -1 if it is stable, _UNKNOWN without a result."""
     return np.where(known.unstable, known.kinds, np.where(known.failed, _UNKNOWN, -1))
 
 
 def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int:
-    """Number of modes that are too fast to be resolved from this speed on. 0 if all can be resolved, if the
-    fast ones are damped out within a period, if a method is given, or if no mode would be left."""
+    """Number of modes that are too fast to be resolved at this speed and above. It is 0 if all modes can be
+    resolved, if the unresolved modes decay within a period, if the user chose a method, or if no mode
+    would remain."""
     values = frozen(OnePoint(system, speed)).eigenvalues()[0]
     reach = np.abs(values).max(axis=0) * system.period
     fast = int((np.sort(reach)[::2] > _MAX_PHASE_ADVANCE).sum())
@@ -340,8 +342,9 @@ def _count_fast_modes(system: PeriodicSystem, speed: float, method: Rule) -> int
 
 
 def _evaluator_of_slow_modes(batch: Batch) -> Evaluate:
-    """Evaluation of the slow modes by the batch's method, Radau. A point is unstable if a multiplier on which
-    both grids agree lies outside the unit circle by more than the difference between the grids."""
+    """Evaluator of stability from the slow modes, by the batch's method, Radau. A point is unstable if a
+    multiplier found on both grids lies outside the unit circle by more than the difference between the
+    grids."""
 
     def on_grid(points: Array, steps: int) -> Array:
         with progress.subtask(POINTS, len(points) / len(_STEPS)):

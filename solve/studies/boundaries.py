@@ -59,38 +59,38 @@ Differs = Callable[[StabilitySamples, Array], Array]
 
 
 class Brackets(NamedTuple):
-    """Brackets of edges on lines (E,): the two ends, and a point of the same line outside each bracket, or
-    one of its ends if no such point is known."""
+    """Brackets of edges on lines (E,): both ends, and a point of the same line outside the bracket (or one of
+    the ends if there is no such point)."""
 
     low: StabilitySamples
     high: StabilitySamples
     beyond: StabilitySamples
 
     def select(self, lines: Array) -> "Brackets":
-        """Brackets on some of the lines (k,)."""
+        """Brackets on the selected lines (k,)."""
         return Brackets(*(end[lines] for end in self))
 
     def replaced(self, lines: Array, others: "Brackets") -> "Brackets":
-        """Copy with other brackets on some of the lines (k,)."""
+        """Copy with other brackets on the given lines (k,)."""
         return Brackets(*(end.replaced(lines, new) for end, new in zip(self, others, strict=True)))
 
     @property
     def midpoints(self) -> Array:
-        """Midpoints between the ends (E, v); NaN where one of the ends failed."""
+        """Midpoints (E, v) of the brackets; NaN if an end failed."""
         failed = self.low.failed | self.high.failed
         return np.where(failed[:, None], np.nan, (self.low.points + self.high.points) / 2)
 
     @property
     def kinds(self) -> Array:
-        """Positions in KINDS (E,) of the multiplier that passes +1 or -1 between the ends; _COMPLEX for
-        others."""
+        """Indices in KINDS (E,) of the multiplier that passes +1 or -1 in the bracket; _COMPLEX for complex
+        multipliers."""
         passes = (self.low.distances[:, :2] > 0) & (self.high.distances[:, :2] < 0)
         return np.where(passes.any(axis=1), passes.argmax(axis=1), _COMPLEX)
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Samples on lines (k,) along the quantity at position `along`."""
+    """Samples on lines (k,) along the quantity with index `along`."""
 
     samples: StabilitySamples
     line: Array
@@ -98,7 +98,7 @@ class Lines:
 
     @cached_property
     def neighbours(self) -> tuple[Array, Array]:
-        """Indices (c,) of samples and of their successors on the same line."""
+        """Indices (c,) of samples and of the next sample on the same line."""
         order = np.lexsort((self.samples.points[:, self.along], self.line))
         first, last = order[:-1], order[1:]
         same = self.line[first] == self.line[last]
@@ -106,7 +106,7 @@ class Lines:
 
     def changes(self) -> tuple[Array, Brackets]:
         """Indices (c,) of the lines on which stability changes between neighbours, and brackets of these
-        changes, with the stable end first."""
+        changes with the stable end first."""
         samples, (first, last) = self.samples, self.neighbours
         failed = samples.failed[first] | samples.failed[last]
         changes = (samples.unstable[first] != samples.unstable[last]) & ~failed
@@ -123,7 +123,7 @@ class Lines:
 @dataclass(frozen=True)
 class BoundarySearch:
     """Search for edges on lines. scale (v,): sizes of the quantities; tolerance: allowed error of the
-    position of an edge, relative to the scale."""
+    position of an edge, relative to `scale`."""
 
     evaluate: Evaluate
     scale: Array
@@ -136,7 +136,7 @@ class BoundarySearch:
         tolerance: float | None = None,
         predict: Prediction | None = None,
     ) -> Brackets:
-        """Narrow brackets (E,) to a tolerance, by default that of the search.
+        """Narrow brackets (E,) to a tolerance; the default is that of the search.
 
         Without a prediction trials are evenly spaced between the ends. With one they lie on either side of
         the predicted edge, closer after they enclose it and farther after they miss it.
@@ -175,8 +175,8 @@ class BoundarySearch:
     def edges(
         self, stable: StabilitySamples, unstable: StabilitySamples, beyond: StabilitySamples | None = None
     ) -> tuple[Array, Array]:
-        """Positions (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN where a
-        failed point lies between the two. beyond: see `Brackets`.
+        """Positions (E, v) and kinds (E,) of the edges between stable and unstable points (E,); NaN if a
+        failed point lies between them. beyond: see `Brackets`.
 
         Where a multiplier passes +1 or -1, the sign of det(I - Φ) or det(I + Φ) changes; unlike moduli these
         pass through zero smoothly.
@@ -200,21 +200,22 @@ class BoundarySearch:
     def _narrow_by_parabolas(
         self, brackets: Brackets, differs: Differs, tolerance: float | None = None
     ) -> Brackets:
-        """Brackets narrowed around the zeros of parabolas through the function that changes its sign."""
+        """Brackets narrowed around the zeros of parabolas through values of the function that changes
+        sign."""
         kinds = brackets.kinds
         on_circle = (kinds == _COMPLEX) & (brackets.low.crossing_values[:, _COMPLEX] < NOISE)
         predict = _parabolic_prediction(np.where(on_circle, _COMPLEX + 1, kinds))
         return self.narrow(brackets, differs, tolerance, predict)
 
     def _max_points(self, widths: Array) -> float:
-        """Largest number of points for edges between ends at these distances (E, v)."""
+        """Maximum number of evaluations for edges in brackets of these widths (E, v)."""
         fraction = (widths / np.where(self.scale > 0, self.scale, 1.0)).max()
         count = _trial_count(len(widths))
         iterations = np.log(max(fraction, _KIND_TOLERANCE) / self.tolerance) / np.log(count + 1)
         return len(widths) * count * max(1.0, np.ceil(iterations))
 
     def crossings(self, *sets_of_lines: Lines) -> list[Crossings]:
-        """Changes of stability between neighbours on lines; none next to failed points.
+        """Changes of stability between neighbours on lines, without those next to failed points.
 
         Stable stretches between two unstable neighbours are found where one of these has a multiplier beyond
         +1 and the other beyond -1.
@@ -239,8 +240,8 @@ class BoundarySearch:
         return crossings
 
     def sign_changes(self, low: StabilitySamples, high: StabilitySamples, kind: int) -> Brackets:
-        """Brackets, narrowed to the tolerance, between points low and high (E,), in which the crossing
-        function of +1 (kind 0) or -1 (kind 1) changes its sign."""
+        """Brackets (E,), narrowed to the tolerance, in which the crossing function of +1 (kind 0) or -1 (kind
+        1) changes sign. low, high (E,): points between which it does."""
 
         def passed(samples: StabilitySamples, lines: Array) -> Array:
             return samples.distances[:, kind] * high.distances[lines, kind] > 0
@@ -251,8 +252,9 @@ class BoundarySearch:
     def _stable_stretches(
         self, samples: StabilitySamples, first: Array, last: Array
     ) -> tuple[Array, Array, Array]:
-        """Edges of stable intervals between two neighbours, one with a multiplier beyond +1 and the other
-        with one beyond -1: neighbour (c,), position (c, v) and kind (c,) of each edge."""
+        """Edges of stable intervals between two unstable neighbours, one with a multiplier beyond +1 and the
+        other with one beyond -1. Returns index of the neighbour (c,), position (c, v) and kind (c,) of
+        each edge."""
         plus, minus = samples.distances[:, 0] < 0, samples.distances[:, 1] < 0
         beyond_plus, beyond_minus = plus & ~minus, minus & ~plus
         opposite = (beyond_plus[first] & beyond_minus[last]) | (beyond_minus[first] & beyond_plus[last])
@@ -277,14 +279,15 @@ class BoundarySearch:
 
 
 def _trial_distances(predicted: Array) -> Array:
-    """Distances (E, k) of trials from the predicted edges, ascending, one of them as predicted (E,); several
-    if there are few lines."""
+    """Distances (E, k), ascending, of the trial points from the predicted edges. They include the predicted
+    distance (E,); there are several if there are few lines."""
     pairs = min(len(_EXPONENTS), max(1, _BATCH // (2 * len(predicted))))
     return predicted[:, None] ** (_EXPONENTS[:pairs] if pairs > 1 else 1.0)
 
 
 def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
-    """Fractions (E, 2k) of the brackets at distances (E, k), or a minimum (E, 1), on both sides of (E, 1)."""
+    """Fractions (E, 2k) of the brackets at distances (E, k), at least `minimum` (E, 1), on both sides of
+    `centre` (E, 1)."""
     radii = np.maximum(radii, minimum)
     margin = np.minimum(_END_MARGIN, radii[:, :1])
     fractions = np.column_stack((centre - radii[:, ::-1], centre + radii))
@@ -292,7 +295,7 @@ def _fractions_around(centre: Array, radii: Array, minimum: Array) -> Array:
 
 
 def _next_distances(radii: Array, first: Array) -> Array:
-    """Predicted distances (E,) of the edges, for the next trials.
+    """Predicted distances (E,) of the edges for the next trials.
 
     radii (E, k): distances of the trials on either side. first (E,): index of the first one beyond the edge.
     """
@@ -304,9 +307,9 @@ def _next_distances(radii: Array, first: Array) -> Array:
 
 
 def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Brackets:
-    """Brackets (E,) from the same number of trials within each, line by line: the new high end is the trial
-    at position `first` (E,), or the old one; the trial before it is the new low end, and the point beyond is
-    one next to these two."""
+    """Brackets (E,) after trials, the same number in each. The new high end is the trial with index `first`
+    (E,), or the old end; the trial before it is the new low end; the outside point is a neighbour of these
+    two."""
     count = len(brackets.low)
     samples = brackets.low + trials + brackets.high
     inside, line = len(trials) // count, np.arange(count)
@@ -320,9 +323,9 @@ def _narrowed(brackets: Brackets, trials: StabilitySamples, first: Array) -> Bra
 
 
 def _parabolic_prediction(columns: Array) -> Prediction:
-    """Prediction from the crossing values in one column for each line (E,): zero of the parabola through
-    three points, or of the chord without a third. The error is a fraction of the distance between the two
-    zeros. If the sign does not change, for example because of another edge in between, the middle is
+    """Prediction from the crossing values, one column per line (E,): zero of the parabola through three
+    points, or of the chord if there are only two. Its error is a fraction of the distance between both
+    zeros. If the sign does not change, for example because of another edge inside, the middle is
     predicted."""
 
     def predict(brackets: Brackets, lines: Array) -> tuple[Array, Array]:
@@ -349,5 +352,5 @@ def _parabolic_prediction(columns: Array) -> Prediction:
 
 
 def _trial_count(lines: int) -> int:
-    """Number of trials in each of a number of brackets."""
+    """Number of trials per bracket for `lines` brackets."""
     return max(1, min(_MAX_TRIALS, _BATCH // max(lines, 1)))

@@ -1,4 +1,4 @@
-"""Stability over two quantities: spectral radius, verdict, and the boundaries between."""
+"""Stability over two quantities: spectral radius, verdict, and stability boundaries."""
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -158,7 +158,7 @@ def chart(
 
 
 def _provable(model: object) -> Model:
-    """The model. Raises LinearModelError where verdicts on boxes cannot be proved."""
+    """Return the model. Raises LinearModelError if verdicts on boxes cannot be proved for it."""
     if not isinstance(model, PeriodicSystem):
         raise LinearModelError("a proved chart needs a model, not a function that builds systems")
     require_provable(model)
@@ -168,8 +168,8 @@ def _provable(model: object) -> Model:
 
 
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
-    """Stability at points (P, 2), from the orbits; solved separately where no orbit exists, as at
-    resonance."""
+    """Stability at points (P, 2), from the orbits. Points without an orbit, as at resonance, are solved
+    separately."""
     results = PointResults.blank(len(points), batch.family.example.multiplier_count, Kept(warnings=False))
     for name in _OF_STABILITY:
         getattr(results, name)[:] = getattr(orbits, name)
@@ -180,8 +180,8 @@ def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResult
 
 
 def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResults) -> list[str]:
-    """Warnings: the number of points with a stability verdict but without an orbit, and the reason; the
-    bounds of the model that orbits violate, with the largest excess."""
+    """Warnings about orbits: the number of points with a verdict but without an orbit, with the reason; and
+    the bounds of the model that orbits violate, with the largest excess."""
     names, valid_figures = orbits.kept.names, orbits.figures[~orbits.failed]
     reasons = [text for at, text in orbits.failures.items() if at not in stability.failures]
     without = [f"{len(reasons)} of {len(orbits)} points have no orbit: {text}" for text in reasons[:1]]
@@ -194,7 +194,7 @@ def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResult
 
 @dataclass(frozen=True)
 class _Quantity:
-    """Quantity that a chart shows at its points. Raises ValueOutOfBoundsError for a phase or a complex
+    """Quantity that a chart shows at its points. Raises ValueOutOfBoundsError for a phase angle or a complex
     number."""
 
     named: Named
@@ -220,7 +220,7 @@ def _at(batch: Batch, unit: ShownUnit, x: float, y: float) -> Stability:
 def _cut(
     search: BoundarySearch, names: tuple[str, str], axes: tuple[Array, Array], held: int, value: float
 ) -> Cut:
-    """Cut along one axis at a fixed value of the quantity at position `held`. Raises ValueOutOfBoundsError,
+    """Cut along one axis at a fixed value of the quantity with index `held`. Raises ValueOutOfBoundsError,
     and NoResultError if no point has a result."""
     if not np.isfinite(value):
         raise ValueOutOfBoundsError(f"the cut is at {names[held]} = {value:g}; give a finite number")
@@ -240,7 +240,7 @@ def _cut(
 
 
 def _truth(known: StabilitySamples) -> Array:
-    """Stability (k,) as 1 or 0, NaN where a point failed."""
+    """Stability (k,) as 1 (stable) or 0 (unstable); NaN where a point failed."""
     return np.where(known.failed, np.nan, known.stable)
 
 
@@ -249,8 +249,8 @@ def _axis(
     given: str | Mapping[str, str | Sequence[float | str] | Array],
     system: PeriodicSystem | None,
 ) -> tuple[str, Sequence[float]]:
-    """Name and ascending values of a parameter in its own unit; plain numbers only without a system, which
-    declares units. Raises ValueOutOfBoundsError, UnitError."""
+    """Name and ascending values of a parameter in its own unit. Without a system, which declares units,
+    values must be plain numbers. Raises ValueOutOfBoundsError, UnitError."""
     if isinstance(given, str):
         name, _, text = given.partition("=")
         given = {name.strip(): text.strip()}
@@ -276,7 +276,7 @@ def _family(
     speed: float | str | None,
     case: str | None,
 ) -> Family:
-    """Family of systems at the points (P, 2): variations of one, or those built by a function."""
+    """Family of systems at the points (P, 2): variations of one model, or systems that a function builds."""
     if case is not None:
         raise ValueOutOfBoundsError(
             f"case is '{case}', but the system already has values of its parameters; leave out the case"
@@ -299,9 +299,9 @@ def _held(speed: float | str | None, names: tuple[str, str]) -> float | None:
 
 
 def _continuations(found: Array, axes: tuple[Array, Array], along: int, searched: Array) -> Array:
-    """Positions of the middle points at which a tongue found at points (k, 2) may continue on the
-    neighbouring lines, among all with two neighbours on their line. searched (lines, middles): where tongues
-    were searched for or found, updated in place."""
+    """Indices of the middle points at which a tongue found at points (k, 2) may continue on the neighbouring
+    lines. Only points with two neighbours on their line are returned. searched (lines, middles): where
+    tongues were searched for or found, updated in place."""
     line = np.searchsorted(axes[1 - along], found[:, 1 - along])
     right = np.searchsorted(axes[along], found[:, along]) - 1
     at, near = np.zeros_like(searched), np.zeros_like(searched)
@@ -320,7 +320,7 @@ def _boundaries(
     axes, index = (chart.x, chart.y), np.arange(len(known.points)).reshape(chart.shape)
 
     def lines(index: Array, along: int) -> Lines:
-        """Lines through the points in the rows of the index, with unstable points found between them."""
+        """Lines through the points with the indices `index`, including unstable points found between them."""
         middle, stride = index[:, 1:-1], (1, len(chart.x))[along]
         tongues = find_narrow_tongues(search.evaluate, known, middle.ravel(), stride, _PREDICTED)
         samples, searched = known + tongues, np.zeros(middle.shape, dtype=bool)

@@ -1,4 +1,4 @@
-"""Methods side by side on one problem: at equal steps and at equal accuracy."""
+"""Comparison of methods on one problem, at equal steps and at equal accuracy."""
 
 import math
 import time
@@ -55,7 +55,7 @@ def compare(
     steps: Sequence[int] | None = None,
     targets: Sequence[float] = TARGETS,
 ) -> Comparison:
-    """Compare methods with a converged reference, at equal steps and at equal accuracy.
+    """Compare methods with a converged reference solution, at equal steps and at equal accuracy.
 
     Parameters
     ----------
@@ -110,7 +110,8 @@ def compare(
 
 
 def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
-    """Four numbers of steps from the series 1, 2, 5, 10, … around ω_max T, at which ω_max h = 1."""
+    """Four numbers of steps from the series 1, 2, 5, 10, … around ω_max T, the number at which ω_max h =
+    1."""
     phase_advance = max(float(frozen(OnePoint(system, speed)).phase_advance[0]), 100.0)
     series = [digit * 10**power for power in range(1, 9) for digit in (1, 2, 5)]
     first = next(index for index, count in enumerate(series) if count >= 0.4 * phase_advance)
@@ -118,14 +119,14 @@ def usual_steps(system: PeriodicSystem, speed: float) -> list[int]:
 
 
 def label(method: Method) -> str:
-    """Name of a method with the settings that differ from its defaults."""
+    """Name of a method, with its settings that differ from the defaults."""
     defaults = type(method)().settings
     changed = [f" {name} {value}" for name, value in method.settings.items() if value != defaults[name]]
     return method.name + "".join(changed)
 
 
 class _AgainstReference:
-    """Comparison of one method with the reference."""
+    """Comparison of one method with the reference solution."""
 
     def __init__(self, reference: Orbit, rule: Rule, judged_by: str):
         self.point = OnePoint(reference.system, reference.speed)
@@ -139,11 +140,11 @@ class _AgainstReference:
 
     @property
     def least(self) -> int:
-        """Smallest number of steps that the method permits."""
+        """Smallest number of steps that the method accepts."""
         return max(1, len(self.point.breaks), int(self.solver.min_steps[0]))
 
     def measured(self, steps: int, at: str, target: float | None = None, repeats: int = _REPEATS) -> Row:
-        """Row with errors and time for a number of steps, or with the reason of a failure."""
+        """Row with errors and time for a number of steps, or with the reason why the method failed."""
         blank = Row(self.name, self.method.order, None, at, asked=steps, target=target)
         if steps > self.solver.max_steps:
             return replace(blank, reason=self._limit)
@@ -165,8 +166,8 @@ class _AgainstReference:
         )
 
     def refined(self, goal: float) -> list[Row]:
-        """Rows with doubled steps until the target is reached, errors stop decreasing, or a limit of memory
-        or time is reached."""
+        """Rows with doubled steps until the target is reached, the errors stop decreasing, or a memory or
+        time limit is reached."""
         steps = max(_FIRST_STEPS, self.least)
         trace: list[Row] = []
         while steps <= self.solver.max_steps:
@@ -212,7 +213,7 @@ class _AgainstReference:
         return float(self.solver.modes.phase_advance[0])
 
     def _timed(self, steps: int, repeats: int) -> tuple[Solutions, float]:
-        """Solution and shortest time of repeated runs."""
+        """Solution, and shortest time of repeated runs."""
         times: list[float] = []
         while True:
             start = time.process_time()
@@ -222,13 +223,14 @@ class _AgainstReference:
                 return solution, min(times)
 
     def _stalled(self, trace: list[Row]) -> bool:
-        """Whether three doublings of steps that resolve the fastest mode did not reduce the error."""
+        """Whether three doublings of the steps did not reduce the error although the steps resolve the
+        fastest mode."""
         phase_advance = self._phase_advance
         errors = [row.error(self.judged_by) for row in trace if (row.steps or 0) > phase_advance]
         return len(errors) > 3 and min(errors[-3:]) > 0.9 * min(errors[:-3])
 
     def _unnamed(self, refusal: str) -> str:
-        """Message without the name of the method, which is already in the row."""
+        """Message of an exception, without the name of the method, which the row contains already."""
         return refusal.removeprefix(f"{self.method.name}: ").removeprefix(f"{self.method.name} ")
 
     @property
@@ -243,7 +245,7 @@ class _AgainstReference:
         error = last.error(self.judged_by)
         so_far = f"{error:.1e} with {last.steps} steps"
         if not self.method.converges or self._stalled(trace):
-            return f"{so_far}, and more steps gain nothing"
+            return f"{so_far}, and more steps do not reduce the error"
         if 2 * last.time > _MAX_SECONDS:
             so_far += f" and {last.time:.1f} s"
         order = self.method.curve_order if self.judged_by == ORBIT else self.method.order

@@ -1,4 +1,4 @@
-"""Stability with M, C and K constant over the period, for any load: the eigenvalues µ of µ²M + µC + K decide.
+"""Stability with constant M, C and K, for any load, from the eigenvalues µ of µ²M + µC + K.
 
 There is no parametric resonance, and so no narrow tongue between speeds. The eigenvalues vary slowly with the
 speed or a parameter.
@@ -48,8 +48,8 @@ _TINY = float(np.finfo(float).tiny)
 
 class Exponents(NamedTuple):
     """Characteristic exponents µ. growth (P, N): real parts, in descending order; angular_rates (P, N):
-    imaginary parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose matrices
-    vary."""
+    imaginary parts, with respect to the phase; errors (P, N) of the real parts. NaN at points whose
+    matrices are not constant."""
 
     growth: Array
     angular_rates: Array
@@ -58,9 +58,9 @@ class Exponents(NamedTuple):
 
 @dataclass(frozen=True)
 class ConstantCoefficients:
-    """Points with constant matrices. Points whose matrices vary after all, or whose eigenvalues are too
-    uncertain, are solved by the batch. multiplicity: number of multipliers +1 of rigid-body modes; unit: time
-    in seconds that maps exponents to angles below π."""
+    """Stability of points with constant matrices. Points whose matrices vary, or whose eigenvalues are too
+    uncertain, are solved by the batch. multiplicity: number of multipliers +1 of rigid-body modes; unit:
+    time in seconds that maps exponents to angles below π."""
 
     batch: Batch
     multiplicity: int
@@ -68,7 +68,7 @@ class ConstantCoefficients:
 
     @property
     def family(self) -> Family:
-        """Parameter family of the points."""
+        """Parameter family to which the points belong."""
         return self.batch.family
 
     def evaluate(self, points: Array) -> StabilitySamples:
@@ -137,9 +137,9 @@ class ConstantCoefficients:
 
 
 def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
-    """Stability evaluation of the points of a batch if M, C and K are constant at all of them. None if they
-    vary, if some coordinates are of first order, or if the method is an approximation whose stability differs
-    from that of the equations."""
+    """Evaluator of stability for the points of a batch if M, C and K are constant at all of them. None if
+    they vary, if some coordinates are of first order, or if the method is an approximation whose stability
+    differs from that of the equations."""
     family = batch.family
     if family.example.first_order:
         return None
@@ -162,7 +162,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
 
 
 def _are_constant(entries: Array, n: int) -> Array:
-    """Whether M, C and K are constant (P,), from entries (P, k, 3n² + n)."""
+    """Whether (P,) M, C and K are constant, from entries (P, k, 3n² + n)."""
     some = entries[..., : 3 * n**2]
     largest, change = np.abs(some).max(axis=1), np.ptp(some, axis=1)
     unit = np.sqrt(np.abs(largest[:, : n**2 : n + 1]))
@@ -174,8 +174,8 @@ def _are_constant(entries: Array, n: int) -> Array:
 
 
 def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
-    """Rigid-body modes of points with M, C, K (P, n, n). All points with the same rigid-body modes share
-    those of the first point, because speeds and stiffnesses do not change such modes."""
+    """Rigid-body modes of points with M, C, K (P, n, n). Points with equal modes share those of the first
+    point; speeds and stiffnesses do not change the modes."""
     first = rigid_body_modes(K[:1, None], C[:1, None], M[:1, None])
     vectors = first.vectors[:1].sum(axis=0)
     if not vectors.any():
@@ -202,9 +202,9 @@ def _rigid_body_modes(M: Array, C: Array, K: Array) -> RigidBodyModes:
 def _exponents(
     M: Array, C: Array, K: Array, modes: RigidBodyModes, places: list[int], multiplicity: int
 ) -> Array:
-    """Growth, angular rates and errors (3, P, N) of points with M, C, K (P, n, n) and the reference
-    coordinates (places) of their rigid-body modes. The states are the other coordinates, relative to these
-    modes, and all velocities."""
+    """Growth rates, angular rates and errors (3, P, N) of points with M, C, K (P, n, n). places: reference
+    coordinates of the rigid-body modes. The states are the other coordinates, relative to these modes, and
+    all velocities."""
     n, remaining = K.shape[1], [k for k in range(K.shape[1]) if k not in places]
     unit = inertia_units(M)
     unit[~np.isfinite(unit)] = 1.0
@@ -233,7 +233,7 @@ def _exponents(
 
 
 def _eigenvalues(A: Array) -> tuple[Array, Array]:
-    """Eigenvalues (P, N) of matrices (P, N, N), + imaginary part first, and their errors (P, N)."""
+    """Eigenvalues (P, N) of matrices (P, N, N), positive imaginary part first, and their errors (P, N)."""
     finite = np.asarray(np.isfinite(A).all(axis=(1, 2)))
     values, right = np.linalg.eig(np.where(finite[:, None, None], A, 0.0))
     left = solved(right, np.broadcast_to(np.eye(A.shape[1]), A.shape))
@@ -244,9 +244,9 @@ def _eigenvalues(A: Array) -> tuple[Array, Array]:
 
 
 def _energy_bound(M: Array, C: Array, K: Array, rest: list[int]) -> Array:
-    """Upper bound (P,) of the growth from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and positive
-    definite in the coordinates x with indices `rest`, the energy changes by -q̇ᵀCq̇ alone, for any gyroscopic
-    forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345); infinite elsewhere."""
+    """Upper bound (P,) on the growth rate from the energy q̇ᵀMq̇/2 + xᵀKx/2. If M and K are symmetric and
+    positive definite in the coordinates x with indices `rest`, the energy changes only by -q̇ᵀCq̇, for any
+    gyroscopic forces (W. Thomson, P. G. Tait, Treatise on Natural Philosophy, 345). Infinite otherwise."""
     scale = [np.abs(matrix).max(axis=(1, 2)) for matrix in (M, C, K)]
     symmetric = [
         np.abs(matrix - np.swapaxes(matrix, 1, 2)).max(axis=(1, 2)) <= _ROUNDING * size

@@ -1,4 +1,4 @@
-"""Curves through the points at which a region is left along the lines of a grid."""
+"""Stability boundaries traced through the points at which stability changes along the lines of a grid."""
 
 import itertools
 from collections.abc import Callable, Sequence
@@ -41,7 +41,7 @@ def contours(
     is_stable: function of points (k, 2), called where the corners of a cell allow two topologies. Cells with
     a NaN at a corner have no boundary.
     """
-    rims = _Rims(axes, rows, columns)
+    rims = _CellCrossings(axes, rows, columns)
     i, j = rims.cells
     corners = np.array([stable[j, i], stable[j, i + 1], stable[j + 1, i], stable[j + 1, i + 1]])
     is_closed = ~np.isnan(corners).any(axis=0) & (rims.counts % 2 == 0)
@@ -54,10 +54,10 @@ def contours(
     return [piece for piece in itertools.chain.from_iterable(pieces) if len(piece.points) > 1]
 
 
-class _Rims:
-    """Crossings as points (c, 2), grouped by the cells on whose rims they lie: `cells` (i, j), (k,) each,
-    with `counts` (k,) crossings in `around` from `starts` (k,) on, counter-clockwise from the lower left
-    corner."""
+class _CellCrossings:
+    """Crossings as points (c, 2), grouped by the cells on whose edges they lie: `cells` (i, j), (k,) each,
+    with `counts` (k,) crossings in `around`, beginning at index `starts` (k,), counter-clockwise from the
+    lower left corner."""
 
     def __init__(self, axes: tuple[Array, Array], rows: Crossings, columns: Crossings):
         x, y = axes
@@ -86,7 +86,7 @@ class _Rims:
         self.cells = np.divmod(cells, len(y))
 
     def arcs(self, cell: int, begins_unstable: bool) -> list[tuple[int, int]]:
-        """Neighbouring crossings around a cell with an unstable stretch of the rim between them."""
+        """Pairs of neighbouring crossings around a cell between which the edge of the cell is unstable."""
         rim = self.around[self.starts[cell] :][: self.counts[cell]].tolist()
         turned = [*rim[1:], *rim[:1]] if begins_unstable else rim
         return list(zip(turned[::2], turned[1::2], strict=True))
@@ -98,7 +98,8 @@ class _Rims:
 
 
 def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
-    """Interval of nodes that contains each position (c,), and the ranks (c,) of the positions."""
+    """Index of the interval of `nodes` that contains each position (c,), and rank (c,) of the position in
+    ascending order."""
     cell = np.clip(np.searchsorted(nodes, place, side="right") - 1, 0, len(nodes) - 2)
     rank = np.empty(len(place), dtype=int)
     rank[np.argsort(place, kind="stable")] = np.arange(len(place))
@@ -106,11 +107,11 @@ def _cells_and_ranks(nodes: Array, place: Array) -> tuple[Array, Array]:
 
 
 def _decided(
-    rims: _Rims, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
+    rims: _CellCrossings, cells: Sequence[list[tuple[int, int]]], is_stable: Callable[[Array], Array]
 ) -> Array:
-    """Connections (k, 2) within cells with several unstable arcs. A boundary keeps its kind. If several
-    connections remain, two arcs are joined if the point between them is unstable, or if both are as narrow as
-    a tongue."""
+    """Connections (k, 2) within cells that have several unstable arcs. A boundary keeps its kind. If several
+    connections remain possible, two arcs are joined if the point between them is unstable, or if both are
+    as narrow as a tongue."""
     pairs = [
         (n, k, (k + 1) % len(arcs))
         for n, arcs in enumerate(cells)
@@ -134,7 +135,7 @@ def _decided(
 
 
 def _chains(count: int, ends: Array) -> list[list[int]]:
-    """Chains of crossings from connections (k, 2); closed chains end where they start."""
+    """Chains of crossings from connections (k, 2). A closed chain ends at its start."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import depth_first_order
 
@@ -151,8 +152,8 @@ def _chains(count: int, ends: Array) -> list[list[int]]:
     return chains
 
 
-def _pieces(rims: _Rims, chain: list[int]) -> list[BoundaryCurve]:
-    """Boundaries of a chain, one for each kind; neighbouring pieces share a point."""
+def _pieces(rims: _CellCrossings, chain: list[int]) -> list[BoundaryCurve]:
+    """Boundaries along a chain, one for each kind of crossing. Neighbouring pieces share a point."""
     kinds, points = rims.kinds[chain], rims.points[chain]
     cuts = [0, *(np.flatnonzero(np.diff(kinds)) + 1).tolist(), len(chain)]
     return [

@@ -1,5 +1,5 @@
-"""Search for the maxima of the response and of the multipliers over speed, and their labels: the resonances
-that cause them."""
+"""Search for the maxima of the response and of the multipliers over speed, and labels of the resonances that
+cause them."""
 
 import itertools
 import math
@@ -44,19 +44,19 @@ cause of a maximum. A choice."""
 
 
 def radius(results: PointResults) -> Array:
-    """Spectral radius (P,); NaN where most of a disturbance decays within a period."""
+    """Spectral radius (P,); NaN where more than half of a disturbance decays within a period."""
     modulus = results.spectral_radius
     return np.where(modulus >= LIGHTLY_DAMPED, modulus, np.nan)
 
 
 def real_part(results: PointResults) -> Array:
-    """Largest real part (P,) among the multipliers whose moduli are largest within their errors."""
+    """Largest real part (P,) of those multipliers whose modulus is the largest within their errors."""
     largest = np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).max(axis=1)
     return np.where(results.failed, np.nan, largest)
 
 
 def _is_dominant(results: PointResults) -> Array:
-    """Whether the modulus of each multiplier (P, N) is the largest within the errors; False for failed
+    """Whether the modulus of each multiplier (P, N) is the largest within its error; False for failed
     points."""
     modulus, radius = np.abs(results.multipliers), results.spectral_radius[:, None]
     with np.errstate(invalid="ignore"):
@@ -65,19 +65,20 @@ def _is_dominant(results: PointResults) -> Array:
 
 
 def _leading(results: PointResults) -> Array:
-    """Positions (P,) of the dominant multipliers with the largest real part."""
+    """Indices (P,) of the dominant multipliers with the largest real part."""
     return np.where(_is_dominant(results), np.real(results.multipliers), -np.inf).argmax(axis=1)
 
 
 def _coalescence(results: PointResults) -> Array:
-    """`coalescence_distance` (P,) of the dominant multiplier with the largest real part."""
+    """Value (P,) of `coalescence_distance` for the dominant multiplier with the largest real part."""
     distance = coalescence_distance(results.multipliers, _leading(results))
     return np.where(results.failed, np.nan, distance)
 
 
 @dataclass
 class CriticalSearch:
-    """Solver at speeds and search for maxima between them.
+    """Search for maxima of the response and of the multipliers over speed, by solutions at given speeds and
+    between them.
 
     multipliers: the batch without orbits; rotation: rotation of the multipliers over speed; constant:
     evaluation for constant matrices; sweep: known solutions with the same figure; orders: highest order of
@@ -100,7 +101,7 @@ class CriticalSearch:
         return self.batch.family.example
 
     def solve(self, speeds: Array) -> PointResults:
-        """Orbits at speeds (P,), reusing those of the sweep."""
+        """Orbits at speeds (P,); those of the sweep are reused."""
         if self.sweep is None:
             return gathered(self.batch, speeds[:, None], self.kept)
         _, in_sweep, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
@@ -118,7 +119,7 @@ class CriticalSearch:
         return gathered(self.multipliers, points, Kept(warnings=False))
 
     def response(self, results: PointResults) -> Array:
-        """Figure (P,) whose maxima are sought."""
+        """Statistic (P,) of the response whose maxima are sought."""
         return results.figures[:, 0, FIGURES.index(self.figure)]
 
     def multiplier_maxima(
@@ -136,7 +137,8 @@ class CriticalSearch:
         return narrow_to_tolerance(brackets, guides, values_at, self.tolerance).maxima
 
     def response_maxima(self, speeds: Array, results: PointResults, resolved: Array) -> Brackets:
-        """Brackets of the maxima of the response among the speeds (P,) at which it is resolved (P,)."""
+        """Brackets of the maxima of the response among the speeds (P,). resolved (P,): where orders are
+        resolved."""
         values = np.where(resolved, self.response(results), np.nan)
         places = peaks(values, results.errors[:, 0] * np.abs(values))
         trials = Trials(self.batch, self.kept, results, places)
@@ -150,9 +152,9 @@ class CriticalSearch:
     def add_crossings(
         self, speeds: Array, results: PointResults, others: Array
     ) -> tuple[Array, PointResults]:
-        """Speeds (P,) and results with further speeds inserted: the other speeds (k,), and speeds at and next
-        to which a multiplier passes +1 along the real axis, where the response may have an arbitrarily narrow
-        unbounded maximum."""
+        """Speeds (P,) and results with further speeds inserted: `others` (k,), and speeds at and near which a
+        multiplier passes +1 on the real axis. There the response may have an unbounded maximum of any
+        width."""
         speeds, results = self._insert(speeds, results, others)
         evaluate_all = self.constant.evaluate if self.constant else evaluator(self.multipliers)
 
@@ -173,7 +175,7 @@ class CriticalSearch:
         return self._insert(speeds, results, beside)
 
     def _insert(self, speeds: Array, results: PointResults, others: Array) -> tuple[Array, PointResults]:
-        """Ascending speeds and their results, with other speeds (k,) solved and inserted."""
+        """Ascending speeds and their results, with the speeds `others` (k,) solved and inserted."""
         others = np.setdiff1d(others, speeds)
         union = np.union1d(speeds, others)
         merged = PointResults.blank(len(union), self.system.multiplier_count, self.kept)
@@ -209,7 +211,7 @@ class CriticalSearch:
         ]
 
     def _with_heights(self, brackets: Brackets, unbounded: Array) -> list[Maximum]:
-        """Maxima with certified heights, however narrow, and with infinite heights where unbounded (k,)."""
+        """Maxima with certified heights, however narrow they are; infinite heights where `unbounded` (k,)."""
 
         def values_at(speeds: Array, _: Array) -> tuple[Array, Array]:
             return self.response(self.solve(speeds)), np.full(len(speeds), np.nan)
@@ -223,8 +225,8 @@ class CriticalSearch:
         return maxima
 
     def _is_unbounded(self, trials: Array, results: PointResults) -> Array:
-        """Whether the response is unbounded (k,) near the maxima, because a multiplier passes +1. trials
-        (5, k): speeds of the results, of which the middle three count."""
+        """Whether (k,) the response is unbounded near each maximum, because a multiplier passes +1 there.
+        trials (5, k): speeds of the results, of which the middle three are tested."""
         rho, errors = (
             values.reshape(5, trials.shape[1], -1)[1:4].copy()
             for values in (results.multipliers, results.errors)
@@ -242,8 +244,8 @@ class CriticalSearch:
         return self.system.period / (2 * np.pi)
 
     def _rising_orders(self, rise: Array) -> set[tuple[int, int]]:
-        """All pairs of a mode and an order per revolution whose power rises, from the rise (k,) of each
-        harmonic."""
+        """All pairs of a mode and an order per revolution whose power has a maximum, from the rise (k,) of
+        each harmonic."""
         turns = self._revolutions
         harmonics = {
             order: round(order * turns)
@@ -255,8 +257,8 @@ class CriticalSearch:
         return set(itertools.product(range(1, self.system.n + 1), rising))
 
     def label_real_part_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Maxima of the real part of the dominant multiplier, except unexplained ones at edges of unstable
-        ranges, where another multiplier becomes dominant."""
+        """Maxima of the real part of the dominant multiplier. Those without a label at edges of unstable
+        ranges are omitted, because there another multiplier becomes dominant."""
         speeds, count = np.array([maximum.speed for maximum in maxima]), len(maxima)
         near = 1 + _BESIDE * self.tolerance * np.array([0, -1, 1])
         results = self.solve_multipliers((near[:, None] * speeds).ravel())
@@ -272,8 +274,8 @@ class CriticalSearch:
         return [label for label, edge in zip(labels, is_edge, strict=True) if label.is_explained or not edge]
 
     def label_radius_maxima(self, maxima: list[Maximum]) -> list[Label]:
-        """Maxima of the spectral radius, except unexplained ones of stable motion: the radius also has a
-        maximum where the multiplier of a mode meets that of a mode that decays faster."""
+        """Maxima of the spectral radius. Those of stable motion without a label are omitted, because the
+        radius also has a maximum where two multipliers of different decay meet."""
         results = self.solve_multipliers(np.array([maximum.speed for maximum in maxima]))
         maxima = _certified(maxima, results.spectral_radius)
         labels = [
@@ -284,14 +286,15 @@ class CriticalSearch:
         return [label for label, grows in zip(labels, unstable, strict=True) if label.is_explained or grows]
 
     def _matchers(self, maxima: list[Maximum], multipliers: Array) -> Iterator[MultiplierMatcher]:
-        """Matching of the multipliers (k, N) with the modes at each maximum."""
+        """Assignment of multipliers (k, N) to modes at each maximum."""
         for maximum, rho in zip(maxima, multipliers, strict=True):
             ratios = MeanFrequencies(self.system, np.array([maximum.speed])).values[0] / maximum.speed
             yield MultiplierMatcher(self.system, maximum.speed, rho, ratios)
 
 
 def _certified(maxima: list[Maximum], heights: Array) -> list[Maximum]:
-    """Maxima with the certified heights (k,) at their speeds, where these are finite."""
+    """Maxima with certified heights (k,) in place of estimated ones, where the certified heights are
+    finite."""
     return [
         replace(maximum, height=height) if math.isfinite(height) else maximum
         for maximum, height in zip(maxima, heights.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Critical speeds by three criteria (thesis 7.2.3, 7.3), for comparison.
+"""Critical speeds by three criteria (thesis 7.2.3, 7.3).
 
 Maxima of the response over speed; maxima of the real part of the dominant Floquet multiplier; integer
 divisions of the natural frequencies' means over the cycle.
@@ -21,7 +21,7 @@ from solve.results.points import Kept, PointResults
 from solve.results.sweep import Sweep
 from solve.studies.constant_coefficients import constant_coefficients
 from solve.studies.critical_search import CriticalSearch, radius, real_part
-from solve.studies.mean_frequencies import MeanFrequencies, combinations, multiples, resonances
+from solve.studies.mean_frequencies import MeanFrequencies, combinations, resonance_speeds, resonances
 from solve.studies.resonances import CLOSE, assign
 from solve.studies.speed_grids import ends_with_matrices, multiplier_rotation, no_rotation, without_result
 from solve.system import PeriodicSystem, of_system
@@ -41,7 +41,7 @@ with round-off of eps."""
 
 @dataclass(frozen=True)
 class _Settings:
-    """Settings of `critical_speeds`, with its defaults."""
+    """Settings of `critical_speeds` with their defaults."""
 
     quantity: str | None = None
     figure: str = "max_abs"
@@ -68,7 +68,7 @@ def critical_speeds(
     tolerance: float = _Settings.tolerance,
     engine: str = "auto",
 ) -> CriticalSpeeds:
-    """Find critical speeds between the lowest and the highest of some speeds.
+    """Find critical speeds in the range of the given speeds.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def critical_speeds(
 
 
 def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> CriticalSpeeds:
-    """Critical speeds of the first coordinate between the speeds of a sweep with the same method and rtol,
-    whose orbits are reused."""
+    """Critical speeds of the first coordinate in the range of a sweep with the same method and rtol. The
+    orbits of the sweep are reused."""
     speeds = speeds_between(sweep.speeds.tolist(), "critical speeds")
     return _critical_speeds(sweep.system, speeds, _Settings(method=method, rtol=rtol), sweep)
 
@@ -132,7 +132,7 @@ def critical_speeds_of(sweep: Sweep, method: str | Rule, rtol: float) -> Critica
 def _critical_speeds(
     system: PeriodicSystem, speeds: Sequence[float], settings: _Settings, sweep: Sweep | None = None
 ) -> CriticalSpeeds:
-    """Critical speeds between ascending speeds (rad/s), with the known solutions of a sweep."""
+    """Critical speeds between ascending speeds (rad/s), with reuse of the solutions of a sweep."""
     system, omegas, orders = system.shown_in(speeds[0]), np.array(speeds), settings.orders
     (name,) = system.known_quantities(settings.quantity or system.coordinates[0])
     require_size("orders", orders, len(omegas) * system.n**2)
@@ -186,7 +186,7 @@ def _critical_speeds(
 def _prepare(
     rest: MeanFrequencies, omegas: Array, name: str, settings: _Settings, sweep: Sweep | None
 ) -> tuple[CriticalSearch, Array, list[str]]:
-    """Search over a refined grid of speeds, the grid, and notes on the method and the engine."""
+    """Search over a refined grid of speeds, this grid, and notes on the method and the engine."""
     system = rest.system
     ends = ends_with_matrices(system, omegas)
     selection = Kept((name,), warnings=False)
@@ -211,7 +211,7 @@ def _prepare(
 
 
 def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, combined: bool) -> Array:
-    """Ascending speeds, with additional ones that resolve harmonics of the lowest frequency up to `orders`.
+    """Ascending speeds, with additional speeds that resolve harmonics of the lowest frequency up to `orders`.
 
     For combination resonances, speeds at the resonances and halfway between them are added, so that two
     unstable ranges are not merged.
@@ -231,16 +231,17 @@ def _refined_grid(omegas: Array, frequencies: MeanFrequencies, orders: int, comb
 
 
 def _resolved(frequencies: MeanFrequencies, orders: int) -> Array:
-    """Whether the lowest frequency is at most `orders` times the speed, at speeds (P,)."""
+    """Whether (P,) the lowest frequency is at most `orders` times the speed."""
     return frequencies.lowest <= (orders + 0.5) * frequencies.speeds
 
 
 def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int) -> list[Critical]:
-    """Integer divisions of the mean frequencies, each with the same division of the frequency at rest."""
+    """Integer divisions of the mean frequencies, each with the corresponding division of the frequency at
+    rest."""
     return [
         Critical(None, None, speed, mode + 1, order, float(rest.values[0, mode] / order))
         for mode, weights in enumerate(np.eye(frequencies.values.shape[1]))
-        for order, speed in multiples(frequencies, weights, orders)
+        for order, speed in resonance_speeds(frequencies, weights, orders)
     ]
 
 

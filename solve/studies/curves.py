@@ -1,4 +1,4 @@
-"""Periodic solutions at many speeds on one grid, as curves."""
+"""Periodic solutions at many speeds on a common grid, as curves."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ _DOUBLINGS = 6
 @dataclass(frozen=True)
 class SolvedCurves:
     """Periodic solutions at P speeds: q (P, n, k) on the given steps, and `coarse` (P, n, k) on half as many
-    steps, whose difference from q estimates its error; infinite where there is no periodic solution.
-    radius_bound (P,): upper bound of the spectral radius."""
+    steps. Their difference estimates the error of q; both are infinite where no periodic solution exists.
+    radius_bound (P,): upper bound on the spectral radius."""
 
     q: Array
     coarse: Array
@@ -100,7 +100,7 @@ class PeriodicCurves:
 
 
 def _radius_bound(Phi: Array) -> Array:
-    """Upper bound (P,) of the spectral radius of matrices (P, N, N): ‖Φ^k‖^(1/k) for a high power k."""
+    """Upper bound (P,) on the spectral radius of matrices (P, N, N): ‖Φ^k‖^(1/k) for a large power k."""
     power, scale = Phi, np.zeros(len(Phi))
     for _ in range(_DOUBLINGS):
         power = power @ power

@@ -1,5 +1,4 @@
-"""Solutions, with exact derivatives, of a model with varied parameters at several speeds, for
-optimisation."""
+"""Solutions of a model with varied parameters at several speeds, with exact derivatives, for optimisation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,7 +34,7 @@ class DesignPoint:
 
     @property
     def orbit(self) -> Orbit:
-        """The solution, if it is an orbit."""
+        """The orbit, if the solution contains one."""
         return cast(Orbit, self.solved)
 
     def signal(self, name: str, phase: Array) -> Array:
@@ -51,8 +50,8 @@ class DesignPoint:
         return float(np.real(quantity.value(cast(Solved, self.solved))))
 
     def slopes(self, quantity: Named) -> Array:
-        """Derivatives (r,) of a real quantity; if there are several, as for a modulus that two multipliers
-        share, those of the first. Raises NoDerivativeError."""
+        """Derivatives (r,) of a real quantity. If several multipliers have this value, such as an equal
+        modulus, the derivatives for the first are returned. Raises NoDerivativeError."""
         (slopes,) = self._grid.slopes([quantity])
         if not isinstance(slopes, NoDerivativeError):
             return np.real(slopes)
@@ -64,7 +63,7 @@ class DesignPoint:
 
 @dataclass(eq=False)
 class Design:
-    """A model whose free parameters vary between bounds: the variables x (r,) run from 0 to 1.
+    """Model with free parameters between bounds. The variables x (r,) range from 0 to 1.
 
     orbits: whether quantities of orbits are needed, or only multipliers.
     """
@@ -92,23 +91,23 @@ class Design:
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def varied(self, x: Array) -> Model:
-        """Model with the free parameters of x."""
+        """Model with the free parameters at x."""
         return self.model.varied(self.parameters(x))
 
     def points(self, x: Array) -> list[DesignPoint]:
-        """Solutions at the speeds; the latest are kept."""
+        """Solutions at the speeds of the design. The most recent ones are cached."""
         key = x.tobytes()
         if key != self._last[0] or len(self._last[1]) != len(self.speeds):
             self._last = key, self.at(x, self.speeds)
         return self._last[1]
 
     def at(self, x: Array, speeds: Sequence[float]) -> list[DesignPoint]:
-        """Solutions at other speeds, which are not stored."""
+        """Solutions at other speeds, without caching."""
         model, solve = self.varied(x), periodic if self.orbits else floquet
         return [DesignPoint(solve(model, speed, self.method, rtol=self.rtol), self.names) for speed in speeds]
 
     def on_grids_of(self, points: Sequence[DesignPoint], x: Array) -> list[DesignPoint]:
-        """Solutions at another x with the methods and grids of these points, so that errors cancel in
+        """Solutions at another x by the methods and grids of `points`, so that errors cancel in
         differences."""
         model = self.varied(x)
         return [
@@ -120,5 +119,5 @@ class Design:
         ]
 
     def slopes(self, by_parameters: Array) -> Array:
-        """Derivatives (…, r) with respect to x of derivatives with respect to the parameters."""
+        """Convert derivatives with respect to the parameters to derivatives (…, r) with respect to x."""
         return by_parameters * (self.high - self.low)

@@ -95,7 +95,8 @@ def fit(
     count = sum(len(values) for values in problem.measured)
     if count <= len(names):
         raise ValueOutOfBoundsError(
-            f"values measured: {count}, parameters free: {len(names)}; free fewer, or measure more"
+            f"{count} measured values are too few for {len(names)} free parameters; free fewer parameters, "
+            "or measure more values"
         )
     limits = _limits(problem, bounds or {})
     with progress.task("trials"):
@@ -122,7 +123,7 @@ def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
 
 
 def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
-    """Result with intervals, correlations and warnings."""
+    """Result of the fit with intervals, correlations and warnings."""
     from scipy.stats import t
 
     x, count = minimum.x, len(minimum.residuals)
@@ -157,8 +158,8 @@ def _fitted(problem: Problem, minimum: Minimum, file: str) -> Fitted:
 def _uncertainty(
     problem: Problem, values: Array, jac: Array, sigma: float, count: int
 ) -> tuple[Array, Array, list[str]]:
-    """Covariance (r, r) of x in the identifiable directions, whether each parameter (r,) has a component in
-    the other directions, and sentences that name unidentifiable combinations."""
+    """Covariance (r, r) of x in the identifiable directions; whether (r,) each parameter has a component in
+    the other directions; and sentences that name unidentifiable combinations."""
     _, sizes, axes = np.linalg.svd(jac, full_matrices=False)
     is_identifiable = sizes > np.finfo(float).eps * count * sizes[0]
     spread = np.where(is_identifiable, sigma / np.where(is_identifiable, sizes, 1.0), np.inf)
@@ -173,7 +174,7 @@ def _uncertainty(
 
 
 def _sentence(names: Sequence[str], axis: Array) -> str:
-    """Sentence that names a direction of the parameters that the data do not determine."""
+    """Sentence that names a combination of parameters that the data do not determine."""
     lead = axis[np.abs(axis).argmax()]
     parts = [
         f"{name} by {100 * share:+.3g} %"

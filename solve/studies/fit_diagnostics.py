@@ -1,4 +1,5 @@
-"""Warnings about a fit: residuals that are not noise, a wrong unit, a constant channel, duplicate rows.
+"""Warnings about a fit: residuals that are not noise, a wrong unit, a channel with constant values, duplicate
+rows.
 
 Residuals are not noise if neighbours are correlated, by the sum of the squared autocorrelations at several
 lags, channel divided by its standard deviation (G. M. Ljung, G. E. P. Box, Biometrika 65 (1978) 297-303).
@@ -32,7 +33,7 @@ _UNIT_RATIO = 100.0
 
 
 def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, float]) -> list[str]:
-    """Warnings, one sentence each. ratios: ratio of measured to computed size at the start, by channel."""
+    """Warnings, one sentence each. ratios: ratio of measured to computed values at the start, by channel."""
     from scipy.stats import chi2
 
     warnings = [
@@ -74,9 +75,9 @@ def diagnose(channels: Sequence[Channel], period: float, ratios: Mapping[str, fl
 
 
 def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, Array]:
-    """Positions (k,) of the measurements of one quantity, the measured values, and computed minus measured
-    values; sorted so that neighbours have the same speed and successive phases, or the same order or mode and
-    successive speeds."""
+    """Indices (k,) of the measurements of one quantity, the measured values, and computed minus measured
+    values. They are sorted so that neighbours have the same speed and successive phases, or the same order
+    or mode and successive speeds."""
     by_phase = channels[0].by_phase
     at = np.concatenate([np.mod(channel.at, period) if by_phase else channel.at for channel in channels])
     counts = [len(channel.at) for channel in channels]
@@ -90,8 +91,8 @@ def _sorted(channels: Sequence[Channel], period: float) -> tuple[Array, Array, A
 
 
 def _autocorrelation(residuals: Array, lag: int) -> tuple[float, float]:
-    """Autocorrelation at a lag: the sum of the products over its standard deviation, estimated from the
-    products themselves, and over the sum of squares."""
+    """Autocorrelation at a lag, as the sum of the products of residuals divided by its standard deviation,
+    estimated from these products, and divided by the sum of squares."""
     products = np.real(residuals[lag:] * np.conj(residuals[:-lag]))
     deviation = float(np.sqrt(np.sum(products**2)))
     size = float(np.sum(np.abs(residuals) ** 2))

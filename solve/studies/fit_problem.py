@@ -33,8 +33,8 @@ round-off for entries that are polynomials of degree 8 or less."""
 
 @dataclass(eq=False)
 class Problem:
-    """Least-squares problem with variables x (r,): logarithms of positive parameters, and ratios to the
-    initial size for other parameters."""
+    """Least-squares problem in variables x (r,): logarithms of positive parameters, and other parameters
+    divided by their initial size."""
 
     model: Model
     sets: Sequence[Measured]
@@ -57,12 +57,12 @@ class Problem:
 
     @property
     def start(self) -> Array:
-        """Variables x (r,) for the parameters of the model."""
+        """Variables x (r,) at the parameters of the model."""
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(self.by_logarithm, np.log(self.initial), self.initial / self.unit)
 
     def values(self, x: Array) -> Array:
-        """Parameters (r,) for variables x, clipped to the range of trials."""
+        """Parameters (r,) at variables x, clipped to the range of trials."""
         return self.unscaled(self.clipped(x))
 
     def clipped(self, x: Array) -> Array:
@@ -71,12 +71,12 @@ class Problem:
         return np.where(self.by_logarithm, np.clip(x, self.start - limit, self.start + limit), x)
 
     def unscaled(self, x: Array) -> Array:
-        """Parameters (r,) for variables x, without clipping."""
+        """Parameters (r,) at variables x, without clipping."""
         return np.where(self.by_logarithm, np.exp(np.where(self.by_logarithm, x, 0.0)), x * self.unit)
 
     @property
     def measured(self) -> list[Array]:
-        """Measured values of every channel at every speed, relative to the scale of the channel."""
+        """Measured values of every channel at every speed, divided by the scale of the channel."""
         return [
             _real_values(values) / self.scales[name]
             for data in self.sets
@@ -85,7 +85,7 @@ class Problem:
 
     @property
     def ratios(self) -> dict[str, float]:
-        """Ratios of the measured values to those computed at the start, by channel."""
+        """Ratios of measured values to values computed at the start, by channel."""
         names = [name for data in self.sets for name in data.channels]
         measured = self.measured
         ends = np.cumsum([len(values) for values in measured])[:-1]
@@ -98,7 +98,7 @@ class Problem:
             return {name: float(np.sqrt(len(row)) / np.linalg.norm(row)) for name, row in totals.items()}
 
     def residuals(self, x: Array) -> Array:
-        """Computed minus measured values (k,), relative to the scales."""
+        """Computed minus measured values (k,), divided by the scales."""
         return self._solve(x)[0]
 
     def jacobian(self, x: Array) -> Array:
@@ -106,13 +106,13 @@ class Problem:
         return self._solve(x)[1]
 
     def described(self, x: Array) -> str:
-        """Text with the free parameters, their values and units."""
+        """Text that lists the free parameters with values and units."""
         values = zip(self.names, self.values(x).tolist(), strict=True)
         units = self.model.parameter_labels
         return ", ".join(f"{name} = {with_its_unit(value, units[name][0])}" for name, value in values)
 
     def varied(self, x: Array) -> Model:
-        """Model with the parameters of x."""
+        """Model with the parameters at x."""
         return self.model.varied(dict(zip(self.names, self.values(x).tolist(), strict=True)))
 
     def _solve(self, x: Array) -> tuple[Array, Array]:
@@ -131,7 +131,7 @@ class Problem:
         return self._last[1], self._last[2]
 
     def computed(self, model: Model, data: Measured) -> list[tuple[str, Array, Array]]:
-        """Name, values (k,) and derivatives (r, k) with respect to the parameters of every channel."""
+        """Name, values (k,) and derivatives (r, k) with respect to the parameters, for every channel."""
         if data.position is not None:
             return [(FREQUENCY, *_natural_frequencies(model, data, self.names))]
         orbit = periodic(model, data.speed, self.method, rtol=self.rtol)
@@ -151,8 +151,8 @@ class Problem:
 
 
 def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bool) -> tuple[Array, Array]:
-    """Complex amplitudes (k,) of orders and their derivatives (r, k); without phase angles the moduli, except
-    that the mean keeps its sign."""
+    """Complex amplitudes (k,) of orders and their derivatives (r, k). Without phase angles their moduli are
+    returned, except that the mean keeps its sign."""
     pairs = [grid.figures.harmonic(name, round(order)) for order in orders.tolist()]
     amplitudes = np.array([amplitude for amplitude, _ in pairs])
     derivatives = np.array(grid.forward.of([sums for _, sums in pairs])).T
@@ -164,12 +164,12 @@ def _amplitudes(grid: GridDerivatives, name: str, orders: Array, with_angles: bo
 
 
 def _real_values(values: Array) -> Array:
-    """Real values, or real parts followed by imaginary parts of complex ones."""
+    """Real values unchanged; complex values as real parts followed by imaginary parts."""
     return np.concatenate((np.real(values), np.imag(values))) if np.iscomplexobj(values) else values
 
 
 def _natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> tuple[Array, Array]:
-    """Natural frequencies (k,) at rest in rad/s and their derivatives (r, k). A growth rate counts as a
+    """Natural frequencies (k,) at rest in rad/s and their derivatives (r, k). A growth rate is returned as a
     negative frequency, so that a trial with negative stiffness has a large residual."""
     modes, position = _modes(data), np.array([data.position])
     count = int(modes.max()) + 1
@@ -205,12 +205,12 @@ def require_elastic_modes(model: Model, sets: Sequence[Measured]) -> None:
 
 
 def _modes(data: Measured) -> Array:
-    """Positions (k,) of the measured modes, from 0 on."""
+    """Indices (k,) of the measured modes, from 0."""
     return np.round(data.at).astype(int) - 1
 
 
 def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str]) -> Array:
-    """Derivatives (r, n) of λ from those of M and K, independent of the order of the modes."""
+    """Derivatives (r, n) of λ from those of M and K, in the order of the modes at these values."""
 
     def matrices(varied: Model) -> Array:
         M, _, K, _ = at_speed_zero(varied, position)
@@ -222,6 +222,6 @@ def _eigenvalue_derivatives(model: Model, position: Array, names: Sequence[str])
 
 
 def _slope(values: Callable[[Model], Array], model: Model, name: str) -> Array:
-    """Derivative of values of a model with respect to one of its parameters."""
+    """Derivative of an array of the model with respect to one parameter."""
     at = model.parameters[name]
     return slope(lambda number: values(model.varied({name: number})), at, _STEP * (abs(at) or 1.0))

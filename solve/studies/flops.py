@@ -14,21 +14,21 @@ def time_marching(N: int, n: int, cycles: int, stored: bool = True) -> int:
 
 
 def algorithm_1(N: int, n: int, stored: bool = True) -> int:
-    """Operations of the transition matrix and two cycles (thesis 6.5)."""
+    """Operations for the transition matrix and two cycles (thesis 6.5)."""
     if stored:
         return N * (38 * n**3 + 37 * n**2 + 7 * n) + 16 * n**3 + 8 * n**2
     return N * (78 * n**3 + 77 * n**2 + 10 * n) - 14 * n**3 - 21 * n**2 - 3 * n
 
 
 def algorithm_2(N: int, n: int, stored: bool = True) -> int:
-    """Operations of the closed form with the inverse of every step's matrix (thesis 6.6)."""
+    """Operations for the closed form with the inverse of the matrix of each step (thesis 6.6)."""
     if stored:
         return N * (62 * n**3 + 37 * n**2 + 9 * n) + 8 * n**3 + 8 * n**2 + 2 * n
     return N * (102 * n**3 + 87 * n**2 + 10 * n) - 14 * n**3 - 21 * n**2 - n
 
 
 def fourier_series(N: int, n: int, harmonics: int) -> int:
-    """Fourier series of matrices, load and response (thesis 6.4)."""
+    """Operations for the Fourier series of matrices, load and response (thesis 6.4)."""
     N_h = harmonics
     return (
         N_h**3 * (8 * n**3 + 32 * n**2)

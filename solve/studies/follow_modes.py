@@ -1,4 +1,4 @@
-"""Floquet modes that keep their identity over the speed or a parameter."""
+"""Floquet modes followed over the speed or a parameter, so that each mode keeps its identity."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -40,7 +40,7 @@ log₂(spacing/width)."""
 
 @dataclass
 class _Solver:
-    """Modes at values of the parameter, on one grid for all values."""
+    """Solver for the modes at values of the parameter, on a common grid."""
 
     at: Callable[[float], tuple[PeriodicSystem, float]]
     method: Method
@@ -56,15 +56,15 @@ class _Solver:
             return mode_vectors(OnePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
 
     def __call__(self, x: float) -> ModeVectors | None:
-        """Modes at a value of the parameter; None where there is no solution."""
+        """Modes at a value of the parameter; None if there is no solution."""
         try:
             return self.solved(x)
         except SolveError:
             return None
 
     def choose_steps(self, values: Sequence[float]) -> None:
-        """Double the steps until all multipliers at these values meet the tolerance and no further ones are
-        accurate to one digit, or until two doublings bring no improvement."""
+        """Double the steps until all multipliers at these values meet the tolerance and no further multiplier
+        is accurate to one digit, or until two doublings bring no improvement."""
         history: list[tuple[int, float]] = []
         while True:
             count, error = self._quality(values)
@@ -77,8 +77,8 @@ class _Solver:
             self.steps *= 2
 
     def _quality(self, values: Sequence[float]) -> tuple[int, float]:
-        """Number of modes, and the largest relative error of a multiplier; infinite if the nodes do not
-        resolve the harmonics."""
+        """Number of modes, and largest relative error of a multiplier; infinite if the nodes do not resolve
+        the harmonics."""
         solved = [self(x) for x in values]
         resolved = [modes for modes in solved if modes is not None and modes.resolved]
         errors = [2 * math.pi * modes.errors.max(initial=0.0) / modes.rotation for modes in resolved]
@@ -86,7 +86,7 @@ class _Solver:
 
 
 def _better(history: Sequence[tuple[int, float]]) -> bool:
-    """Whether two doublings gave more modes or a smaller error."""
+    """Whether the last two doublings gave more modes or a smaller error."""
     (count, error), (latest_count, latest_error) = history[-3], history[-1]
     return latest_count > count or latest_error < 0.1 * error
 
@@ -168,8 +168,8 @@ def follow_modes(
 
 
 def _method(method: str | Rule, coordinates: int) -> Method:
-    """Method with step maps, as required for eigenvectors with error estimates. Raises StepsError for other
-    methods."""
+    """Method that computes step maps, which eigenvectors with error estimates require. Raises StepsError for
+    other methods."""
     rule = chosen(method)
     used = rule if isinstance(rule, Method) else damping(coordinates)
     if used.with_another_stage is None:
@@ -179,7 +179,7 @@ def _method(method: str | Rule, coordinates: int) -> Method:
 
 @dataclass(frozen=True)
 class _Points:
-    """Values of the speed or of a parameter, ascending, and the speeds (P,)."""
+    """Ascending values of the speed or of a parameter, and the speeds (P,)."""
 
     system: PeriodicSystem
     name: str
@@ -188,13 +188,15 @@ class _Points:
 
     @classmethod
     def of(cls, system: PeriodicSystem, speeds: Any, over: Over | None) -> Self:
-        """Points of the arguments of `follow_modes`. Raises SolveError subclasses."""
+        """Points from the arguments of `follow_modes`. Raises SolveError subclasses."""
         if over is None:
             omegas = speeds_between([] if speeds is None else speeds, "followed modes")
             return cls(system.shown_in(omegas[0]), SPEED, np.array(omegas), np.array(omegas))
         ranges = varied_values(over, system)
         if len(ranges) != 1:
-            raise ValueOutOfBoundsError(f"over gives {len(ranges)} parameters; modes are followed over one")
+            raise ValueOutOfBoundsError(
+                f"over gives {len(ranges)} parameters; modes are followed over a single parameter"
+            )
         ((name, numbers),) = ranges.items()
         numbers = np.unique(numbers)
         if len(numbers) < 2:
@@ -212,18 +214,18 @@ class _Points:
         )
 
     def text(self, x: float) -> str:
-        """Text of a value with its unit."""
+        """Format a value with its unit."""
         return self.system.unit_of(self.name).text(x, ".6g")
 
     def at(self, x: float) -> tuple[PeriodicSystem, float]:
-        """System and speed at a value."""
+        """System and speed at a value of the varied quantity."""
         if self.name == SPEED:
             return self.system, x
         return self.system.varied({self.name: x}), float(self.speeds[0])
 
 
 def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[Sample], dict[int, str]]:
-    """Samples at the values, and reasons of failures by index. Raises NoResultError without samples."""
+    """Samples at the values, and reasons of failures by index. Raises NoResultError if every value failed."""
     samples, failures = [], {}
     for position, x in enumerate(values.tolist()):
         try:
@@ -239,7 +241,7 @@ def _solved(solver: _Solver, values: Array, count: progress.Task) -> tuple[list[
 
 
 def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Tracks]:
-    """Tracks downwards and upwards from the sample whose modes are best separated."""
+    """Tracks towards lower and towards higher values, from the sample whose modes are best separated."""
     start = min(range(len(samples)), key=lambda k: (samples[k].modes.coincident.sum(), k))
     branches = []
     for following in (samples[:start][::-1], samples[start + 1 :]):
@@ -254,7 +256,7 @@ def _followed(solver: _Solver, samples: Sequence[Sample]) -> tuple[Tracks, Track
 
 
 def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> list[str]:
-    """Sentence on values at which the steps do not resolve the harmonics of all modes, if any."""
+    """Sentence on the values, if any, at which the steps do not resolve the harmonics of all modes."""
     values = [sample.x for sample in samples if not sample.modes.resolved]
     if not values:
         return []
@@ -266,7 +268,8 @@ def _unresolved(points: _Points, solver: _Solver, samples: Sequence[Sample]) -> 
 
 
 def _exhausted(points: _Points, branches: Sequence[Tracks]) -> list[str]:
-    """Sentences on ranges that were not refined, as too many values were added before."""
+    """Sentences on ranges without further refinement because the maximum number of added values was
+    reached."""
     ranges = [(tracks.exhausted, tracks.samples[-1].x) for tracks in branches if tracks.exhausted is not None]
     return [
         f"modes are not identified from {points.text(start)} to {points.text(end)}: too many values would "

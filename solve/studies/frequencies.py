@@ -1,4 +1,4 @@
-"""Natural frequencies with the mechanism at rest: at a position, over the period, over a parameter."""
+"""Natural frequencies of the mechanism at rest: at one position, over the period, or over a parameter."""
 
 import math
 from collections.abc import Sequence
@@ -81,8 +81,8 @@ def frequencies(
 
 
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
-    """First modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
-    exist at speed 0."""
+    """Lowest modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not exist at
+    speed 0."""
     if system.structure is not None:
         omegas = system.structure.frequencies(positions, count)
         return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
@@ -97,8 +97,8 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 
 
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
-    """M, C, K, d at positions (m,). Raises DesiredMotionError if the desired motion is undefined at speed 0,
-    and MatricesError that names speed 0 if it is the only cause."""
+    """Matrices M, C, K, d at positions (m,). Raises DesiredMotionError if the fundamental motion is undefined
+    at speed 0, and MatricesError if the matrices are; its text names speed 0 if that is the only cause."""
     unit = system.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
@@ -106,8 +106,8 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     except DesiredMotionError as error:
         cause, _, _ = str(error).partition("; change ")
         raise DesiredMotionError(
-            f"natural frequencies are evaluated at speed 0, where there is no desired motion: {cause}; "
-            f"{elsewhere}"
+            "natural frequencies are evaluated at speed 0, where the fundamental motion does not exist: "
+            f"{cause}; {elsewhere}"
         ) from None
     try:
         return system.at(positions, 0.0)
@@ -125,7 +125,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
-    """Rigid-body modes of K at a position (1,); none for beam structures."""
+    """Rigid-body modes of K at a position (1,); none for structures of beams."""
     if system.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
@@ -142,7 +142,7 @@ def turn(system: PeriodicSystem, count: int = TURN) -> Array:
     """Evenly spaced positions (count,) of a period, from 0. Raises ValueOutOfBoundsError below 2."""
     require_position(system, count)
     if count < 2:
-        raise ValueOutOfBoundsError(f"a turn of {count} positions; allowed: 2 or more, such as {TURN}")
+        raise ValueOutOfBoundsError(f"turn is {count} positions; allowed: 2 or more, such as {TURN}")
     require_size("positions", count, NUMBERS_A_POINT)
     return np.linspace(0.0, system.period, count, endpoint=False)
 
@@ -216,5 +216,7 @@ def _checked_count(system: PeriodicSystem, count: int | None) -> int:
     if count is None:
         return min(USUAL_COUNT, most)
     if not (isinstance(count, int | np.integer) and 1 <= count <= most):
-        raise ValueOutOfBoundsError(f"count is {count}; allowed for {system.name} as chosen: 1 … {most}")
+        raise ValueOutOfBoundsError(
+            f"count is {count}; allowed for {system.name} with these options: 1 … {most}"
+        )
     return count

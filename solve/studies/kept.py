@@ -1,4 +1,5 @@
-"""Quantities that a design keeps unchanged: initial values, changes, and the equations of the constraints."""
+"""Quantities that a design must keep unchanged: their initial values, their changes, and the constraint
+equations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from solve.studies.tracked import Curve, Differences, Single, Tracked, equal_ext
 
 @dataclass(eq=False)
 class KeptValues:
-    """Kept quantities with their values (k,) at the start, for each speed of a design.
+    """Kept quantities, with their initial values (k,) at each speed of a design.
 
     before: values by speed and quantity.
     """
@@ -28,11 +29,11 @@ class KeptValues:
         self.before = [self._values(point) for point in self.design.points(self.design.start)]
 
     def insert(self, at: int, point: DesignPoint) -> None:
-        """Insert the initial values at a further speed."""
+        """Insert the initial values at an additional speed."""
         self.before.insert(at, self._values(point))
 
     def changes(self, points: Sequence[DesignPoint]) -> list[tuple[Kept, float, float]]:
-        """Each quantity with its largest change over the speeds and the allowed change."""
+        """Each kept quantity with its largest change over the speeds and the allowed change."""
         return [
             (
                 quantity,
@@ -46,7 +47,7 @@ class KeptValues:
         ]
 
     def limits(self) -> list[Limited]:
-        """Limits of the changes of quantities with a tolerance."""
+        """Limits on the changes of those quantities that have a tolerance."""
         limits = []
         for at in range(len(self.before)):
             for place, quantity in enumerate(self.kept):
@@ -57,8 +58,8 @@ class KeptValues:
         return limits
 
     def smooth(self, at: int, place: int) -> Tracked:
-        """Values of a quantity at a speed with derivatives: those of the curve, or of each extremum that
-        equals the statistic at the start."""
+        """Values of a quantity at a speed, with derivatives. They are the points of the curve, or every
+        extremum that equals the statistic at the start."""
         each, design = self.kept[place], self.design
         if each.phases is not None:
             return Curve(design, at, each.name, each.phases)
@@ -68,7 +69,7 @@ class KeptValues:
         return Differences([equal_extrema(design, design.start, at, each.name, side) for side in sides])
 
     def equations(self) -> Equations | None:
-        """Equations of the quantities without tolerance.
+        """Constraint equations of the quantities without a tolerance.
 
         They are combinations of changes, by the singular value decomposition of their derivatives at the
         start, relative to what is allowed. Combinations that no parameters within the bounds change by more
@@ -106,7 +107,7 @@ class KeptValues:
 
 @dataclass(frozen=True)
 class _Change:
-    """Changes of a kept quantity from its initial values (k,), with both signs, (2 k,)."""
+    """Changes (2 k,) of a kept quantity from its initial values (k,), with both signs."""
 
     smooth: Tracked
     before: Array

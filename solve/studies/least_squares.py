@@ -1,5 +1,5 @@
-"""Nonlinear least squares in a domain whose limits are unknown and found by trials (M. A. Branch, T. F.
-Coleman, Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, in SciPy's implementation).
+"""Nonlinear least squares in a domain with unknown limits, which trials detect (M. A. Branch, T. F. Coleman,
+Y. Li, SIAM J. Sci. Comput. 21 (1999) 1-23, as implemented in SciPy).
 
 A trial outside the domain has NaN residuals. SciPy's trust-region reflective method then reduces its trust
 radius to a quarter of the step and tries again from the same point, before it compares the objective with its
@@ -48,23 +48,22 @@ _OF_VALUES = MatricesError, NoOrbitError, ResonanceError, StructureError
 
 
 class LeastSquares(Protocol):
-    """Residuals (k,) and their Jacobian (k, r) at x (r,); both raise SolveError subclasses outside the
-    domain."""
+    """Residuals (k,) and Jacobian (k, r) at x (r,). Both raise SolveError subclasses outside the domain."""
 
     @property
     def start(self) -> Array: ...
     def residuals(self, x: Array) -> Array: ...
     def jacobian(self, x: Array) -> Array: ...
     def described(self, x: Array) -> str:
-        """Text with the parameters and their values and units at x (r,)."""
+        """Text that lists the parameters with values and units at x (r,)."""
         ...
 
 
 @dataclass
 class Minimum:
     """Final point of the iteration: x (r,), residuals (k,), Jacobian (k, r) and standard deviation of the
-    residuals. stationary: whether it is a minimum, by its relative offset. warnings: reasons for doubt, one
-    sentence each."""
+    residuals. stationary: whether its relative offset shows that it is a minimum. warnings: reasons for
+    doubt, one sentence each."""
 
     x: Array
     residuals: Array
@@ -75,9 +74,9 @@ class Minimum:
 
 
 def minimise(problem: LeastSquares, bounds: tuple[Array, Array], robust: bool) -> Minimum:
-    """Minimum that the trust-region reflective method reaches from the start. robust: residuals of outliers
-    are weighted by their moduli instead of their squares. Raises SolveError subclasses, with the initial
-    values in the message, if the residuals at the start do not exist."""
+    """Minimum that the trust-region reflective method reaches from the start. robust: whether residuals of
+    outliers enter by their moduli instead of their squares. Raises SolveError subclasses, with the initial
+    values in the message, if the residuals do not exist at the start."""
     from scipy.optimize import least_squares
 
     trials = _Trials(problem, _at_start(problem).shape)
@@ -101,7 +100,7 @@ def _spread(residuals: Array) -> float:
 
 @dataclass
 class _Trials:
-    """Residuals of a problem, NaN outside its domain. failures: reasons, one sentence per failed trial."""
+    """Residuals of a problem; NaN outside its domain. failures: reasons, one sentence per failed trial."""
 
     problem: LeastSquares
     shape: tuple[int, ...]
@@ -120,8 +119,8 @@ class _Trials:
 
 
 def _at_start(problem: LeastSquares) -> Array:
-    """Residuals (k,) at the start. Raises SolveError subclasses that state the initial values."""
-    where, remedy = problem.described(problem.start), "start elsewhere with --set NAME=NUMBER"
+    """Residuals (k,) at the start. Raises SolveError subclasses whose message contains the initial values."""
+    where, remedy = problem.described(problem.start), "start from other values with --set NAME=NUMBER"
     try:
         values, slopes = problem.residuals(problem.start), problem.jacobian(problem.start)
     except _OF_VALUES as error:
@@ -153,8 +152,8 @@ def _doubts(problem: LeastSquares, found: Any, trials: _Trials, stationary: bool
 
 def _offset(found: Any) -> float:
     """Relative offset of the parameters that are not at a bound (D. M. Bates, D. G. Watts, Technometrics 23
-    (1981) 179-183): the ratio of the component of the residuals in the tangent plane to the component normal
-    to it, each divided by the square root of its degrees of freedom."""
+    (1981) 179-183). It is the ratio of the residuals' component in the tangent plane to their normal
+    component, each divided by the square root of its degrees of freedom."""
     free = found.active_mask == 0
     axes, sizes, _ = np.linalg.svd(found.jac[:, free], full_matrices=False)
     is_significant = sizes > _ROUND_OFF * max(sizes, default=0.0)

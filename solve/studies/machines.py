@@ -1,4 +1,4 @@
-"""Machines of a batch: a model whose parameters vary at random, its stability and quantities at several
+"""Sampled machines: a model with randomly deviating parameters, its stability and quantities at several
 speeds, and their gradients."""
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ probability of 1e-15."""
 
 
 class Quantity(NamedTuple):
-    """A quantity with the sign of its worst direction: 1 where large values are worse, -1 where small ones
+    """Quantity with the sign of its unfavourable direction: 1 if large values are worse, -1 if small values
     are."""
 
     named: Named
@@ -41,8 +41,8 @@ STABILITY = Bound(f"{RADIUS} < 1", Named(RADIUS, "1", RADIUS), 1.0, 1.0)
 
 
 class Event(NamedTuple):
-    """An event at points (P,) and speeds (k,). margins (P, k): positive where it occurs, NaN without a
-    result. occurs, undetermined, failed: whether it occurs at any speed; else, whether it is open at one."""
+    """Event at points (P,) and speeds (k,). margins (P, k): positive where it occurs, NaN without a result.
+    occurs: at one speed at least; otherwise undetermined, or failed, if it is so at one speed."""
 
     margins: Array
     occurs: Array
@@ -51,7 +51,8 @@ class Event(NamedTuple):
 
     @classmethod
     def of(cls, margins: Array, occurs: Array, is_open: Array, failed: Array) -> "Event":
-        """Event from what holds at points and speeds (P, k)."""
+        """Event from arrays (P, k) over points and speeds: margins, and whether the event occurs, is open, or
+        has no result."""
         any_occurs, any_open, any_failed = (
             np.asarray(each.any(axis=1)) for each in (occurs, is_open, failed)
         )
@@ -60,7 +61,8 @@ class Event(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """Outcome of P machines: instability, the leaving of each limit, and values (q, P, k) of quantities."""
+    """Results of P machines: the events of instability and of each exceeded limit, and values (q, P, k) of
+    quantities."""
 
     unstable: Event
     beyond: Sequence[Event]
@@ -69,7 +71,7 @@ class Outcome(NamedTuple):
 
 @dataclass(eq=False)
 class Machines:
-    """Machines whose parameters have spreads, at speeds in rad/s.
+    """Machines with parameters that deviate by their spreads, at speeds in rad/s.
 
     solves: number of machines solved so far.
     """
@@ -86,7 +88,7 @@ class Machines:
 
     @property
     def limits(self) -> list[Bound]:
-        """Bound of stability and those of the request."""
+        """Stability limit, followed by the limits of the request."""
         return [STABILITY, *self.bounds]
 
     @property
@@ -101,7 +103,7 @@ class Machines:
         )
 
     def outcome(self, parameters: Array, folder: str) -> Outcome:
-        """Outcome of machines with parameters (P, r); folder: name in the store, if there is one. Raises
+        """Results for machines with parameters (P, r). folder: name in the store, if there is one. Raises
         NoResultError."""
         count, speeds, period = len(self.speeds), np.tile(self.speeds, len(parameters)), self.model.period
         points = np.column_stack((np.repeat(parameters, count, axis=0), speeds))
@@ -132,13 +134,15 @@ class Machines:
         return Outcome(unstable, beyond, np.array(every))
 
     def worst(self, values: Array) -> tuple[Array, Array]:
-        """Worst values (P, q) over the speeds, and the indices (P, q) of their speeds; NaN if one is."""
+        """Worst values (P, q) over the speeds, and indices (P, q) of the speeds at which they occur; NaN if a
+        value is NaN."""
         signs = np.array([each.sign for each in self.quantities])[:, None, None]
         places = (signs * values).argmax(axis=2)
         return np.take_along_axis(values, places[..., None], axis=2)[..., 0].T, places.T
 
     def design(self, speed: float) -> Design:
-        """The model at one speed with x from 0 to 1 over all values with a probability."""
+        """Model at one speed with variables x from 0 to 1, which cover all values of nonnegligible
+        probability."""
         low, high = np.array(
             [
                 (each.first - _REACH * each.second, each.first + _REACH * each.second)
@@ -152,7 +156,8 @@ class Machines:
         return Design(self.model, names, low, high, [speed], rule, rtol, request.orbit)
 
     def gradient(self, limit: Bound, speed: float) -> Gradient:
-        """Margin of a limit at a speed, positive beyond it, and its derivatives by z (r,)."""
+        """Margin of a limit at a speed (positive if the limit is exceeded), and its derivatives (r,) with
+        respect to z."""
         design = self.design(speed)
         width = design.high - design.low
 

@@ -1,4 +1,4 @@
-"""Local maxima of computed values over the speed, for all brackets at once."""
+"""Local maxima of computed values over the speed, found for all brackets simultaneously."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,8 +42,8 @@ Value = Callable[[Array, Array], tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Brackets:
-    """Maxima between neighbours: speeds x (k, 3), ascending, and heights y (k, 3), the highest in the
-    middle."""
+    """Maxima between neighbouring speeds: ascending speeds x (k, 3) and heights y (k, 3), of which the middle
+    one is the highest."""
 
     x: Array
     y: Array
@@ -55,14 +55,14 @@ class Brackets:
         return Brackets(self.x[some], self.y[some])
 
     def with_heights(self, heights: Array) -> "Brackets":
-        """Brackets with other heights (k,) in the middle, where these are finite."""
+        """Brackets with other heights (k,) in the middle, where they are finite."""
         y = self.y.copy()
         y[:, 1] = np.where(np.isfinite(heights), heights, y[:, 1])
         return Brackets(self.x, y)
 
     @property
     def maxima(self) -> list[Maximum]:
-        """Highest known point of each bracket."""
+        """Speed and height of the highest known point of each bracket."""
         return [
             Maximum(speed, height)
             for speed, height in zip(self.x[:, 1].tolist(), self.y[:, 1].tolist(), strict=True)
@@ -70,7 +70,8 @@ class Brackets:
 
 
 class Trials:
-    """Solver at speeds within brackets. Each bracket has one grid, the finest of its ends and middle.
+    """Solver at speeds within brackets. Each bracket has one grid, the finest of the grids at its ends and
+    middle.
 
     Errors are the largest ones of the ends and the middle. They are not estimated again by a second grid.
     results: known solutions; `places` (k, 3): positions of the brackets among them.
@@ -82,7 +83,7 @@ class Trials:
         self._on_one_grid = bool(np.isin(results.methods[places], _SAME_GRID).all())
 
     def solve(self, speeds: Array, numbers: Array) -> PointResults:
-        """Solutions at speeds (m,) in the brackets with the indices (m,)."""
+        """Solutions at speeds (m,) in the brackets with the indices `numbers` (m,)."""
         if not self._on_one_grid:
             return gathered(self._batch, speeds[:, None], self._kept)
         results = PointResults.blank(len(speeds), self._batch.family.example.multiplier_count, self._kept)
@@ -95,8 +96,9 @@ class Trials:
 
 
 def peaks(values: Array, errors: Array) -> Array:
-    """Positions (k, 3) of prominent local maxima of values (P,), NaN where unknown, and of their known
-    neighbours. The prominence exceeds a hundredth of the height and twice the error (P,)."""
+    """Indices (k, 3) of the prominent local maxima of values (P,), with NaN for unknown values, and of the
+    known neighbours of each maximum. The prominence exceeds a hundredth of the height and twice the error
+    (P,)."""
     finite = np.flatnonzero(np.isfinite(values))
     top, prominences = find_peaks(values[finite])
     height, error = np.abs(values[finite[top]]), np.nan_to_num(errors[finite[top]], nan=0.0)
@@ -105,8 +107,8 @@ def peaks(values: Array, errors: Array) -> Array:
 
 
 def find_peaks(values: Array) -> tuple[Array, Array]:
-    """Positions (k,) and prominences (k,) of local maxima of finite values (P,), as computed by
-    `scipy.signal.find_peaks`, whose import takes a second. Among equal neighbours the middle one counts."""
+    """Indices (k,) and prominences (k,) of local maxima of finite values (P,), as from
+    `scipy.signal.find_peaks`, whose import takes a second. Of equal neighbours the middle one is returned."""
     starts = np.flatnonzero(np.append(True, np.diff(values) != 0)) if len(values) else np.zeros(0, dtype=int)
     levels, ends = values[starts], np.append(starts[1:], len(values)) - 1
     tops = 1 + np.flatnonzero((levels[1:-1] > levels[:-2]) & (levels[1:-1] > levels[2:]))
@@ -120,8 +122,8 @@ def find_peaks(values: Array) -> tuple[Array, Array]:
 
 
 def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, tolerance: float) -> Brackets:
-    """Narrower brackets of the highest maxima, each to a tolerance relative to its speed. guides (k, 3): at
-    the speeds of the brackets.
+    """Brackets of the highest maxima, each narrowed to a tolerance relative to its speed. guides (k, 3):
+    values of a guide function at the speeds of the brackets.
 
     The highest of equidistant speeds in a bracket is refined to its maximum, and the guide to its own; the
     highest of all these speeds is the result.
@@ -141,8 +143,8 @@ def narrow_to_tolerance(brackets: Brackets, guides: Array, value: Value, toleran
 
 
 def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
-    """Brackets narrowed until the height is known to its tolerance, for resonances that are narrower than the
-    tolerance of the speed."""
+    """Brackets narrowed until the height meets its tolerance, for resonances narrower than the tolerance of
+    the speed."""
     rise = brackets.y[:, 1] - brackets.y.min(axis=1)
     narrow = np.flatnonzero(rise > _FLAT_TOP * np.abs(brackets.y[:, 1]))
     if len(narrow) == 0:
@@ -159,9 +161,9 @@ def narrow_to_height(brackets: Brackets, value: Value) -> Brackets:
 def _find_minimum(
     values: "_CachedValues", x: Array, lanes: tuple[Array, Array], tolerances: dict[str, float]
 ) -> Brackets:
-    """Brackets narrowed by Chandrupatla's method until one of the tolerances is met. An iteration solves one
-    speed of every bracket x (k, 3) in one batch. lanes: indices (k,) of the brackets, and 0 (k,) for their
-    heights, 1 for their guides."""
+    """Brackets narrowed by Chandrupatla's method until one of the tolerances is met. Each iteration solves
+    one speed in every bracket x (k, 3), in one batch. lanes: indices (k,) of the brackets, and (k,) 0 for
+    their heights or 1 for their guides."""
     from scipy.optimize.elementwise import find_minimum
 
     all_tolerances = {"xatol": 0.0, "fatol": 0.0, **tolerances}
@@ -174,7 +176,7 @@ def _find_minimum(
 
 
 class _CachedValues:
-    """Negated heights and guides at speeds within brackets, each speed solved once."""
+    """Negated heights and guides at speeds within brackets. Each speed is solved only once."""
 
     def __init__(self, brackets: Brackets, guides: Array, value: Value):
         self._value = value
@@ -205,8 +207,8 @@ class _CachedValues:
             self._cache[number][speed] = row
 
     def subdivide(self, x: Array) -> tuple[Array, Array]:
-        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest among speeds that
-        divide both sides evenly, with its neighbours; NaN where a guide is highest at an end."""
+        """Brackets (k, 3) within brackets x (k, 3), for heights and for guides: the highest of speeds that
+        divide both sides evenly, with its neighbours. NaN where a guide is highest at an end."""
         low, best, high = x.T
         sides = [np.linspace(*ends, _SUBDIVISION + 1, axis=1) for ends in ((low, best), (best, high))]
         speeds = np.concatenate((sides[0], sides[1][:, 1:]), axis=1)
@@ -215,7 +217,8 @@ class _CachedValues:
         return self._around_highest_of(speeds, 0), self._around_highest_of(speeds, 1)
 
     def _around_highest_of(self, x: Array, column: int) -> Array:
-        """Brackets (k, 3) around the highest of speeds x (k, m), ascending; NaN where it is at an end."""
+        """Brackets (k, 3) around the highest of ascending speeds x (k, m); NaN where an end is the
+        highest."""
         y = np.array([[self._cache[n][speed][column] for speed in row] for n, row in enumerate(x.tolist())])
         top = y[:, 1:-1].argmax(axis=1)[:, None] + 1
         three = np.take_along_axis(x, top + np.array([-1, 0, 1]), axis=1)
@@ -223,7 +226,7 @@ class _CachedValues:
         return three if column == 0 else np.where(inside[:, None], three, np.nan)
 
     def around_highest(self) -> Array:
-        """Brackets (k, 3) around the highest of all solved speeds."""
+        """Brackets (k, 3) around the highest of all speeds solved so far."""
         brackets = []
         for values in self._cache:
             speeds = sorted(values)

@@ -1,5 +1,5 @@
-"""Cycle means of the frozen natural frequencies over the speed, and speeds at which combinations of them are
-integer multiples of the speed."""
+"""Cycle means of the frozen natural frequencies over the speed, and the speeds of combination resonances, at
+which sums or differences of the means are integer multiples of the speed."""
 
 import itertools
 import math
@@ -39,8 +39,8 @@ _CORRECTIONS = 2
 
 @dataclass(frozen=True)
 class MeanFrequencies:
-    """Cycle means of the undamped natural frequencies with M and K frozen, see `mean_modes`: ascending, in
-    rad/s, at speeds (P,); NaN at speeds without matrices. Copies at other speeds, `replace(frequencies,
+    """Cycle means, in rad/s and ascending, of the undamped natural frequencies with M and K frozen, at speeds
+    (P,); see `mean_modes`. NaN at speeds without matrices. Copies at other speeds, `replace(frequencies,
     speeds=…)`, share a cache."""
 
     system: PeriodicSystem
@@ -54,17 +54,17 @@ class MeanFrequencies:
 
     @property
     def imaginary(self) -> Array:
-        """Whether one of the frequencies is imaginary or complex at some phase (P,)."""
+        """Whether (P,) a frequency is imaginary or complex at some phase."""
         return self._results[1]
 
     @property
     def rigid(self) -> int:
-        """Largest number of rigid-body modes; they come first, with frequency 0."""
+        """Largest number of rigid-body modes over the speeds. These modes come first, with frequency 0."""
         return int(self._results[2].max(initial=0))
 
     @property
     def lowest(self) -> Array:
-        """Lowest elastic frequency (P,)."""
+        """Lowest elastic frequency (P,) in rad/s."""
         return self.values[:, min(self.rigid, self.system.n - 1)]
 
     @cached_property
@@ -85,8 +85,8 @@ class MeanFrequencies:
         return replace(self, speeds=np.array([speed])).values[0]
 
     def shift_notes(self, limit: float) -> list[str]:
-        """Note on speeds at which C changes a mean frequency by more than a relative limit; none if it does
-        not, or if frequencies are imaginary."""
+        """Note on speeds at which C changes a mean frequency by more than a relative limit. Empty if there
+        are none, or if frequencies are imaginary."""
         real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
         speeds = real[:: max(1, len(real) // _SAMPLES)]
         shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])
@@ -104,26 +104,29 @@ class MeanFrequencies:
 
 def combinations(frequencies: MeanFrequencies, orders: int) -> list[Combination]:
     """Combination resonances (ω̄i ± ω̄j)/k within the speeds, in descending order of speed, for orders k up
-    to `orders` that the period of the matrices allows; integer divisions are excluded."""
+    to `orders` that the period of the matrices permits. Integer divisions of one frequency are excluded."""
     listed = [
         Combination(speed, (high + 1, low + 1), sign, order)
         for low, high, sign, weights in _sums_of_two(frequencies.rigid, frequencies.values.shape[1])
-        for order, speed in multiples(frequencies, weights, orders)
+        for order, speed in resonance_speeds(frequencies, weights, orders)
     ]
     listed = [one for one in listed if not one.is_division and is_excited(frequencies.system, one.order)]
     return sorted(listed, key=lambda one: -one.speed)
 
 
 def _sums_of_two(rigid: int, count: int) -> Iterator[tuple[int, int, int, Array]]:
-    """Low mode, high mode, sign and weights (n,) of all sums and differences of two elastic frequencies."""
+    """Lower mode, higher mode, sign and weights (n,) of all sums and differences of two elastic
+    frequencies."""
     unit = np.eye(count)
     for low, high in itertools.combinations_with_replacement(range(rigid, count), 2):
         for sign in (1, -1) if high > low else (1,):
             yield low, high, sign, unit[high] + sign * unit[low]
 
 
-def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iterator[tuple[int, float]]:
-    """Orders k, per revolution, and speeds Ω at which the sum of the mean frequencies, weighted by weights
+def resonance_speeds(
+    frequencies: MeanFrequencies, weights: Array, orders: int
+) -> Iterator[tuple[int, float]]:
+    """Orders k per revolution and speeds Ω at which the sum of the mean frequencies, multiplied by weights
     (n,), equals kΩ."""
     from scipy.optimize.elementwise import find_root
 
@@ -145,9 +148,9 @@ def multiples(frequencies: MeanFrequencies, weights: Array, orders: int) -> Iter
 
 
 def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
-    """Speeds, between two limits, of combination resonances of low order, for modes that keep on average more
-    than half their amplitude per period. Mean frequencies are those at these speeds. rest: means at speed
-    0."""
+    """Speeds of combination resonances of low order between two limits, for modes that keep on average more
+    than half their amplitude per period. Mean frequencies are evaluated at these speeds. rest: means at
+    speed 0."""
     system, (values,) = rest.system, rest.values
     candidates = [
         (weights, order)
@@ -174,11 +177,11 @@ def resonances(rest: MeanFrequencies, low: float, high: float) -> Array:
 
 
 def _decay_per_period(system: PeriodicSystem, speed: float) -> Array:
-    """Logarithmic decrement of the modes per period (n,)."""
+    """Logarithmic decrement (n,) of the modes per period."""
     return mean_modes(system, speed).rates * system.period / speed
 
 
 def is_excited(system: PeriodicSystem, order: int) -> bool:
-    """Whether matrices with this period can have a harmonic of this order per revolution."""
+    """Whether matrices with this period can have a harmonic of the given order per revolution."""
     number = order * system.period / (2 * math.pi)
     return math.isclose(number, round(number), abs_tol=1e-9)

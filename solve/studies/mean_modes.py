@@ -1,4 +1,4 @@
-"""Modes with the matrices frozen at phases of a period, followed from phase to phase, and their means."""
+"""Modes of the matrices frozen at phases of a period, followed from phase to phase, and their means."""
 
 from typing import NamedTuple
 
@@ -25,9 +25,9 @@ _NEAR = 0.5
 
 
 class MeanModes(NamedTuple):
-    """Cycle means of the frozen modes: frequencies in rad/s (n,), ascending, and decay rates in 1/s (n,) to
-    first order in C. Frequencies count as 0 where K is not positive. imaginary: whether a frequency is
-    imaginary or complex at some phase. rigid: number of rigid-body modes, with frequency 0."""
+    """Cycle means of the frozen modes: ascending frequencies in rad/s (n,), and decay rates in 1/s (n,) to
+    first order in C. Frequencies are set to 0 where K is not positive definite. imaginary: whether a
+    frequency is imaginary or complex at some phase. rigid: number of rigid-body modes, with frequency 0."""
 
     frequencies: Array
     rates: Array
@@ -36,8 +36,8 @@ class MeanModes(NamedTuple):
 
 
 def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
-    """Cycle means of the undamped modes with M and K frozen, at a speed (rad/s), 0 for the mechanism at rest.
-    Raises SolveError subclasses and LinAlgError if there are no matrices.
+    """Cycle means of the undamped modes with M and K frozen, at a speed (rad/s); 0 is the mechanism at rest.
+    Raises SolveError subclasses, and LinAlgError if there are no matrices.
 
     With first-order coordinates, frequencies are moduli of complex frozen eigenvalues, and rates are exact.
 
@@ -76,7 +76,7 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
 
 
 def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
-    """Largest relative difference, at a speed (rad/s), of mean frequencies with and without C.
+    """Largest relative difference between mean frequencies with and without C, at a speed (rad/s).
 
     With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
     not modal damping. 0 if some are real, and with first-order coordinates, whose frequencies include C.
@@ -97,8 +97,8 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
 
 
 def _of_states(rates: Array, n: int) -> MeanModes:
-    """Means of the moduli of complex eigenvalues of x′ = A x, and of their decay rates, from A (k, N, N); for
-    n modes, of which the first ones have frequency 0 if fewer than n oscillate."""
+    """Means of the moduli of complex eigenvalues of x′ = A x, and of their decay rates, for n modes, from A
+    (k, N, N). If fewer than n modes oscillate, the first ones have frequency 0."""
     values = np.linalg.eigvals(rates)
     values = np.where(np.imag(values) > _ROUNDOFF * np.abs(values).max(), values, 0.0)
     order = np.argsort(np.abs(values), axis=1, kind="stable")[:, -n:]
@@ -108,14 +108,14 @@ def _of_states(rates: Array, n: int) -> MeanModes:
 
 
 def _without_smallest(values: Array, count: int) -> Array:
-    """Values (k, n) without the given number of values of smallest modulus."""
+    """Values (k, n) without the `count` values of smallest modulus."""
     return np.take_along_axis(values, np.argsort(np.abs(values), axis=1)[:, count:], axis=1)
 
 
 def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> tuple[Array, Array, float]:
-    """Ranks (k, n) of each mode at k phases that pass at a rate per second; the mode (n,) whose rank each
-    mode has after the period; and the logarithm of the component of a vibration that keeps its rank where its
-    mode changes rank.
+    """Rank (k, n) of each mode at k phases that pass at `rate` per second; index (n,) of the mode whose rank
+    each mode takes after the period; and logarithm of the component of a vibration that keeps its rank
+    where its mode changes rank.
 
     As long as the shapes of modes rotate faster than their frequencies differ, θ rate > Δω, a vibration keeps
     its shape: by the Landau-Zener formula (C. Zener, Proceedings of the Royal Society A 137, 1932, 696) more
@@ -128,8 +128,8 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
     difference = np.where(difference < _NEAR * difference.max(axis=0), difference, np.inf)
 
     def adapts(at: Array | int, now: Array, then: Array) -> Array:
-        """Whether modes (…, n) with these ranks at one phase and the next have enough time to change their
-        shape."""
+        """Whether modes (…, n) with these ranks at two consecutive phases have enough time between them to
+        change their shape."""
         rotated, before, after = (
             matrix[np.asarray(at)[..., None, None], first[:, None], second]
             for matrix, first, second in (
@@ -164,14 +164,14 @@ def _follow(frequencies: Array, shapes: Array, inverse: Array, rate: float) -> t
 
 
 def _overlaps(left: Array, shapes: Array, others_left: Array, others: Array) -> Array:
-    """Overlaps (…, n, n) of shapes with others, given in columns (…, n, n) with their inverses; squares of
-    the cosines for orthogonal shapes."""
+    """Overlaps (…, n, n) between two sets of shapes, given as columns (…, n, n) with their inverses. For
+    orthogonal shapes they are squared cosines."""
     return np.abs((left @ others) * np.swapaxes(others_left @ shapes, -1, -2))
 
 
 def _mean_over_cycles(means: Array, places: Array) -> Array:
-    """Means (2, n) over as many periods as each mode needs to return, from means over one period after which
-    the modes have the ranks (n,) of others."""
+    """Means (2, n) over as many periods as each mode needs to return to its rank, from the means over one
+    period. places (n,): index of the mode whose rank each mode takes after a period."""
     averaged = means.copy()
     for mode in range(len(places)):
         cycle = [mode]

@@ -1,5 +1,5 @@
-"""Measured vibration from files: curves over a period or in time, amplitudes of orders, or natural
-frequencies; and computed values at the same points."""
+"""Measured vibration read from files (curves over a period or in time, amplitudes of orders, or natural
+frequencies), and computed values at the same points."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -48,8 +48,9 @@ FREQUENCY = "frequency"
 
 
 class Record(NamedTuple):
-    """File of columns with titles that end in a unit. columns: values (k,) of each; None for a CSV table,
-    whose `texts` are parsed when a column is read, so that unused columns may contain anything."""
+    """Measurement file whose columns have titles that end in a unit. columns: values (k,) of each column;
+    None for a CSV table, whose `texts` are parsed only when a column is read, so that unused columns may
+    contain anything."""
 
     path: Path
     titles: Sequence[str]
@@ -57,14 +58,14 @@ class Record(NamedTuple):
     texts: Sequence[Sequence[str]] = ()
 
     def values(self, place: int) -> Array:
-        """Values (k,) of the column with an index. Raises CaseFileError."""
+        """Values (k,) of the column with index `place`. Raises CaseFileError."""
         if self.columns is not None:
             return self.columns[place]
         return np.array([number_in("data", self.path, row, place) for row in self.texts])
 
 
 def record(file: str | Path) -> Record:
-    """The columns of a file, the axis first. Raises CaseFileError, and MissingLibraryError for universal
+    """Read the columns of a file, the axis first. Raises CaseFileError, and MissingLibraryError for universal
     files without pyuff."""
     path = Path(file)
     ending = path.suffix.lower()
@@ -83,8 +84,8 @@ def record(file: str | Path) -> Record:
 
 
 def _matlab(path: Path) -> Record:
-    """Record from a .mat file: vectors of equal length, and a struct `units` with the unit of each vector; a
-    scalar applies to all rows."""
+    """Record from a .mat file with vectors of equal length and a struct `units` with the unit of each vector.
+    A scalar applies to all rows."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -105,14 +106,16 @@ def _matlab(path: Path) -> Record:
     names = [axis, *(name for name in vectors if name not in AXES)]
     other = [name for name in names if len(vectors[name]) not in (1, count)]
     if other:
-        raise CaseFileError(f"data: {path.name}: {other[0]} is not as long as {axis}; give one value a row")
+        raise CaseFileError(
+            f"data: {path.name}: {other[0]} and {axis} have different lengths; give one value per row"
+        )
     titles = [f"{name} ({getattr(units, name)})" if hasattr(units, name) else name for name in names]
     return Record(path, titles, [np.broadcast_to(vectors[name], count) for name in names])
 
 
 def _universal(path: Path) -> Record:
-    """Record from a universal file: functions at nodal degrees of freedom (dataset 58) with a common
-    abscissa; the first line of text of each names the coordinate or output."""
+    """Record from a universal file with functions at nodal degrees of freedom (dataset 58) over a common
+    abscissa. The first text line of each function names the coordinate or output."""
     try:
         import pyuff
     except ImportError:
@@ -199,7 +202,10 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     speeds = columns.pop(_SPEED, np.full(len(at), speed))
     channels = _channels(columns, axis == "order")
     if not channels or not len(at):
-        raise CaseFileError(f"data: {read.path.name} has no coordinate or output, or no rows; give both")
+        raise CaseFileError(
+            f"data: {read.path.name} has no column of a coordinate or output, or no rows; give at least "
+            "one of each"
+        )
     _require_valid(read.path.name, axis, at, speeds, channels)
     speed_given = _speed_unit(read.titles[names.index(_SPEED)]) if _SPEED in names else speed
     unit, sets = getattr(speed_given, "unit", None), []
@@ -213,7 +219,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
 
 def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
-    ValueOutOfBoundsError if nothing was measured at this speed."""
+    ValueOutOfBoundsError if there are no measurements at this speed."""
     channels = []
     for measurement in sets:
         if measurement.position is not None or not np.isclose(measurement.speed, orbit.speed, rtol=_ALIKE):
@@ -239,8 +245,8 @@ def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
 
 
 def _orders_of(orbit: Orbit, name: str, orders: Array, angles: bool) -> Array:
-    """Complex amplitudes (k,) of orders; without phase angles the moduli, except that the mean keeps its
-    sign."""
+    """Complex amplitudes (k,) of orders. Without phase angles their moduli are returned, except that the mean
+    keeps its sign."""
     size, angle = orbit.harmonics(name, round(orders.max()))
     at = np.round(orders).astype(int)
     return (size * np.exp(1j * angle))[at] if angles else size[at]
@@ -282,7 +288,10 @@ def _frequencies(
 ) -> list[Measured]:
     """Measured natural frequencies, one set for each position."""
     if FREQUENCY not in columns or not len(modes):
-        raise CaseFileError(f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give both")
+        raise CaseFileError(
+            f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give the column, with at "
+            "least one row"
+        )
     most = system.most_frequencies
     if not ((modes == np.round(modes)) & (modes >= 1) & (modes <= most)).all():
         raise ValueOutOfBoundsError(
@@ -305,7 +314,7 @@ def _frequencies(
 
 
 def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, place: int) -> Array:
-    """A column (k,) in SI units."""
+    """Values (k,) of a column in SI units."""
     name = names[place]
     of_modes = {FREQUENCY: "rad/s", _POSITION: "rad"} if axis == "mode" else {}
     if name == axis:
@@ -327,7 +336,7 @@ def _size(title: str, unit: str) -> float:
 
 
 def _speed_unit(title: str) -> GivenSpeed:
-    """Speed equal to one unit of a column of speeds."""
+    """Speed in rad/s that equals one unit of a column of speeds."""
     match = re.search(r"\(([^()]*)\)\s*$", title)
     if match is None:
         raise UnitError(f"data: column '{title}' has no unit; write it as in 'speed (rpm)'")

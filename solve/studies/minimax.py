@@ -1,4 +1,4 @@
-"""Minimisation of the largest of several values under bounds and equations.
+"""Minimisation of the largest of several values, subject to bounds and equations.
 
 Sequential quadratic programming (D. Kraft, A software package for sequential quadratic programming, DFVLR-FB
 88-28, 1988, in SciPy) on the epigraph: the smallest t that no value exceeds."""
@@ -26,7 +26,7 @@ each correction doubles the number of digits."""
 
 @dataclass(frozen=True)
 class Limited:
-    """Values that must not exceed a limit. scale: size by which they are divided."""
+    """Values that must not exceed a limit. scale: size by which they are divided in the optimisation."""
 
     values: Tracked
     limit: float
@@ -35,7 +35,7 @@ class Limited:
 
 @dataclass(frozen=True)
 class Equations:
-    """Equations f(x) = 0 with derivatives; `residuals` (e,) and `slopes` (e, r) are scaled to x from 0 to
+    """Equations f(x) = 0 with derivatives. `residuals` (e,) and `slopes` (e, r) refer to x scaled to 0 …
     1."""
 
     residuals: Callable[[Array], Array]
@@ -50,15 +50,16 @@ def minimised(
     reach: float,
     rtol: float,
 ) -> tuple[Array, float]:
-    """x (r,) in 0 … 1 that minimises the largest value of the objective, with every element changed by at
-    most `reach`, and its change relative to the largest modulus. Raises the errors of the values."""
+    """Variables x (r,) in 0 … 1 that minimise the largest value of the objective, with every element changed
+    by at most `reach`, and the change of the objective relative to its largest modulus. Raises the
+    exceptions of the values."""
     from scipy.optimize import minimize
 
     scale = max(float(np.abs(each.values(x)).max()) for each in objective) or 1.0
     rows = [Limited(each, np.nan, scale) for each in objective], limits
 
     def slack(z: Array) -> Array:
-        """Distances of the values from t or from their limits, at z = (x, t)."""
+        """Distances of the values from t, or from their limits, at z = (x, t)."""
         parts = [z[-1] - each.values.values(z[:-1]) / scale for each in rows[0]]
         parts += [(each.limit - each.values.values(z[:-1])) / each.scale for each in rows[1]]
         return np.concatenate(parts)
@@ -106,8 +107,8 @@ def minimised(
 
 
 def restored(equations: Equations, x: Array) -> Array:
-    """x (r,) in 0 … 1 with smaller residuals, by Gauss-Newton corrections of the elements within the bounds.
-    Raises the errors of the values."""
+    """Variables x (r,) in 0 … 1 with smaller residuals of the equations, by Gauss-Newton corrections within
+    the bounds. Raises the exceptions of the values."""
     for _ in range(_CORRECTIONS):
         inner = (x > 0) & (x < 1)
         change = np.linalg.lstsq(equations.slopes(x)[:, inner], equations.residuals(x))[0]
@@ -117,7 +118,7 @@ def restored(equations: Equations, x: Array) -> Array:
 
 
 class _StalledError(Exception):
-    """End of a round whose line searches stall."""
+    """Raised to end a round whose line searches stall."""
 
 
 @dataclass
@@ -129,7 +130,7 @@ class _Iterates:
     stalled: int = 0
 
     def counted(self, function: Callable[[Array], float]) -> Callable[[Array], float]:
-        """The function, whose evaluations are counted."""
+        """Wrap a function so that its evaluations are counted."""
 
         def value(y: Array) -> float:
             self.evaluations += 1

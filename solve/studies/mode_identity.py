@@ -1,4 +1,5 @@
-"""Modes of a result, from tracks: one mode of each conjugate pair, with harmonics, crossings and veerings."""
+"""Modes of a result, from tracks: one mode of each conjugate pair, with its harmonics, crossings and
+veerings."""
 
 import itertools
 from collections.abc import Mapping, Sequence
@@ -28,7 +29,7 @@ vectors are exchanged only partly. A choice."""
 
 
 class Identities(NamedTuple):
-    """Modes at the given values (P,) and on the whole path (S,); see `FollowedModes`."""
+    """Modes at the given values (P,) and along the whole path (S,); see `FollowedModes`."""
 
     exponents: Array
     errors: Array
@@ -44,7 +45,7 @@ class Identities(NamedTuple):
 
 @dataclass(frozen=True)
 class _Path:
-    """Samples in ascending order with the states of T tracks."""
+    """Samples in ascending order, with the states of T tracks at each sample."""
 
     samples: Sequence[Sample]
     states: Sequence[State]
@@ -62,7 +63,7 @@ class _Path:
         return np.array([sample.x for sample in self.samples])
 
     def of_modes(self, name: str) -> Array:
-        """Values (S, T) of an attribute (k,) of the modes; NaN where a track has no mode."""
+        """Values (S, T) of an attribute of the modes; NaN where a track has no mode."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             values = getattr(sample.modes, name)[state.modes]
@@ -71,11 +72,11 @@ class _Path:
 
     @property
     def rotations(self) -> Array:
-        """Angular frequencies 2π/T (S, 1) in rad/s of the samples."""
+        """Angular frequencies 2π/T (S, 1) in rad/s at the samples."""
         return np.array([[sample.modes.rotation] for sample in self.samples])
 
     def partners(self) -> Array:
-        """Tracks (S, T) of the complex conjugates; -1 for a real track."""
+        """Indices (S, T) of the complex conjugate tracks; -1 for a real track."""
         rows = []
         for sample, state in zip(self.samples, self.states, strict=True):
             track_of = np.full(len(sample.modes.exponents) + 1, -1)
@@ -87,7 +88,7 @@ class _Path:
 
 
 def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Identities:
-    """Modes of the tracks downwards and upwards from one sample, at the given values."""
+    """Modes at the given values, from the tracks downwards and upwards from one sample."""
     path = _Path.of(branches)
     indices = np.searchsorted(path.x, values)
     main = np.array([_main_harmonic(path, indices, track) for track in range(len(path.states[0].modes))])
@@ -120,8 +121,8 @@ def identified(branches: tuple[Tracks, Tracks], values: Sequence[float]) -> Iden
 
 
 def _main_harmonic(path: _Path, given: Array, track: int) -> int:
-    """Harmonic with the largest participation over all given values, in the numbering of the track; of
-    several with equal participation, the one with the highest frequency."""
+    """Harmonic with the largest participation over all given values, numbered as in the track. Of several
+    with equal participation, the one with the highest frequency."""
     totals: dict[int, float] = {}
     frequencies: dict[int, float] = {}
     for at in given.tolist():
@@ -141,14 +142,14 @@ def _main_harmonic(path: _Path, given: Array, track: int) -> int:
 
 
 def _every_harmonic(modes: ModeVectors) -> Array:
-    """Harmonics that the nodes resolve."""
+    """Numbers of the harmonics that the nodes resolve."""
     most = (len(modes.nodes) - 1) // 2
     return np.arange(-most, most + 1)
 
 
 def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[Array, Array]:
-    """One track of each conjugate pair, and the exponents (S, T): the less damped of two real multipliers, or
-    the one whose imaginary part is positive on average."""
+    """One track of each conjugate pair, and the exponents (S, T). Of two tracks, the one with the less damped
+    real multiplier, or with positive mean imaginary part, is selected."""
     partners, columns = path.partners(), exponents.copy()
     tracks = [track for track in range(exponents.shape[1]) if twins.get(track, track) >= track]
     for track in tracks:
@@ -161,7 +162,7 @@ def _columns(path: _Path, exponents: Array, twins: Mapping[int, int]) -> tuple[A
 
 
 def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> tuple[Array, Array]:
-    """Harmonics (H,) around the main one, and the participation (P, M, n, H)."""
+    """Harmonics (H,) around the main one, and their participation (P, M, n, H)."""
     window = np.arange(-_MOST_HARMONICS, _MOST_HARMONICS + 1)
     n = len(path.samples[0].modes.inertia)
     values = np.full((len(given), len(tracks), n, len(window)), np.nan)
@@ -185,8 +186,7 @@ def _participation(path: _Path, given: Array, tracks: Array, shifts: Array) -> t
 
 
 def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str] | None:
-    """Ordered labels of two tracks; None for a mode and its own conjugate, or for tracks that are not
-    listed."""
+    """Labels of two tracks in order; None for a mode and its own conjugate, or for tracks without a label."""
     labels = [label_of.get(pair.first), label_of.get(pair.second)]
     if None in labels or labels[0] == labels[1]:
         return None
@@ -195,7 +195,7 @@ def _pair(label_of: Mapping[int, str], pair: Approach | Doubt) -> tuple[str, str
 
 
 def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[Ambiguity]:
-    """Ambiguities in ascending order, those of the same pair and kind joined where their ranges touch."""
+    """Ambiguities in ascending order. Those of the same pair and kind are joined where their ranges touch."""
     ambiguities = set()
     for doubt in doubts:
         pair = _pair(label_of, doubt)
@@ -213,8 +213,8 @@ def _ambiguities(doubts: Sequence[Doubt], label_of: Mapping[int, str]) -> list[A
 
 
 def _veerings(approaches: Sequence[Approach], label_of: Mapping[int, str], x: Array) -> list[Meeting]:
-    """Veerings narrower than the range of the values: pairs whose exceptional points lie on either side of
-    the real axis."""
+    """Veerings narrower than the range of the values: pairs with exceptional points on both sides of the real
+    axis."""
     by_pair: dict[tuple[str, str], list[tuple[float, float, float]]] = {}
     for approach in sorted(approaches, key=lambda approach: approach.gap):
         pair = _pair(label_of, approach)
@@ -237,7 +237,8 @@ def _crossings(
     labels: Sequence[str],
     ambiguous: Sequence[Ambiguity],
 ) -> list[Meeting]:
-    """Pairs whose unfolded frequencies (S, M) cross, interpolated between samples; without ambiguous ones."""
+    """Pairs whose unfolded frequencies (S, M) cross, with the values interpolated between samples. Ambiguous
+    pairs are omitted."""
     crossings, frequencies = [], np.abs(np.imag(exponents))
     for first, second in itertools.combinations(range(len(labels)), 2):
         difference, pair = frequencies[:, first] - frequencies[:, second], (labels[first], labels[second])

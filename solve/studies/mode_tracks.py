@@ -63,7 +63,7 @@ class Sample(NamedTuple):
 
 
 class Doubt(NamedTuple):
-    """Two tracks whose identity is undetermined from `low` to `high`."""
+    """Two tracks whose identity is undetermined between the values `low` and `high`."""
 
     first: int
     second: int
@@ -73,7 +73,8 @@ class Doubt(NamedTuple):
 
 
 class Approach(NamedTuple):
-    """Two coupled tracks near their exceptional points (complex), and the gap of their exponents in rad/s."""
+    """Two coupled tracks near their exceptional points (complex), and the gap between their exponents in
+    rad/s."""
 
     first: int
     second: int
@@ -90,7 +91,7 @@ class State(NamedTuple):
 
 @dataclass
 class Tracks:
-    """Tracks of modes over samples in the order of their acceptance.
+    """Tracks of modes through samples, in the order in which the samples were accepted.
 
     Attributes
     ----------
@@ -134,7 +135,7 @@ class Tracks:
         self.note_twins()
 
     def note_twins(self) -> None:
-        """Note the tracks that are complex conjugates at the last sample."""
+        """Record which tracks are complex conjugates at the last sample."""
         sample, modes = self.samples[-1], self.states[-1].modes
         track_of = {mode: track for track, mode in enumerate(modes.tolist()) if mode >= 0}
         for mode, track in track_of.items():
@@ -143,7 +144,7 @@ class Tracks:
                 self.twins[track], self.twins[other] = other, track
 
     def extend(self, sample: Sample, level: int = 0) -> None:
-        """Follow the tracks to a sample, by way of further samples as needed."""
+        """Extend the tracks to a sample, through additional samples where needed."""
         step = Step(self, sample, level)
         if level < _FEWEST_LEVELS or not step.settled:
             x = self.samples[-1].x
@@ -177,7 +178,7 @@ class Step:
         self.quality = self._quality()
 
     def _references(self) -> tuple[State, Array]:
-        """State with which the tracks are compared, and the overlaps (T, k, S)."""
+        """State with which each track is compared, and the overlaps (T, k, S)."""
         tracks = self.tracks
         modes, shifts = (values.copy() for values in tracks.states[tracks.base])
         products = np.where((modes >= 0)[:, None, None], self.overlaps.products[modes], 0.0)
@@ -189,8 +190,8 @@ class Step:
         return State(modes, shifts), products
 
     def _quality(self) -> Array:
-        """Overlap (T,) of each track with its mode, or with all modes that coincide with it at one of the two
-        samples, or with a mode and its conjugate."""
+        """Overlap (T,) of each track with its mode. Modes that coincide at one of the two samples, and a mode
+        and its conjugate, are taken together."""
         quality, base = np.zeros(len(self.modes)), self.tracks.states[self.tracks.base].modes
         for track in np.flatnonzero(self.modes >= 0).tolist():
             twin = self.tracks.twins.get(track, track)
@@ -204,23 +205,23 @@ class Step:
 
     @cached_property
     def own(self) -> Array:
-        """Overlap (T,) of each track with its mode alone."""
+        """Overlap (T,) of each track with its own mode alone."""
         return np.where(self.modes >= 0, self.products[np.arange(len(self.modes)), self.modes], 0.0)
 
     @property
     def noise(self) -> Array:
-        """Bounds (T,) of the errors of the exponents of each track at both samples."""
+        """Bounds (T,) on the errors of the exponents of each track at both samples."""
         at_base = self.tracks.states[self.tracks.base].modes
         return SURE * (self.before.modes.errors[at_base] + self.sample.modes.errors[self.modes])
 
     @cached_property
     def compared(self) -> Array:
-        """Tracks that are compared with the base and have a mode at both samples."""
+        """Tracks that are compared with the previous sample and have a mode at both samples."""
         return np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
 
     @cached_property
     def meetings(self) -> Meetings:
-        """Exceptional points of the compared tracks."""
+        """Exceptional points between the compared tracks."""
         at, base = self.compared, self.tracks.states[self.tracks.base]
         places, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
         shifts = self.references.shifts + self.shifts - base.shifts
@@ -235,7 +236,7 @@ class Step:
 
     @cached_property
     def close(self) -> Array:
-        """Pairs and shifts (r, S) of coupled tracks with exceptional points near the segment."""
+        """Mask (r, S) of the pairs and shifts of coupled tracks with exceptional points near the segment."""
         meetings = self.meetings
         modes = self.tracks.states[self.tracks.base].modes[self.compared]
         is_separate = ~self.before.modes.coincident[modes[meetings.first], modes[meetings.second]]
@@ -245,7 +246,7 @@ class Step:
 
     @cached_property
     def locked(self) -> Array:
-        """Pairs and shifts (r, S) among these whose exceptional points are real."""
+        """Mask (r, S) of the pairs and shifts in `close` whose exceptional points are real."""
         roots = self.meetings.roots
         with np.errstate(invalid="ignore"):
             separation = np.abs(np.real(roots[0] - roots[1]))
@@ -275,7 +276,7 @@ class Step:
         return [*zip(first.tolist(), second.tolist(), strict=True)]
 
     def _rival(self, track: int) -> int:
-        """Other track with the largest overlap with the mode of this one."""
+        """Other track with the largest overlap with this track's mode."""
         overlap = self.products[:, self.modes[track]].copy()
         overlap[track] = -1.0
         return int(overlap.argmax())
@@ -297,8 +298,8 @@ class Step:
             tracks.base = here
 
     def _hold(self) -> None:
-        """Compare tracks with an earlier sample while their own vectors are mixed: those of locked pairs, and
-        of modes near a resonance with their own conjugate."""
+        """Compare tracks with an earlier sample while their eigenvectors are mixed: those of locked pairs,
+        and of modes near a resonance with their own conjugate."""
         tracks, found = self.tracks, self.meetings
         width = np.abs(found.roots[0] - found.roots[1]) / 2
         is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
@@ -322,8 +323,8 @@ class Step:
         return abs(turns - round(turns)) * modes.rotation <= limit < abs((one - other).real)
 
     def _is_released(self, track: int, near: Collection[int]) -> bool:
-        """Whether a held track is compared with the last sample again: its vector is no longer mixed, or the
-        earlier sample is too far away."""
+        """Whether a held track can be compared with the last sample again, because its eigenvector is no
+        longer mixed or the earlier sample is too far away."""
         mode = self.modes[track]
         is_real = mode >= 0 and track in self.tracks.twins and self.sample.modes.partners[mode] == mode
         if any(track in pair for pair in self.tracks.locked):
@@ -333,7 +334,7 @@ class Step:
         return bool(self.own[track] >= _ACCEPTED)
 
     def _coincidence_is_new(self) -> bool:
-        """Whether modes coincide at this sample but not at the base."""
+        """Whether modes coincide at this sample but not at the previous one."""
         present = np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
         before = self.tracks.states[self.tracks.base].modes[present]
         after = self.modes[present]
@@ -341,7 +342,7 @@ class Step:
         return bool((self.sample.modes.coincident[np.ix_(after, after)] & ~coincident_before).any())
 
     def _note_approaches(self) -> None:
-        """Keep the exceptional points of coupled pairs whose middle lies in this step."""
+        """Record the exceptional points of coupled pairs whose middle lies in this step."""
         meetings, width = self.meetings, self.sample.x - self.before.x
         middle = np.real(meetings.roots).mean(axis=0)
         is_near = meetings.coupled & (middle >= 0) & (middle < 1) & (meetings.distance < _FARTHEST)
@@ -353,7 +354,7 @@ class Step:
 
 
 def _assigned(overlaps: Array) -> Array:
-    """Mode (T,) of each track, assigned so that the sum of the overlaps (T, k) is largest; -1 for a track
+    """Mode (T,) of each track, assigned so that the sum of the overlaps (T, k) is maximal; -1 for a track
     without a mode."""
     from scipy.optimize import linear_sum_assignment
 

@@ -1,4 +1,4 @@
-"""Nonlinear orbits at the points of a sweep, each found from its nearest solved neighbour."""
+"""Nonlinear orbits at the points of a sweep, each started from the nearest solved point."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -23,7 +23,8 @@ _ON_A_LINE = 1e-9
 
 
 def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> PointResults:
-    """Results of nonlinear orbits at points (P, v), in their order. With a store, each point is saved.
+    """Results of nonlinear orbits at points (P, v), in the order of the points. Each point is saved if there
+    is a store.
 
     Raises SolveError subclasses for errors that affect all points."""
     multipliers = task.family.example.multiplier_count
@@ -56,8 +57,7 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
 def _solve(
     task: Task, points: Array, at: int, results: PointResults, orbits: dict[int, NonlinearOrbit]
 ) -> None:
-    """Solve a point, write its results, and add its orbit to those that serve as starts for their
-    neighbours."""
+    """Solve a point, write its results, and store its orbit as a start for neighbouring points."""
     try:
         orbit = _orbit(task, points, at, orbits)
     except LinearModelError:
@@ -75,8 +75,8 @@ def _solve(
 
 
 def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]) -> NonlinearOrbit:
-    """Orbit started from the nearest solved point. If there is none, or if it leads to no orbit or to an
-    unstable one, the strategies of `solve.nonlinear` are used."""
+    """Orbit started from the nearest solved point. If there is no such point, or if no orbit or an unstable
+    one is found, the strategies of `solve.nonlinear` are used."""
     system, speed = task.family.system(points[at])
     request = task.request
     settings = {"method": task.method, "steps": request.steps, "rtol": request.rtol, "engine": request.engine}
@@ -99,8 +99,8 @@ def _orbit(task: Task, points: Array, at: int, orbits: dict[int, NonlinearOrbit]
 def _predicted(
     points: Array, at: int, orbits: dict[int, NonlinearOrbit]
 ) -> NonlinearOrbit | Callable[[Array], Array]:
-    """Start for a point: linear extrapolation from the orbits of the two nearest points if all three points
-    lie on a line, otherwise the orbit of the nearest point."""
+    """Start for a point: linear extrapolation from the orbits at the two nearest points if all three lie on a
+    line, otherwise the orbit at the nearest point."""
     spans, solved = np.ptp(points, axis=0), list(orbits)
     scaled = (points - points[at]) / np.where(spans > 0, spans, 1.0)
     ways = scaled[solved]

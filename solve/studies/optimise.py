@@ -1,5 +1,5 @@
-"""Optimum of parameters under a stability verdict: the largest vibration over speeds is minimised, with exact
-derivatives and the error of the certificate on the safe side."""
+"""Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds
+with exact derivatives, where error estimates count to the disadvantage of the design."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -49,7 +49,7 @@ def optimise(
     robust: float | None = None,
     vary: Mapping[str, str] | None = None,
 ) -> Optimum:
-    """Minimise the largest value of a quantity over speeds, under bounds, with stability at every speed.
+    """Minimise the maximum of a quantity over speeds, subject to bounds and to stability at every speed.
 
     Parameters
     ----------
@@ -138,7 +138,8 @@ def _machines(
     vary: Mapping[str, str] | None,
     is_range: bool,
 ) -> list[Design]:
-    """Deviating machines of a robust objective; none without one. Raises SolveError subclasses."""
+    """Sampled machines of a robust objective; empty for an ordinary objective. Raises SolveError
+    subclasses."""
     if robust is None:
         if vary:
             raise ValueOutOfBoundsError("vary is given without robust; give robust=3, or leave vary out")
@@ -153,7 +154,7 @@ def _machines(
 
 
 def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
-    """Names, lower and upper bounds (r,) of the free parameters. Raises UnknownNameError,
+    """Names of the free parameters, and their lower and upper bounds (r,). Raises UnknownNameError,
     ValueOutOfBoundsError, UnitError, NoDerivativeError."""
     names = unique_names(free)
     if not names:
@@ -169,7 +170,7 @@ def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
 
 
 def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Optimum:
-    """Result, confirmed by nonlinear orbits and, if requested, proofs."""
+    """Result, confirmed by nonlinear orbits and, if requested, by proofs."""
     design, objective = search.design, search.minimise
     before, points = design.at(design.start, design.speeds), design.points(best.x)
     values = search.values_at(best.x, points)
@@ -185,8 +186,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
     if not best.feasible:
         doubts = [
             *doubts,
-            "no design that fulfils all requirements was found, this one violates them least; widen the "
-            "bounds, or relax a requirement",
+            "no design was found that fulfils all requirements; this design violates them least; widen "
+            "the bounds, or relax a requirement",
         ]
     warnings = dict.fromkeys(warning for point in points for warning in point.solved.warnings)
     failures = len(search.failures)
@@ -214,7 +215,8 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
 
 
 def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any], list[str]]:
-    """Objective and verdicts of nonlinear orbits, and proved verdicts; sentences on what is not confirmed."""
+    """Objective and verdicts of nonlinear orbits, and proved verdicts; also sentences on results that are not
+    confirmed."""
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}
     doubts: list[str] = []

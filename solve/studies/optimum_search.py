@@ -1,4 +1,4 @@
-"""Search of the optimum of a design: rounds of minimisation from several starts, and further speeds of a
+"""Search for the optimum of a design: rounds of minimisation from several starts, with additional speeds in a
 range."""
 
 import itertools
@@ -55,7 +55,7 @@ _RADIUS = Named(RADIUS, "1", RADIUS)
 
 @dataclass(frozen=True)
 class State:
-    """A design with the largest value of the objective, and its violation of requirements; 0 for none."""
+    """Design with its largest objective value and its violation of the requirements (0 if none)."""
 
     x: Array
     objective: float
@@ -67,7 +67,7 @@ class State:
         return self.violation <= _VIOLATION
 
     def better_than(self, other: "State") -> bool:
-        """Whether requirements hold better, or equally well with a lower objective."""
+        """Whether the design violates the requirements less, or equally with a lower objective."""
         if other.feasible:
             return self.feasible and self.objective < other.objective
         lower = self.violation <= other.violation and self.objective < other.objective
@@ -76,7 +76,7 @@ class State:
 
 @dataclass(eq=False)
 class Search:
-    """Search of the optimum of a quantity, or of a function of the orbits at all speeds.
+    """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
     machines, multiple: deviating machines of a robust objective, and its multiple of the standard deviation.
     limit: of the spectral radius. failures: reasons of trials without a solution.
@@ -98,11 +98,13 @@ class Search:
         self._evaluate_kept()
 
     def _evaluate_kept(self) -> None:
-        """Equations and limits of the kept quantities, which depend on the start and on the speeds only."""
+        """Evaluate equations and limits of the kept quantities, which depend only on the start and the
+        speeds."""
         self.equations, self.kept_limits = self.kept_values.equations(), self.kept_values.limits()
 
     def best(self, starts: int) -> State:
-        """Best local optimum from the start and from random ones. Raises the error of the start."""
+        """Best local optimum from the given start and from random ones. Raises the exception of the given
+        start."""
         best = self._descended(self.design.start)
         for x in np.random.default_rng(0).random((starts - 1, len(best.x))):
             try:
@@ -114,7 +116,8 @@ class Search:
         return best
 
     def over_range(self, state: State) -> tuple[State, list[str]]:
-        """Optimum with further speeds where values between those given are worse, and what is doubtful."""
+        """Optimum after insertion of speeds at which values between the given speeds are worse, and reasons
+        for doubt."""
         for _ in range(_MAX_ADDED):
             added = self._worse_between(state)
             if not added:
@@ -133,13 +136,15 @@ class Search:
         return state, [f"at {texts} values are worse than at the optimised speeds; give more speeds"]
 
     def values(self, points: Sequence[DesignPoint]) -> Array:
-        """Minimised quantity (k,) at each speed; the value of a function at each."""
+        """Value (k,) of the minimised quantity at each speed. If a function is minimised, its single value is
+        repeated."""
         if isinstance(self.minimise, Named):
             return np.array([point.value(self.minimise) for point in points])
         return np.full(len(points), Function(self.design, self.minimise).of(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Objective (k,) at each speed, with the deviations of a robust one; points: the solutions at x."""
+        """Objective (k,) at each speed; for a robust objective including its deviations. points: solutions at
+        x."""
         if not self.machines:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
@@ -153,7 +158,7 @@ class Search:
         return [requirement for requirement, _ in self._bounded(points)] + changes
 
     def _bounded(self, points: Sequence[DesignPoint]) -> list[tuple[Requirement, float]]:
-        """Bounds with the worst values over speeds, and their violations; negative if they hold."""
+        """Bounds with the worst values over the speeds, and their violations (negative if satisfied)."""
         radius = max(map(_safe_radius, points))
         bounded = [(Requirement(RADIUS, radius, self.limit), radius - self.limit)]
         for each in self.bounds:
@@ -173,7 +178,7 @@ class Search:
         return State(x, float(self.values_at(x, points).max()), max(0.0, *violations))
 
     def _descended(self, x: Array) -> State:
-        """Local optimum from a start. Raises the error of a start without a solution."""
+        """Local optimum from a start. Raises the exception of the start if it has no solution."""
         state, reach = self._state(x), 0.5
         for _ in range(_MAX_ROUNDS):
             try:
@@ -196,7 +201,8 @@ class Search:
         return state
 
     def _round(self, x: Array, reach: float) -> tuple[Array, float]:
-        """Optimum near x of the extrema that lead there, and the relative change of the objective."""
+        """Optimum near x of those extrema that are largest near x, and the relative change of the
+        objective."""
         design, limits = self.design, [*self.kept_limits]
         for at, point in enumerate(design.points(x)):
             for each in self.bounds:
@@ -219,7 +225,8 @@ class Search:
         return [tracked(self.design, x, at, self.minimise) for at in range(len(self.design.speeds))]
 
     def _worse_between(self, state: State) -> list[float]:
-        """Speeds of local maxima between those of the design at which the objective or a bound is worse."""
+        """Speeds between those of the design at which the objective or a bound has a local maximum and is
+        worse than at the design's speeds."""
         from scipy.optimize import minimize_scalar
 
         found = []

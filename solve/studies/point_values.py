@@ -1,4 +1,4 @@
-"""Values of named quantities in results of many points."""
+"""Values of named quantities from results at many points."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,8 @@ from solve.results.points import Kept, PointResults
 
 
 def kept_for(quantities: Sequence[Named], judged: Sequence[str] = ()) -> Kept:
-    """Selection of what is stored of each point for the quantities, and for those with limits."""
+    """Selection of the data that must be stored at each point for the quantities, and for those with
+    limits."""
     of_orbit = [quantity for quantity in quantities if quantity.of_orbit]
     orders = [quantity.number for quantity in of_orbit if quantity.figure == HARMONIC]
     spectra = dict.fromkeys(quantity.subject for quantity in of_orbit if quantity.figure == HARMONIC)
@@ -20,7 +21,7 @@ def kept_for(quantities: Sequence[Named], judged: Sequence[str] = ()) -> Kept:
 
 
 def values_of(quantity: Named, results: PointResults, speeds: Array, period: float) -> Array:
-    """Values (P,) of a quantity, NaN where there is none; speeds (P,) in rad/s, period in phase."""
+    """Values (P,) of a quantity; NaN without a result. Speeds (P,) are in rad/s, the period is in phase."""
     if quantity.figure == HARMONIC:
         return results.amplitudes[:, results.kept.spectra.index(quantity.subject), quantity.number]
     if quantity.of_orbit:
@@ -34,8 +35,8 @@ def values_of(quantity: Named, results: PointResults, speeds: Array, period: flo
 
 
 def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Array, period: float) -> Array:
-    """Estimated absolute errors (P,) of values (P,): of the orbit relative to its largest modulus, of
-    multipliers to the spectral radius."""
+    """Estimated absolute errors (P,) of values (P,): those of the orbit are relative to its largest modulus,
+    those of multipliers to the spectral radius."""
     orbit, multipliers = results.errors.T
     if quantity.of_orbit:
         place = results.kept.names.index(quantity.subject)
@@ -48,5 +49,6 @@ def errors_of(quantity: Named, values: Array, results: PointResults, speeds: Arr
 
 
 def _bounded(relative: Array, sizes: Array) -> Array:
-    """Absolute errors (P,); an unknown relative error of a value of 0 is unknown, too."""
+    """Absolute errors (P,) from relative errors and sizes. An unknown relative error remains unknown if the
+    size is 0."""
     return np.where(np.isinf(relative), np.inf, np.where(np.isinf(relative), 0.0, relative) * sizes)

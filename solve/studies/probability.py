@@ -39,8 +39,8 @@ _COVERED = 1.0
 
 
 class Mixture(NamedTuple):
-    """Normal densities with standard deviations (k,) about centres (k, r), the first about 0; counts (k,) of
-    samples."""
+    """Mixture of normal densities with standard deviations (k,) about centres (k, r), the first about 0;
+    counts (k,) of samples."""
 
     centres: Array
     deviations: Array
@@ -48,7 +48,8 @@ class Mixture(NamedTuple):
 
     @classmethod
     def about(cls, centres: Sequence[Array], dimensions: int, samples: int) -> "Mixture":
-        """Mixture of a number of samples about 0, wide ones for what the centres miss, and about these."""
+        """Mixture with given numbers of samples about 0, about 0 with wide spread (for regions far from all
+        centres), and about the centres."""
         origin = np.zeros(dimensions)
         if not len(centres):
             return cls(origin[None], np.ones(1), np.array([samples]))
@@ -59,13 +60,13 @@ class Mixture(NamedTuple):
         return cls(np.vstack((origin, origin, *centres)), deviations, np.array(counts))
 
     def samples(self, rng: np.random.Generator) -> Array:
-        """Samples (P, r), sorted by their centre."""
+        """Samples (P, r), ordered by the centre from which they are drawn."""
         centres = np.repeat(self.centres, self.counts, axis=0)
         deviations = np.repeat(self.deviations, self.counts)
         return centres + deviations[:, None] * rng.standard_normal(centres.shape)
 
     def weights(self, z: Array) -> Array:
-        """Weights (P,): the standard normal density over that of the mixture."""
+        """Importance weights (P,): ratio of the standard normal density to that of the mixture."""
         density = np.zeros(len(z))
         for centre, deviation, count in zip(*self, strict=True):
             distances = (((z - centre) / deviation) ** 2).sum(axis=1)
@@ -73,8 +74,8 @@ class Mixture(NamedTuple):
         return self.counts.sum() / density
 
     def probability(self, weights: Array, events: Array, undetermined: Array, failed: Array) -> Probability:
-        """Probability of events (P,), with the interval of Wilson. Its upper end includes the samples that
-        are undetermined or failed, its lower end does not."""
+        """Probability of an event (P,) with Wilson's interval. Samples that are undetermined or failed count
+        in its upper end, not in its lower end."""
         value, low, _ = self._interval(weights * events)
         _, _, high = self._interval(weights * (events | undetermined | failed))
         counts = (int(np.count_nonzero(each)) for each in (events, undetermined, failed))
@@ -82,7 +83,7 @@ class Mixture(NamedTuple):
 
     def _interval(self, weighted: Array) -> tuple[float, float, float]:
         """Mean of weighted events (P,) and its interval (E. B. Wilson, J. Am. Stat. Assoc. 22 (1927)
-        209-212), for the number of plain samples with the same variance."""
+        209-212), for the number of unweighted samples with the same variance."""
         total = len(weighted)
         value = min(float(weighted.mean()), 1.0)
         by_centre = np.split(weighted, np.cumsum(self.counts)[:-1])
@@ -95,15 +96,15 @@ class Mixture(NamedTuple):
 
 
 def normal_variables(cube: Array) -> Array:
-    """Standard normal variables from points of the unit cube; quasi-random points may lie on its faces."""
+    """Standard normal variables from points of the unit cube. Quasi-random points may lie on its faces."""
     from scipy.special import ndtri
 
     return ndtri(np.clip(cube, 1e-12, 1 - 1e-12))
 
 
 def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
-    """Points of an event nearest to z = 0, up to a number `most`: one that is reached from 0, and one for
-    each group of the events found (k, r) that lies elsewhere."""
+    """Points of an event nearest to z = 0, at most `most`: one reached from 0, and one for each separate
+    group of the events `found` (k, r)."""
     starts, centres = [np.zeros(found.shape[1])], []
     with suppress(SolveError):
         if gradient(starts[0])[0] > 0:
@@ -124,9 +125,9 @@ def centres_of(gradient: Gradient, found: Array, most: int) -> list[Array]:
 
 
 def _nearest(gradient: Gradient, z: Array) -> Array | None:
-    """Point of an event nearest to z = 0 by the iteration of A. M. Hasofer and N. C. Lind (J. Eng. Mech. Div.
-    ASCE 100 (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978) 489-494); None if it
-    does not converge."""
+    """Point of an event nearest to z = 0, by the iteration of A. M. Hasofer and N. C. Lind (J. Eng. Mech.
+    Div. ASCE 100 (1974) 111-121) and R. Rackwitz and B. Fiessler (Comput. Struct. 9 (1978) 489-494). None
+    if it does not converge."""
     for _ in range(_STEPS):
         try:
             margin, slopes = gradient(z)

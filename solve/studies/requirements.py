@@ -1,5 +1,5 @@
-"""Requirements on designs, as texts: bounds of quantities, figures and curves that are kept, and spreads of
-parameters."""
+"""Requirements on designs, parsed from texts: bounds on quantities, statistics and curves to be kept, and
+spreads of parameters."""
 
 import math
 import re
@@ -40,7 +40,7 @@ class Bound:
 
     @classmethod
     def of(cls, system: PeriodicSystem, text: str) -> "Bound":
-        """Bound of a text such as "spectral_radius < 0.9". Raises ValueOutOfBoundsError, UnknownNameError,
+        """Bound from a text such as "spectral_radius < 0.9". Raises ValueOutOfBoundsError, UnknownNameError,
         UnitError."""
         parts = _RELATION.fullmatch(text)
         if parts is None:
@@ -54,7 +54,8 @@ class Bound:
 
 @dataclass(frozen=True)
 class Kept:
-    """Figure of a quantity, or with phases (k,) its curve there, that an optimum does not change.
+    """Statistic of a quantity, or with phases (k,) its curve at these phases, that an optimum must not
+    change.
 
     figures: the names of statistics, the first minus the second. tolerance: largest change in the SI unit;
     None for a change that counts as none.
@@ -88,21 +89,21 @@ class Kept:
         return cls(text, name, ("max", "min") if figure == RANGE else (figure,), None, tolerance)
 
     def allowed(self, values: Array) -> float:
-        """Largest change, for values (k,) before."""
+        """Largest allowed change, from the initial values (k,)."""
         if self.tolerance is not None:
             return self.tolerance
         return _TOLERANCE * (float(np.abs(values).max()) or 1.0)
 
 
 def real_quantity(system: PeriodicSystem, text: str) -> Named:
-    """Quantity of a name, a real number. Raises UnknownNameError, ValueOutOfBoundsError."""
+    """Quantity with real values, from its name. Raises UnknownNameError, ValueOutOfBoundsError."""
     named = Named.of(system, text)
     if named.figure == "" and named.subject != RADIUS:
         raise ValueOutOfBoundsError(f"'{text}' is complex; give a part, such as {text}.re")
     if named.figure.endswith("_phase"):
         raise ValueOutOfBoundsError(
-            f"'{text}' is the phase of an extremum, which has no derivatives; give another figure, such as "
-            f"{named.subject}.max_abs"
+            f"'{text}' is the phase of an extremum, which has no derivatives; give another statistic, such "
+            f"as {named.subject}.max_abs"
         )
     return named
 
@@ -113,12 +114,12 @@ def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
 
 
 def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
-    """Kept quantities of texts; see `Kept.of`."""
+    """Kept quantities from texts; see `Kept.of`."""
     return [Kept.of(system, text) for text in texts]
 
 
 def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
-    """Spreads of the parameters that vary. Raises SolveError subclasses."""
+    """Spreads of the varying parameters. Raises SolveError subclasses."""
     case, found = model.setup.case, {}
     for name in {**case.spreads, **vary}:
         require_name(f"parameter of {model.name}", name, model.parameters)
@@ -161,5 +162,5 @@ def _phases(interval: str, whole: str) -> Array:
             f"'{whole}' has no valid interval A:B; write it as in lift@80:100 deg"
         ) from None
     if not low < high:
-        raise ValueOutOfBoundsError(f"'{whole}' ends before it begins; write A:B with A < B")
+        raise ValueOutOfBoundsError(f"the interval of '{whole}' ends before it begins; write A:B with A < B")
     return (low + high) / 2 - (high - low) / 2 * np.cos(np.linspace(0.0, np.pi, _CURVE_PHASES))

@@ -1,4 +1,4 @@
-"""Labels of maxima over speed: integer divisions of a natural frequency, or combinations of two natural
+"""Labels of maxima over speed: integer divisions of a natural frequency, and combinations of two natural
 frequencies."""
 
 import itertools
@@ -50,8 +50,8 @@ Fit = tuple[float, Combination]
 
 
 class Label(NamedTuple):
-    """A maximum with the resonances that may explain it: integer divisions, as modes (from 1) and orders per
-    revolution, or combinations; several if they explain it equally well."""
+    """Maximum with the resonances that may explain it: integer divisions, given by mode (from 1) and order
+    per revolution, or combinations. Several are listed if they explain it equally well."""
 
     maximum: Maximum
     divisions: set[tuple[int, int]]
@@ -64,15 +64,15 @@ class Label(NamedTuple):
 
 
 def allowed_distance(orders: Array | float) -> Array:
-    """Largest differences between the ratio of a frequency to the speed and each order at which the order may
-    explain a maximum."""
+    """Largest difference, for each order, between the order and the ratio of a frequency to the speed at
+    which the order may explain a maximum."""
     return np.minimum(_NEAR, CLOSE * orders)
 
 
 @dataclass(frozen=True)
 class MultiplierMatcher:
-    """Matching of multipliers with modes at a speed (rad/s). rho (2n,): the multipliers; ratios (n,): mean
-    natural frequencies over the speed, ascending.
+    """Matching of multipliers to modes at a speed (rad/s). rho (2n,): multipliers; ratios (n,): ascending
+    ratios of mean natural frequencies to the speed.
 
     Multipliers are matched to modes in pairs: conjugate ones, and real ones of one sign, of which only the
     product identifies the mode. The pair of a mode has the angle ω̄T, up to full turns and the sign, and
@@ -93,7 +93,7 @@ class MultiplierMatcher:
 
     @cached_property
     def pairs(self) -> list[tuple[int, int]]:
-        """Positions of the multipliers of each of the n pairs."""
+        """Indices of the multipliers in each of the n pairs."""
         upper = np.flatnonzero(np.imag(self.rho) > 0).tolist()
         lower = np.flatnonzero(np.imag(self.rho) < 0)
         pairs = [(one, int(lower[np.abs(self.rho[lower] - self.rho[one].conj()).argmin()])) for one in upper]
@@ -107,7 +107,7 @@ class MultiplierMatcher:
         return pairs + list(zip(remaining[::2], remaining[1::2], strict=True))
 
     def pair_of(self, multiplier: int) -> int:
-        """Position of the pair that contains a multiplier."""
+        """Index of the pair that contains a multiplier."""
         return next(at for at, pair in enumerate(self.pairs) if multiplier in pair)
 
     @cached_property
@@ -122,12 +122,13 @@ class MultiplierMatcher:
 
     @cached_property
     def _resolved(self) -> Array:
-        """Whether both multipliers of each pair (n,) are resolved."""
+        """Whether (n,) both multipliers of each pair are resolved."""
         return np.all(np.abs(self.rho[np.array(self.pairs)]) > 0, axis=1)
 
     @cached_property
     def _costs(self) -> Array:
-        """Squared differences (n, n) between pairs and modes; 0 for pairs that are not resolved."""
+        """Squared differences (n, n) between the angles of pairs and modes; 0 for pairs that are not
+        resolved."""
         modulus = np.abs(self.rho[np.array(self.pairs)])
         logs = -np.log(np.where(modulus > 0, modulus, 1.0))
         decays, tolerance = logs.mean(axis=1), np.abs(np.diff(logs, axis=1))[:, 0] / 2
@@ -149,8 +150,8 @@ class MultiplierMatcher:
         return float(self._costs[matched(self._costs)].sum())
 
     def misfit(self, modes: dict[int, int]) -> float:
-        """Cost of the best matching in which some pairs have the given modes, minus the smallest cost of all
-        matchings."""
+        """Cost of the best matching in which some pairs have the given modes, minus the cost of the best
+        matching without this condition."""
         pairs, others = (
             [at for at in range(len(self.pairs)) if at not in fixed] for fixed in (modes, modes.values())
         )
@@ -160,7 +161,8 @@ class MultiplierMatcher:
         return float(least + fixed) - self._least_cost
 
     def divisions(self, pair: int, orders: int) -> list[Fit]:
-        """Divisions that explain why a pair passes +1, as combinations of a mode with itself, best first."""
+        """Divisions that explain why a pair passes +1, as combinations of a mode with itself. The best is
+        first."""
         return _plausible(
             [
                 (
@@ -173,7 +175,7 @@ class MultiplierMatcher:
         )
 
     def combinations(self, pair: int, orders: int) -> list[Fit]:
-        """Combinations of two modes, or of one mode with itself, that excite a pair at its angle, best
+        """Combinations of two modes, or of one mode with itself, that excite a pair at its angle. The best is
         first."""
         elastic, others = np.flatnonzero(self.ratios).tolist(), self.pairs_at_angle_of(pair)
         best: dict[Combination, float] = {}
@@ -193,8 +195,8 @@ class MultiplierMatcher:
     def _assignments(
         self, pair: int, others: list[int], low: int, high: int, signed_order: int
     ) -> list[dict[int, int]]:
-        """Assignments of modes to pairs with which a combination can excite a pair, alone or together with
-        another pair at the same angle."""
+        """Assignments of modes to pairs for which a combination can excite a pair, either alone or together
+        with another pair at the same angle."""
         if low != high:
             return [{pair: one, other: two} for other in others for one, two in ((low, high), (high, low))]
         angle = _folded(signed_order * self.revolutions / 2)
@@ -202,7 +204,7 @@ class MultiplierMatcher:
         return [{pair: low}] if signed_order > 0 and at_angle else []
 
     def _deviation(self, order: int, total: float) -> float:
-        """Squared deviation of the ratio of a sum of frequencies to the speed from an order, relative to the
+        """Squared deviation of an order from the ratio of a sum of frequencies to the speed, relative to the
         allowed value."""
         return float((total - order) / allowed_distance(order)) ** 2
 
@@ -211,7 +213,7 @@ class MultiplierMatcher:
         return Combination(speed, (high + 1, low + 1), sign, order)
 
     def label_real_part(self, maximum: Maximum, multiplier: int, orders: int, unstable: bool) -> Label:
-        """Label of a maximum of the real part of a multiplier at the given index.
+        """Label of a maximum of the real part of the multiplier with index `multiplier`.
 
         An order of its mode explains it where the multiplier passes +1, except for the angle arctan(δ/ω):
         there exp(-δT) cos ωT is largest. Elsewhere, and where the motion is unstable, a combination does if
@@ -229,7 +231,7 @@ class MultiplierMatcher:
         return _label(maximum, divisions or self.combinations(pair, orders))
 
     def label_radius(self, maximum: Maximum, orders: int) -> Label:
-        """Label of a maximum of the spectral radius: two modes whose multipliers meet, or one whose
+        """Label of a maximum of the spectral radius, where the multipliers of two modes meet or one
         multiplier passes +1 or -1."""
         fits = self.combinations(self.pair_of(0), orders)
         return _label(maximum, [fit for fit in fits if fit[0] <= _MAX_RADIUS_MISFIT])
@@ -238,7 +240,7 @@ class MultiplierMatcher:
 def assign(
     rows: list[Critical], labels: list[Label], frequencies: MeanFrequencies, column: str
 ) -> list[Critical]:
-    """Rows with the maxima inserted in a column, highest first, each in the row of the nearest division that
+    """Rows with maxima inserted in a column, the highest first, each in the row of its nearest division that
     fits.
 
     If no division explains a maximum, or if the frozen frequencies are imaginary there, it gets a row of its
@@ -263,7 +265,7 @@ def assign(
 
 
 def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: str) -> int | None:
-    """Position of the row with the nearest of the divisions, if it is near enough and its column is empty."""
+    """Index of the row of the nearest division, if it is near enough and its column is empty."""
     distances = [
         (abs(ratios[(row.mode or 0) - 1] - (row.order or 0)), at)
         for at, row in enumerate(rows)
@@ -274,7 +276,7 @@ def _row_of_division(rows: list[Critical], label: Label, ratios: Array, column: 
 
 
 def _belongs(row: Critical, label: Label, combination: Combination | None, column: str) -> bool:
-    """Whether a row without a division contains the resonance of a label."""
+    """Whether a row without a division shows the resonance of a label."""
     if getattr(row, column) is not None:
         return False
     distance = abs(row.speed - label.maximum.speed) / label.maximum.speed
@@ -284,7 +286,7 @@ def _belongs(row: Critical, label: Label, combination: Combination | None, colum
 
 
 def _label(maximum: Maximum, fits: list[Fit]) -> Label:
-    """Label with the divisions if all combinations are divisions of the same order, otherwise with the
+    """Label with the divisions if all combinations are divisions of the same order; otherwise with the
     combinations."""
     explaining = [one for _, one in fits]
     if explaining and all(one.is_division and one.order == explaining[0].order for one in explaining):
@@ -293,8 +295,8 @@ def _label(maximum: Maximum, fits: list[Fit]) -> Label:
 
 
 def _plausible(fits: list[Fit], penalty: float = 0.0) -> list[Fit]:
-    """Combinations with a small misfit, best first, without those that are clearly worse than another.
-    penalty: addition to the misfit for each order above the first."""
+    """Combinations with a small misfit, the best first, without those that are clearly worse than another
+    one. penalty: added to the misfit for each order above the first."""
 
     def rank(fit: Fit) -> float:
         return fit[0] + penalty * (fit[1].order - 1)

@@ -1,5 +1,5 @@
-"""Robust objectives: mean plus a multiple of the standard deviation of a quantity over machines whose
-parameters deviate, with exact derivatives.
+"""Robust objectives: mean plus a multiple of the standard deviation of a quantity over machines with
+deviating parameters, with exact derivatives.
 
 The deviations are the same for every design, so that the objective is a smooth function of the design.
 """
@@ -23,7 +23,8 @@ agrees with integrals to 2 %."""
 
 @dataclass(frozen=True)
 class Robust:
-    """Mean plus a multiple of the standard deviation of a quantity at one speed, over deviating machines."""
+    """Robust objective of a quantity at one speed: mean plus a multiple of the standard deviation over
+    sampled machines."""
 
     machines: Sequence[Design]
     at: int
@@ -43,13 +44,13 @@ class Robust:
         return (weights @ slopes)[None]
 
     def _each(self, x: Array) -> tuple[Array, Array]:
-        """Values (s,) and derivatives (s, r) of the machines."""
+        """Values (s,) and derivatives (s, r) for the s machines."""
         found = [leading(machine, x, self.at, self.quantity) for machine in self.machines]
         return np.array([value for value, _ in found]), np.array([slopes for _, slopes in found])
 
 
 def deviating(design: Design, spreads: Mapping[str, Spread]) -> list[Design]:
-    """Machines of a design whose parameters deviate from it as the spreads from the model's numbers."""
+    """Sampled machines whose parameters deviate from those of the design by the given spreads."""
     from scipy.stats.qmc import Sobol
 
     cube = Sobol(len(spreads), rng=np.random.default_rng(0)).random(_MACHINES)

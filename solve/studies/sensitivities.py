@@ -73,7 +73,8 @@ def sensitivities_over(
     nonlinear: bool = False,
     periods: int | None = None,
 ) -> SensitivitiesOver:
-    """Derivatives, as from `solve.sensitivities`, at every speed.
+    """Derivatives of quantities with respect to parameters at every speed, each computed by
+    `solve.sensitivities`.
 
     Parameters
     ----------
@@ -196,8 +197,8 @@ def speed_sensitivities(
 
 
 def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -> list[str]:
-    """Names of parameters on which speeds may depend; by default all with respect to which derivatives are
-    available. Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
+    """Names of parameters on which speeds may depend; by default all for which derivatives are available.
+    Raises UnknownNameError, NoDerivativeError, ValueOutOfBoundsError."""
     _, differentiable = quantities_by(system, [RADIUS], by)
     if by is not None and SPEED in differentiable:
         raise ValueOutOfBoundsError(
@@ -208,7 +209,7 @@ def moving_parameters(system: PeriodicSystem, by: Sequence[str] | None = None) -
 
 
 def _edges(found: Bands) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each edge that is not an end of the range."""
+    """Name, quantity and speed of each edge that is not an end of the range of speeds."""
     return [
         (f"band{number}.{word}", RADIUS, speed)
         for number, band in enumerate(found, start=1)
@@ -218,7 +219,7 @@ def _edges(found: Bands) -> list[tuple[str, str, float]]:
 
 
 def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
-    """Name, quantity and speed of each maximum; the quantity is empty if the response is unbounded."""
+    """Name, quantity and speed of each maximum. The quantity is empty if the response is unbounded."""
     ways = {"response": f"{found.quantity}.{found.figure}", "multiplier": "", "radius": RADIUS}
 
     def quantity(of: str, maximum: Maximum) -> str:
@@ -236,7 +237,7 @@ def _maxima(found: CriticalSpeeds) -> list[tuple[str, str, float]]:
 
 
 def _dominant(system: PeriodicSystem, maximum: Maximum) -> str:
-    """Name of the real part of the largest multiplier without those of rigid-body modes, which are +1."""
+    """Name of the real part of the largest multiplier, excluding the multipliers +1 of rigid-body modes."""
     rigid = free(OnePoint(system, maximum.speed))
     largest = np.array([maximum.height])
     before = 0 if rigid is None or before_rigid(largest) else int(rigid.modes.multiplicity[0])
@@ -296,6 +297,6 @@ def _of_maximum(of: str, speed: float, derivatives: Derivatives) -> Sensitivity:
 
 
 def _none(speed: float, count: int, reason: str) -> Sensitivity:
-    """Sensitivity of a speed without derivatives."""
+    """Entry for a speed without derivatives, with the reason."""
     nothing = np.full(count, np.nan)
     return Sensitivity(speed, "rad/s", nothing, nothing, reason)

@@ -1,4 +1,5 @@
-"""Grids of speeds for stability searches: where matrices exist, and how densely speeds must lie."""
+"""Grids of speeds for stability searches: the range in which matrices exist, and the required density of
+speeds."""
 
 from collections.abc import Callable, Iterable, Sequence
 
@@ -41,7 +42,7 @@ the period in phase."""
 
 
 def no_rotation(speeds: Array) -> Array:
-    """Rotation of multipliers whose angle does not limit the distance of speeds (k,)."""
+    """Rotation of multipliers for methods whose grid is not limited by it: zero at speeds (k,)."""
     return np.zeros(len(speeds))
 
 
@@ -65,7 +66,7 @@ def multiplier_rotation(
 
 
 def by_speed(samples: StabilitySamples) -> StabilitySamples:
-    """Samples in order of the speed."""
+    """Samples sorted by speed."""
     return samples[np.argsort(samples.points[:, 0])]
 
 
@@ -73,7 +74,7 @@ def separate_crossings(
     evaluate: Evaluate, samples: StabilitySamples, rotation: Rotation, signs: Sequence[int] = (1, -1)
 ) -> StabilitySamples:
     """Samples over ascending speeds, refined where two pairs of multipliers may both pass +1, or both -1,
-    between two speeds. On the finer grid, each pair has its own minimum of the distance."""
+    between two speeds, so that each pair has a separate minimum of the distance."""
     for _ in range(_HALVINGS):
         speeds = samples.points[:, 0]
         max_change = np.minimum(-2 * np.diff(1 / speeds) * rotation(speeds[1:]), _NEIGHBOURHOOD)
@@ -85,8 +86,8 @@ def separate_crossings(
 
 
 def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> Array:
-    """Whether two pairs may pass +1, or -1, between neighbours (k - 1,): at one of the ends, both are closer
-    than the largest change of distance."""
+    """Whether (k - 1,) two pairs may pass +1, or -1, between neighbours, because the distance of both at one
+    end is below the largest change of distance."""
     values = crossing_function(samples.multipliers, sign)
     distance, beyond = np.sqrt(np.maximum(values, 0.0)), values[:, 1:] < 0
     farther, separation = (
@@ -97,9 +98,8 @@ def _two_may_cross(samples: StabilitySamples, sign: int, max_change: Array) -> A
 
 
 def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, float]:
-    """Lowest and highest speed (rad/s) at which the system has valid matrices, among ascending speeds and
-    speeds that divide their range evenly. If the matrices are valid at no speed, raises the error at the
-    highest one."""
+    """Lowest and highest speed (rad/s) with valid matrices, among ascending speeds and speeds that divide
+    their range evenly. If the matrices are valid at no speed, raises the exception of the highest one."""
     evenly = np.linspace(speeds[0], speeds[-1], _INTERVALS + 1)
     candidates = np.unique(np.concatenate((speeds, evenly))).tolist()
     errors: list[SolveError] = []
@@ -119,6 +119,6 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
 
 
 def without_result(speeds: Array, failed: Array, unit: ShownUnit, reason: str) -> str:
-    """Message with the number and the ranges of ascending speeds (P,) that failed (P,), and the reason."""
+    """Message with the number and the ranges of those ascending speeds (P,) that failed, and the reason."""
     ranges = unit.spans((float(speeds[low]), float(speeds[high])) for low, high in runs(failed))
     return f"{failed.sum()} of {len(speeds)} speeds give no result, {ranges}: {reason}"

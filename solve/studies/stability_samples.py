@@ -43,7 +43,7 @@ class StabilitySamples:
     def from_multipliers(
         cls, points: Array, stable: Array, unstable: Array, multipliers: Array
     ) -> "StabilitySamples":
-        """Samples with the distances computed from the multipliers."""
+        """Samples with distances computed from the multipliers."""
         return cls(points, stable, unstable, multipliers, distances_to_instability(multipliers))
 
     @classmethod
@@ -67,7 +67,7 @@ class StabilitySamples:
         return StabilitySamples(*map(np.concatenate, pairs))
 
     def replaced(self, rows: Array, others: "StabilitySamples") -> "StabilitySamples":
-        """Copy with other points in some rows (k,)."""
+        """Copy with other points in the given rows (k,)."""
         columns = [column.copy() for column in self._columns]
         for column, new in zip(columns, others._columns, strict=True):
             column[rows] = new
@@ -79,19 +79,19 @@ class StabilitySamples:
 
     @property
     def failed(self) -> Array:
-        """Whether neither stability nor instability is established (k,)."""
+        """Whether (k,) neither stability nor instability is established."""
         return ~(self.stable | self.unstable)
 
     @property
     def for_plus_one(self) -> "StabilitySamples":
-        """Samples that are stable as long as no multiplier passes +1 along the real axis."""
+        """Samples that count as stable as long as no multiplier passes +1 along the real axis."""
         first, known = self.distances[:, 0], ~self.failed
         distances = np.where(np.arange(self.distances.shape[1]) == 0, self.distances, _UNREACHABLE)
         return replace(self, stable=known & (first > 0), unstable=known & (first < 0), distances=distances)
 
     @property
     def kinds(self) -> Array:
-        """Positions in KINDS (k,) of the largest multiplier."""
+        """Index in KINDS (k,) of the largest multiplier."""
         return kinds_of(self.multipliers)
 
     @cached_property
@@ -128,7 +128,7 @@ def distances_to_instability(multipliers: Array) -> Array:
 
 
 def crossing_function(multipliers: Array, sign: int) -> Array:
-    """(1 ∓ ρ)(1 ∓ ρ′) (k, N / 2) of each pair of multipliers (k, N), in ascending order.
+    """Values (k, N / 2) of (1 ∓ ρ)(1 ∓ ρ′) for each pair of multipliers (k, N), in ascending order.
 
     The value passes smoothly through zero where one of the two passes +1 (sign 1) or -1 (sign -1). Pairs are
     conjugate, or real with the same sign, the largest with the smallest.
@@ -148,7 +148,7 @@ def crossing_function(multipliers: Array, sign: int) -> Array:
 
 
 def coalescence_distance(multipliers: Array, leading: Array) -> Array:
-    """Signed distance from coalescence (k,) of the multipliers (k, N) at positions `leading` (k,) and their
+    """Signed distance (k,) from coalescence of the multipliers (k, N) with indices `leading` (k,) and their
     partners: the square of half their difference divided by their product.
 
     It is negative for conjugate pairs, positive for real ones, and passes smoothly through zero where they
@@ -167,7 +167,7 @@ def coalescence_distance(multipliers: Array, leading: Array) -> Array:
 
 
 def crosses_plus_one(multipliers: Array, error: Array) -> Array:
-    """Whether a multiplier passes +1 (k,) at the second of three neighbouring points.
+    """Whether (k,) a multiplier passes +1 at the second of three neighbouring points.
 
     multipliers (3, k, N) with absolute errors (3, k). It passes along the real axis at the edge of an
     unstable range. It passes along the unit circle at an undamped resonance, with or without a narrow
@@ -189,7 +189,7 @@ Evaluate = Callable[[Array], StabilitySamples]
 
 
 def evaluator(batch: Batch) -> Evaluate:
-    """Function that evaluates stability by solving the points of a batch."""
+    """Function that evaluates the stability of points by solving them with a batch."""
     return partial(_solve, batch)
 
 

@@ -1,5 +1,5 @@
-"""Periodic orbits over many speeds and values of parameters, for one system or several variants; and the
-speed up to which the linear model is valid."""
+"""Periodic orbits over many speeds and parameter values, for one system or several variants, and the speed up
+to which the linear model is valid."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -152,7 +152,7 @@ def varied_values(given: Over | None, system: PeriodicSystem) -> dict[str, Array
 def parameter_values(
     name: str, values: str | Sequence[float | str] | Array, system: PeriodicSystem | None
 ) -> list[float]:
-    """Values of a parameter in its own unit, plain numbers without a system; empty if they are invalid."""
+    """Values of a parameter in its own unit, or plain numbers without a system. Empty if they are invalid."""
     numbers: list[float] = []
     with suppress(TypeError, ValueError):
         texts = evenly(values, name) if isinstance(values, str) else values
@@ -168,18 +168,18 @@ def _name_and_values(text: str) -> tuple[str, str]:
 
 
 def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
-    """The speeds, by default that of the case if parameters vary. Raises MissingValueError."""
+    """Speeds of a sweep; if only parameters vary, the speed of the case. Raises MissingValueError."""
     if speeds is not None or not over:
         return speeds
     if system.case_speed is None:
         raise MissingValueError(
-            "no speeds given, and the case names none; give some, such as '100:900:81 rpm'"
+            "no speeds given, and the case states none; give speeds, such as '100:900:81 rpm'"
         )
     return system.case_speed
 
 
 def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
-    """Statistics and amplitudes of the outputs of a mechanism without coordinates at points (P, v)."""
+    """Statistics and amplitudes of the outputs at points (P, v), for a mechanism without coordinates."""
     results = PointResults.blank(len(points), 0, kept)
     with progress.task("points", len(points)) as count:
         for at, point in enumerate(points):
@@ -193,7 +193,7 @@ def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
 
 
 def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
-    """Store the outputs of a point."""
+    """Store the outputs at a point."""
     system, names = orbit.system, results.kept.names
     results.verdicts[at], results.errors[at] = 0, orbit.error_estimate
     results.steps[at], results.methods[at] = orbit.steps, orbit.method
@@ -209,7 +209,7 @@ def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
 
 
 def _output_figures(system: PeriodicSystem, speed: float) -> Array:
-    """Statistics (o, 7) of the outputs."""
+    """Fields of `Statistics` (o, 7) of the outputs."""
 
     def values(phase: Array) -> Array:
         none = np.zeros((0, len(phase)))
@@ -265,7 +265,7 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
             labels = [repr(number) for number in numbers]
         models = {label: model.varied({name: number}) for label, number in zip(labels, numbers, strict=True)}
     if len(models) < len(values):
-        raise ValueOutOfBoundsError(f"{name} is given one value twice; give different ones")
+        raise ValueOutOfBoundsError(f"{name} is given the same value twice; give different values")
     return models
 
 

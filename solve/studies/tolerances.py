@@ -1,5 +1,5 @@
-"""Tolerances of parameters: probabilities of instability and of exceeded limits, Sobol indices, worst
-points."""
+"""Effects of parameter tolerances: probabilities of instability and of exceeded limits, Sobol indices, worst
+cases."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -67,7 +67,7 @@ def tolerances(
     store: str | Path | None = None,
     seed: int = 0,
 ) -> Tolerances:
-    """Calculate what tolerances of the parameters cause: instability, exceeded limits, spread of quantities.
+    """Compute the effects of parameter tolerances: instability, exceeded limits, and spread of quantities.
 
     Parameters
     ----------
@@ -180,7 +180,8 @@ def _machines(
     texts: tuple[Sequence[str], Sequence[str]],
     accuracy: tuple[str | Rule, float, str],
 ) -> Machines:
-    """Machines of a request; texts: limits and quantities. Raises SolveError subclasses for bad input."""
+    """Sampled machines from the arguments. texts: limits and quantities. Raises SolveError subclasses for
+    invalid input."""
     given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
     model = model.shown_in(given[0])
     spreads = spreads_of(model, vary)
@@ -203,7 +204,8 @@ def _machines(
 
 
 def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> Mixture:
-    """Mixture about 0 and the nearest points of all events among the searched points z (P, r)."""
+    """Mixture density about 0 and about those points of each event that are nearest to 0. z (P, r): points
+    already evaluated."""
     centres: list[Array] = []
     for limit, event in zip(machines.limits, (searched.unstable, *searched.beyond), strict=True):
         for place in _speeds_of(event):
@@ -214,7 +216,7 @@ def _mixture(machines: Machines, z: Array, searched: Outcome, samples: int) -> M
 
 
 def _speeds_of(event: Event) -> list[int]:
-    """Indices of the speeds with most events; without any, of the largest margin."""
+    """Indices of the speeds with the most events; without events, of the speed with the largest margin."""
     counts = np.count_nonzero(event.margins > 0, axis=0)
     order = np.argsort(-counts, kind="stable")[:_MOST_SPEEDS]
     if counts.any():
@@ -226,7 +228,7 @@ def _speeds_of(event: Event) -> list[int]:
 def _sobol(
     machines: Machines, samples: int, rng: np.random.Generator
 ) -> tuple[dict[str, dict[str, SobolIndices]], int]:
-    """Sobol indices by quantity and parameter, and the number of samples without a value."""
+    """Sobol indices by quantity and parameter, and number of samples without a value."""
     if not samples:
         return {}, 0
 
@@ -242,8 +244,8 @@ def _sobol(
 
 
 def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstPoint]:
-    """Worst points of the quantities, by a search from the worst of points (P, r) with values (q, P, k), the
-    nominal one the last."""
+    """Worst case of each quantity, by a search from the worst of points (P, r) with values (q, P, k); the
+    last point is the nominal one."""
     spreads = machines.spreads.values()
     low, high = np.array([(each.low, each.high) for each in spreads]).T
     worst, places = machines.worst(values)
@@ -265,7 +267,8 @@ def _worst(machines: Machines, points: Array, values: Array) -> dict[str, WorstP
 def _climbed(
     machines: Machines, quantity: Quantity, speed: float, start: Array, ends: tuple[Array, Array]
 ) -> tuple[float, Array]:
-    """Worst value within the ends at a speed, and its parameters (r,), by gradients from a start."""
+    """Worst value at a speed within the ends of the tolerances, and its parameters (r,), by a gradient search
+    from `start`."""
     from scipy.optimize import minimize
 
     design = machines.design(speed)
@@ -292,7 +295,7 @@ def _climbed(
 
 
 def _doubts(probability: Mapping[str, Probability], unknown: int) -> list[str]:
-    """Sentences on samples without a result, and on intervals that leave much open."""
+    """Sentences on samples without a result, and on intervals that are too wide."""
     doubts = []
     for name, each in probability.items():
         if each.undetermined or each.failed:

@@ -1,4 +1,4 @@
-"""Narrow unstable tongues between stable points that are neighbours on lines."""
+"""Narrow unstable tongues between stable neighbouring points on lines."""
 
 import functools
 
@@ -88,7 +88,7 @@ def _vertex(t: Array, h: Array) -> tuple[Array, Array]:
 
 
 def _around_lowest(t: Array, h: Array) -> tuple[Array, Array]:
-    """Abscissas and values (k, 3) of the lowest inner point and its neighbours."""
+    """Abscissas and values (k, 3) at the lowest interior point and its neighbours."""
     order = np.argsort(t, axis=1)
     t, h = (np.take_along_axis(column, order, axis=1) for column in (t, h))
     lowest = 1 + h[:, 1:-1].argmin(axis=1)

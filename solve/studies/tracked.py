@@ -1,5 +1,5 @@
-"""Quantities in the neighbourhood of a design as smooth functions: each local extremum over the period that
-may become the largest is followed on its own.
+"""Quantities as smooth functions in the neighbourhood of a design. Each local extremum over the period that
+may become the largest is followed separately.
 
 The maximum over the period is not differentiable where two extrema are equally large, which is where
 minimisation leads. Extrema are, and their derivatives are those at a fixed phase (envelope theorem).
@@ -60,7 +60,7 @@ class Tracked(Protocol):
 
 @dataclass(frozen=True)
 class Single:
-    """A quantity at one of the speeds, times a sign and a factor (1 + error)."""
+    """Quantity at one speed, multiplied by a sign and a factor (1 + error)."""
 
     design: Design
     at: int
@@ -78,7 +78,7 @@ class Single:
 
 @dataclass(frozen=True)
 class Extrema:
-    """Local maxima of sides · signal near phases, all (k,), in windows of half widths (k,)."""
+    """Local maxima of sides · signal in windows about phases (k,) with half widths (k,)."""
 
     design: Design
     at: int
@@ -95,7 +95,8 @@ class Extrema:
         return self.design.slopes(self.sides[:, None] * point.signal_slopes(self.name, phases))
 
     def _found(self, x: Array) -> tuple[Array, Array]:
-        """Phases and values (k,) of the maxima in the windows, or at an end of a window without one."""
+        """Phases and values (k,) of the maxima in the windows; at an end of a window that contains no
+        maximum."""
         point, found, widths = self.design.points(x)[self.at], self.phases, self.widths
         for _ in range(_ZOOMS):
             phases = found[:, None] + widths[:, None] * _WINDOW
@@ -127,8 +128,8 @@ class Curve:
 
 @dataclass(frozen=True)
 class Differences:
-    """Maxima (k,); or, with minima (l,), each maximum minus the first minimum, and the first maximum minus
-    each further minimum, (k + l - 1,)."""
+    """Maxima (k,) of a curve. If minima (l,) are given, differences (k + l - 1,): each maximum minus the
+    first minimum, followed by the first maximum minus each further minimum."""
 
     extrema: Sequence[Extrema]
 
@@ -148,7 +149,7 @@ class Differences:
 
 @dataclass(frozen=True)
 class Function:
-    """A function of the orbits at all speeds; derivatives by central differences."""
+    """Function of the orbits at all speeds, with derivatives by central differences."""
 
     design: Design
     function: Callable[[Sequence[Orbit]], float]
@@ -176,7 +177,7 @@ class Function:
 
 
 def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> Tracked:
-    """The quantity at one speed, times a sign, as values whose largest it is."""
+    """Quantity at one speed, multiplied by a sign, as values of which the largest is the quantity."""
     sides = {("max", 1.0): (1.0,), ("min", -1.0): (-1.0,), ("max_abs", 1.0): (1.0, -1.0)}.get(
         (quantity.figure, sign)
     )
@@ -194,8 +195,8 @@ def tracked(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.0) -> tuple[float, Array]:
-    """Value of a quantity at one speed, times a sign, and its derivatives by x (r,): those of its leading
-    extremum."""
+    """Value of a quantity at one speed, multiplied by a sign, and its derivatives (r,) with respect to x,
+    both at its leading extremum."""
     followed = tracked(design, x, at, quantity, sign)
     values = followed.values(x)
     lead = int(values.argmax())
@@ -203,7 +204,7 @@ def leading(design: Design, x: Array, at: int, quantity: Named, sign: float = 1.
 
 
 def equal_extrema(design: Design, x: Array, at: int, name: str, side: float) -> Extrema:
-    """The largest local maxima of side · signal at one speed, several if they are equally large."""
+    """Largest local maxima of side · signal at one speed; several if they are equally large."""
     extrema = tracked(design, x, at, Named("", "", name, "max" if side > 0 else "min"), side)
     assert isinstance(extrema, Extrema)
     values = extrema.values(x)
@@ -224,7 +225,7 @@ def _maxima(values: Array, least: float, period: float) -> Array:
 
 
 def _half_widths(phases: Array, period: float) -> Array:
-    """Half widths (k,) of windows about ascending phases, which do not overlap."""
+    """Half widths (k,) of windows about ascending phases, such that windows do not overlap."""
     if len(phases) < 2:
         return np.full(len(phases), _WIDEST * period)
     gaps = np.diff(np.append(phases, phases[0] + period))
@@ -232,8 +233,8 @@ def _half_widths(phases: Array, period: float) -> Array:
 
 
 def _refined(values: Array, places: Array, phases: Array) -> Array:
-    """Phases (k,) of the vertices of the parabolas through the samples next to places (k,); the phases (k, j)
-    themselves at the ends."""
+    """Phases (k,) of the vertices of parabolas through three samples with the middle one at `places` (k,). At
+    the ends, the phases (k, j) of the samples are returned."""
     rows, inner = np.arange(len(places)), np.clip(places, 1, values.shape[1] - 2)
     below, top, above = (values[rows, inner + shift] for shift in (-1, 0, 1))
     bend = 2 * top - below - above

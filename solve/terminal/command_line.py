@@ -43,7 +43,7 @@ error the cursor movements of the progress line."""
 
 
 class UniqueOptions:
-    """Mixin for Typer commands that refuses a second value for a single-value option."""
+    """Mixin for Typer commands that rejects a second value of a single-value option."""
 
     def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
         """Parse the arguments; raise Typer's usage error for a repeated option."""
@@ -56,7 +56,7 @@ class UniqueOptions:
 
 
 class _StreamError(Exception):
-    """A standard stream cannot be written.
+    """Raised if a standard stream cannot be written.
 
     closed_by_reader: whether the reader has closed the pipe.
     """
@@ -98,7 +98,7 @@ class _Stream(io.TextIOBase):
         self._attempt(self._stream.flush)
 
     def close(self) -> None:
-        """Do nothing: the wrapped stream stays open, and a flush could fail again at interpreter exit."""
+        """Do nothing. The wrapped stream stays open, and a flush could fail again at interpreter exit."""
 
     def _attempt(self, action: Callable[..., object], *text: str) -> None:
         try:
@@ -178,7 +178,8 @@ def main(name: str, work: Callable[[Sequence[str]], int | None], refusals: type[
 
 @contextmanager
 def _repeat_sigint(received: list[object]) -> Iterator[None]:
-    """Repeat an interruption until the block ends, because some libraries suppress it during their import.
+    """Repeat an interruption until the block ends, because some libraries suppress interruptions during their
+    import.
 
     received: list that collects the signal numbers.
     """
@@ -215,7 +216,7 @@ def _repeat_sigint(received: list[object]) -> Iterator[None]:
 
 
 def _is_missing_library(error: Exception) -> TypeGuard[ModuleNotFoundError]:
-    """Whether a module of another distribution is missing."""
+    """Whether an error is caused by a missing module of another distribution."""
     if not isinstance(error, ModuleNotFoundError):
         return False
     return (error.name or "").partition(".")[0] not in _OWN_PACKAGES

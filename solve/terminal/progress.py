@@ -1,4 +1,4 @@
-"""Progress of long computations: reported by the code that computes, shown on standard error.
+"""Progress of long computations, reported by the code that computes and shown on standard error.
 
 Tasks nest: a grid within a point within a sweep. Each task counts its own parts only. The overhead without a
 listener is negligible.
@@ -33,23 +33,23 @@ class Task:
         self._report = report
 
     def add(self, parts: float = 1) -> None:
-        """Count parts as done."""
+        """Count further parts as done."""
         self.done += parts
         self._report()
 
     def step(self, what: str) -> None:
-        """Begin the next part of an uneven task under its own name."""
+        """Begin the next part, under a name of its own, of a task with unequal parts."""
         self.what = what
         self.add()
 
     def fraction(self, inner: float) -> float | None:
-        """Fraction done (None: unknown). inner: fraction done of the current parts."""
+        """Fraction done (None: unknown). inner: fraction done of the parts in progress."""
         if not self.total:
             return None
         return min((self.done + inner * self.under_way) / self.total, 1.0)
 
     def text(self, inner: float) -> str:
-        """Description with the count of parts done."""
+        """Description with the number of parts done."""
         if self.total is None:
             return self.what
         if not self.even:
@@ -59,7 +59,7 @@ class Task:
 
 
 class Status(NamedTuple):
-    """Description of the progress, and the fraction done (None: unknown)."""
+    """Description of the progress, and fraction done (None: unknown)."""
 
     text: str
     fraction: float | None
@@ -84,7 +84,7 @@ class Tracker:
             self.listener(self)
 
     def status(self, now: float) -> Status | None:
-        """Progress and estimated remaining time at a time of the monotonic clock; None without a task."""
+        """Progress and estimated remaining time at `now` (monotonic clock); None without a task."""
         tasks = list(self.tasks)
         if not tasks:
             return None
@@ -105,7 +105,7 @@ class Tracker:
 
 
 def duration(seconds: float) -> str:
-    """A duration in words.
+    """Duration as text.
 
     >>> [duration(seconds) for seconds in (4.6, 99, 100, 7200)]
     ['5 s', '99 s', '2 min', '2.0 h']
@@ -120,7 +120,7 @@ _tracker: ContextVar[Tracker | None] = ContextVar("tracker", default=None)
 
 @contextmanager
 def listen(listener: Callable[[Tracker], object] | None = None) -> Iterator[Tracker]:
-    """Track the progress reported within the block in this thread.
+    """Context manager that tracks the progress reported in this thread.
 
     Parameters
     ----------
@@ -145,15 +145,16 @@ def listen(listener: Callable[[Tracker], object] | None = None) -> Iterator[Trac
 
 @contextmanager
 def steps(total: int) -> Iterator[Callable[[str], None]]:
-    """Task of `total` dissimilar steps; the function it yields begins the next step by name."""
+    """Context manager for a task of `total` dissimilar steps. It yields a function that begins the next step
+    by name."""
     with task("", total, even=False) as uneven:
         yield uneven.step
 
 
 @contextmanager
 def task(what: str, total: float | None = None, even: bool = True) -> Iterator[Task]:
-    """Task of `total` parts (None: unknown), such as "speeds". even: whether the parts take about equal
-    times."""
+    """Context manager for a task of `total` parts (None: unknown), such as "speeds". even: whether the parts
+    take about equal times."""
     tracker = _tracker.get()
     if tracker is None:
         yield Task(what, total, even, lambda: None)
@@ -172,7 +173,8 @@ def task(what: str, total: float | None = None, even: bool = True) -> Iterator[T
 
 @contextmanager
 def subtask(what: str, parts: float = 1) -> Iterator[None]:
-    """Subtask that completes `parts` parts of the innermost task, if this task counts `what`."""
+    """Context manager for a subtask that completes `parts` parts of the innermost task, if that task counts
+    `what`."""
     counting = _innermost(what)
     if counting is None:
         yield
@@ -184,7 +186,8 @@ def subtask(what: str, parts: float = 1) -> Iterator[None]:
 
 
 def set_total(what: str, done: float, total: Callable[[], float]) -> None:
-    """Set the parts done and the expected total of the innermost task, if this task counts `what`."""
+    """Set the number of parts done and the expected total of the innermost task, if that task counts
+    `what`."""
     counting = _innermost(what)
     if counting is not None:
         counting.total, counting.done = max(total(), done), done
@@ -199,7 +202,7 @@ def _innermost(what: str) -> Task | None:
 
 @contextmanager
 def show_progress(name: str) -> Iterator[None]:
-    """Show the progress of long work within the block on standard error.
+    """Context manager that shows the progress of long work on standard error.
 
     A terminal shows a line that disappears at the end; a file or pipe receives a few lines.
 

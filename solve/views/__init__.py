@@ -1,5 +1,5 @@
-"""Displays of results: tables, figures, HTML, reports and animations. Matplotlib and HTML are used here
-only."""
+"""Displays of results: tables, figures, HTML, reports and animations. Only these modules use Matplotlib and
+HTML."""
 
 from solve.views import branches as branches
 from solve.views import chart as chart

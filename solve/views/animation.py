@@ -80,12 +80,12 @@ class Animation:
 
     def lines(self, phase: Array, scale: float) -> Mapping[str, Plane]:
         """Points x + iy (points, k) of the mechanism's lines at phases (k,), by name of the line. scale:
-        factor of the coordinates; 0 gives the rigid motion."""
+        magnification of the coordinates; 0 gives the rigid motion."""
         return self.system.sketched(phase, self.speed, scale * self.vibration(phase))
 
     @property
     def title(self) -> str:
-        """Title with the magnification."""
+        """Title that states the magnification."""
         return f"{titled(self.system, self.speed)}: {self._shown}"
 
     @property
@@ -137,7 +137,7 @@ class Animation:
         return f"Animation of {self.title}; .save('{self.system.name}.gif') writes it"
 
     def _repr_html_(self) -> str:
-        """HTML of a frame that contains the page, for notebooks."""
+        """HTML frame with the page, for notebooks."""
         return f'<iframe srcdoc="{escape(self.html)}" style="width: 100%; height: 40rem; border: 0"></iframe>'
 
 
@@ -215,7 +215,7 @@ def _calculated(
     method: str | Rule,
     rtol: float,
 ) -> Animation:
-    """Animation of the orbit or, without a load, of the free vibration."""
+    """Animation of the orbit, or of the free vibration if there is no load."""
     try:
         if system.vibrates:
             require_load(system, omega)
@@ -228,16 +228,16 @@ def _calculated(
 
 
 def _require_nothing(is_given: bool) -> None:
-    """Raise ValueOutOfBoundsError if arguments are given that cannot apply to an existing orbit."""
+    """Raise ValueOutOfBoundsError if arguments are given that do not apply to an existing orbit."""
     if is_given:
         raise ValueOutOfBoundsError(
-            "an orbit that was calculated before has its speed, method and equations; leave out speed, "
+            "an orbit that is already calculated has a speed, a method and equations; leave out speed, "
             "method and nonlinear, or give the model instead of the orbit"
         )
 
 
 def _of_orbit(orbit: Orbit, names: Sequence[str], frames: int | None) -> Animation:
-    """Animation of an orbit without magnification."""
+    """Animation of an orbit, before the magnification is chosen."""
     signals = {name: orbit.signal(name) for name in names}
     unstable = "unstable: disturbances grow, and this vibration is not sustained"
     doubt = unstable if orbit.verdict == "unstable" else ""
@@ -292,7 +292,7 @@ def _free(
 
 
 def _scaled(animation: Animation, scale: float | None) -> Animation:
-    """Animation with a magnification, by default the largest of 1, 2, 5, 10, … that displaces no point by
+    """Animation with a magnification; by default the largest of 1, 2, 5, 10, … that displaces no point by
     more than 12 % of the mechanism's size."""
     if scale is None:
         phase = np.linspace(0.0, animation.span, SAMPLES // 4)

@@ -37,8 +37,8 @@ _SIGNS = "o", "^", "s", "D", "v"
 
 @figure.register(Branch)
 def branch_figure(branch: Branch) -> Figure:
-    """Largest moduli and spectral radius over the continuation parameter, dashed where the branch is
-    unstable."""
+    """Figure of the largest moduli and the spectral radius over the continuation parameter, dashed where the
+    branch is unstable."""
     names = branch.system.coordinates[: MOST_SHOWN - 1]
     count, title = len(names) + 1, "branch of nonlinear orbits"
     with panels_over(branch.system, branch.values, title, 1.4 + 1.5 * count, count, branch.over) as (
@@ -78,8 +78,8 @@ def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
 
 
 def _verdicts_between(branch: Branch, own: Array) -> list[str]:
-    """Verdict of each segment between neighbouring points of one branch: undetermined if the verdicts at its
-    ends differ. Special points, which lie on the stability boundary, are ignored."""
+    """Verdict of each segment between neighbouring points of one branch; undetermined if the verdicts at its
+    ends differ. Special points are ignored, because they lie on the stability boundary."""
     verdicts = [
         None if branch.kinds[at] else verdict
         for at, verdict in zip(own.tolist(), np.array(branch.verdicts)[own].tolist(), strict=True)
@@ -90,7 +90,7 @@ def _verdicts_between(branch: Branch, own: Array) -> list[str]:
 
 @figure.register(SpecialCurves)
 def special_curves_figure(curves: SpecialCurves) -> Figure:
-    """Curves in the plane of both parameters, with their cusps."""
+    """Figure of the curves in the plane of both parameters, with their cusps."""
     first, second = curves.names
     with page(4.2, f"{title_of(curves.system)}: {curves.kind}s in two parameters") as sheet:
         axes, count = sheet.subplots(), int(curves.numbers.max(initial=-1)) + 1
@@ -114,11 +114,11 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
 
 @figure.register(Scatter)
 def scatter_figure(scatter: Scatter) -> Figure:
-    """Initial states in the plane of the first coordinate and its velocity, in the colours of the orbits that
-    they lead to."""
+    """Figure of the initial states in the plane of the first coordinate and its velocity, coloured by the
+    orbit on which the motion settles."""
     system, n = scatter.system, scatter.system.n
     name = system.coordinates[0]
-    with page(4.6, f"{title_of(system)}: where {len(scatter.leads)} starts lead") as sheet:
+    with page(4.6, f"{title_of(system)}: orbits reached from {len(scatter.leads)} initial states") as sheet:
         axes = sheet.subplots()
         for number, share in enumerate(scatter.shares):
             leads_here = scatter.leads == number
@@ -140,13 +140,13 @@ def scatter_figure(scatter: Scatter) -> Figure:
 
 @tables.register(Branch)
 def branch_tables(branch: Branch) -> Sequence[RenderableType]:
-    """Columns of the table, with one row per point."""
+    """Table with one row per point."""
     points = table_of("Orbits along the branch", branch.columns, most=MOST_ROWS)
     return [points, text("\n" + branch.summary)]
 
 
 @tables.register(SpecialCurves)
 def special_curves_tables(curves: SpecialCurves) -> Sequence[RenderableType]:
-    """Columns of the table, with one row per point."""
+    """Table with one row per point."""
     points = table_of(f"{curves.kind.capitalize()}s in two parameters", curves.columns, most=MOST_ROWS)
     return [points, text("\n" + curves.summary)]

@@ -34,9 +34,10 @@ _FEWEST = 5
 
 
 class Field(NamedTuple):
-    """Stability over x (nx,) and y (ny,) in the units shown: growth ln|ρ| per period (ny, nx), kind of each
-    unstable point (otherwise an empty text), and whether a point is unknown. boundaries: kinds and curves (k,
-    2); decided, open: boxes (k, 4) with and without a proved verdict, by their ends along x and y."""
+    """Stability over x (nx,) and y (ny,) in the displayed units: growth ln|ρ| per period (ny, nx), kind of
+    each unstable point (empty for stable points), and whether a point is unknown. boundaries: kinds and
+    curves (k, 2); decided, open: boxes (k, 4) with and without a proved verdict, given by their ends along
+    x and y."""
 
     x: Array
     y: Array
@@ -50,7 +51,8 @@ class Field(NamedTuple):
 
 @figure.register(Chart)
 def chart_figure(chart: Chart) -> Figure:
-    """Stable and unstable regions with growth ln|ρ| per period, or the requested quantity, and boundaries."""
+    """Figure of stable and unstable regions with growth ln|ρ| per period, or with the requested quantity, and
+    of the boundaries."""
     system, names = chart.system, (chart.x_name, chart.y_name)
     units = [system.unit_of(name) for name in names]
     with np.errstate(divide="ignore"):
@@ -72,7 +74,7 @@ def chart_figure(chart: Chart) -> Figure:
 
 
 def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
-    """Boxes with a proved verdict, and boxes without a verdict, in the units shown."""
+    """Boxes with a proved verdict, and boxes without one, in the displayed units."""
     if chart.proved is None:
         return None, None
     open_ = chart.proved.verdicts == UNDETERMINED
@@ -80,8 +82,8 @@ def _boxes(chart: Chart, sizes: Array) -> tuple[Array | None, Array | None]:
 
 
 def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]) -> Figure:
-    """Figure of stable regions, of unstable regions with the growth per period by kind of the multiplier, and
-    of boundaries."""
+    """Figure of stable regions, unstable regions with growth per period by kind of multiplier, and
+    boundaries."""
     from matplotlib.patches import Patch
 
     shown = [kind for kind in KIND_NAMES if (field.kinds == kind).any()]
@@ -104,7 +106,7 @@ def regions_figure(system: PeriodicSystem, field: Field, labels: tuple[str, str]
 def values_figure(
     system: PeriodicSystem, field: Field, labels: tuple[str, str], values: Array, scale: str
 ) -> Figure:
-    """Map of values (ny, nx), grey where they are missing, with boundaries. scale: label of the values."""
+    """Map of values (ny, nx) with boundaries, grey where values are missing. scale: label of the values."""
     with page(5.0, f"{title_of(system)}: {scale.partition(' (')[0]}") as figure:
         axes = figure.subplots()
         axes.set_facecolor(_UNKNOWN)
@@ -116,7 +118,7 @@ def values_figure(
 def _draw_boundaries(
     figure: Figure, axes: Axes, field: Field, labels: tuple[str, str], keys: Sequence[Any]
 ) -> None:
-    """Draw boundaries with dashes by kind, the legend with the given keys first, and the labels of the
+    """Draw boundaries with dashes by kind, the legend beginning with the given keys, and the labels of the
     axes."""
     from matplotlib.lines import Line2D
 
@@ -134,7 +136,7 @@ def _draw_boundaries(
 
 
 def _draw_boxes(axes: Axes, field: Field) -> list[Any]:
-    """Draw the edges of boxes with a proved verdict, and other boxes in black; return the keys of the
+    """Draw the outlines of boxes with a proved verdict, and all other boxes in black. Returns the keys of the
     legend."""
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Patch
@@ -184,7 +186,7 @@ def _draw_unstable(figure: Figure, axes: Axes, field: Field, kinds: Sequence[str
 
 
 class _Plane(NamedTuple):
-    """Values at points, kind of the nearest unstable point, and function that fills axes with a field."""
+    """Values at points, kind of the nearest unstable point, and a function that fills axes with a field."""
 
     values: Array
     kinds: Array
@@ -192,7 +194,7 @@ class _Plane(NamedTuple):
 
 
 def _plane(field: Field, values: Array) -> _Plane:
-    """Grid points and, with value zero, points of the boundaries."""
+    """Points of the grid, and points of the boundaries with value zero."""
     from scipy.spatial import Delaunay, KDTree
 
     points = np.column_stack([axis.ravel() for axis in np.meshgrid(field.x, field.y)])
@@ -218,7 +220,7 @@ def _plane(field: Field, values: Array) -> _Plane:
 
 
 def _shades(kind: str, count: int) -> Array:
-    """Colours from a light to a dark shade of the kind's colour; the last one is above all levels."""
+    """Colours from a light to a dark shade of the kind's colour. The last colour is used above all levels."""
     from matplotlib.colors import LinearSegmentedColormap, to_rgb
 
     colour = np.array(to_rgb(KIND_COLORS[kind]))
@@ -268,7 +270,7 @@ def smooth(curve: Array) -> Array:
 
 @tables.register(Chart)
 def chart_tables(chart: Chart) -> Sequence[RenderableType]:
-    """Table of boundaries, and of the crossings of each cut."""
+    """Table of the boundaries, and table of the crossings of each cut."""
     return [_boundary_table(chart), *(_cut_table(cut, chart.system) for cut in chart.cuts)]
 
 
@@ -285,7 +287,7 @@ def _boundary_table(chart: Chart) -> RenderableType:
 
 
 def _cut_table(cut: Cut, system: PeriodicSystem) -> RenderableType:
-    """Columns of the table, with one row per crossing."""
+    """Table with one row per crossing."""
     where = f"Along {cut.along} at {cut.across} = {system.unit_of(cut.across).text(cut.value)}"
     if not cut.crossings:
         return text(f"\n{where}: no boundary")

@@ -1,4 +1,4 @@
-"""Comparison of methods: work and precision; the stability region of Newmark's method."""
+"""Comparison of methods: error and processor time; stability regions of Newmark's method."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -56,8 +56,8 @@ def work_precision_figure(
     known_to: Mapping[str, float],
     targets: Mapping[str, Sequence[float]],
 ) -> Figure:
-    """Figure of the error over the processor time, with a panel per kind of error and a line per method;
-    points in order of increasing steps, targets dashed.
+    """Figure of the error over the processor time, with one panel per kind of error and one line per method.
+    Points are in order of increasing steps; targets are dashed.
 
     known_to: error of the reference by kind; below it, in the shaded area, errors cannot be measured. Errors
     above 3 and below a tenth of the reference's are not drawn.
@@ -106,7 +106,7 @@ def _goal(comparison: Comparison, row: Row) -> str:
 
 
 def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> list[RenderableType]:
-    """Table of the rows that have a result, and notes."""
+    """Table of the rows with a result, and notes on the others."""
     done = [row for row in rows if row.reason is None]
     if rows[0].target is not None:
         done.sort(key=lambda row: row.time)
@@ -122,7 +122,8 @@ def _group_tables(comparison: Comparison, title: str, rows: Sequence[Row]) -> li
 
 
 def _reasons(rows: Sequence[Row]) -> list[str]:
-    """Reasons why methods have no result, and warnings, each with the methods to which it applies."""
+    """Reasons why methods have no result, and warnings, each followed by the names of the methods
+    concerned."""
     # The mark of a method that does not resolve the fastest mode replaces its last warning.
     texts = [(row.warnings if row.followed else row.warnings[:-1], row) for row in rows]
     reasons = grouped(

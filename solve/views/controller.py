@@ -1,4 +1,5 @@
-"""Periodic feedback: gains over the period, vibration without and with it, and the closed loop."""
+"""Figures and tables of a periodic controller: gains over the period, vibration without and with feedback,
+and the closed loop."""
 
 from collections.abc import Sequence
 
@@ -24,7 +25,8 @@ _MOST_GAINS, _SHOWN = 16, 4
 
 @figure.register(Controller)
 def controller_figure(result: Controller) -> Figure:
-    """Gains over the phase, one panel per signal, each relative to its largest modulus, and multipliers."""
+    """Figure of the gains over the phase, one panel per signal, each relative to its largest modulus, and of
+    the multipliers."""
     phase = np.linspace(0.0, result.system.period, SAMPLES)
     gains = np.moveaxis(result.gain(phase), 0, -1)
     gains = gains.swapaxes(0, 1) if result.kind == "kalman" else gains
@@ -42,7 +44,7 @@ def controller_figure(result: Controller) -> Figure:
 
 
 def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, curves: np.ndarray) -> None:
-    """Gains of one signal by all states; the largest modulus of each is 1."""
+    """Draw the gains of one signal for all states, divided by their largest modulus."""
     sizes = np.abs(curves).max(axis=1)
     for state, curve, size in list(zip(result.states, curves, sizes, strict=True))[:_MOST_CURVES]:
         axes.plot(degrees, curve / (size or 1.0), label=f"{state} ({size:.3g})")
@@ -55,7 +57,7 @@ def _draw_gains(axes: Axes, result: Controller, name: str, degrees: np.ndarray, 
 
 @tables.register(Controller)
 def controller_tables(result: Controller) -> Sequence[RenderableType]:
-    """Verdict, vibration, gains and multipliers."""
+    """Tables of verdict, vibration, gains and multipliers."""
     shown = [text(f"\n{result.summary}", "bold")]
     if result.vibration:
         shown.append(_vibration_table(result))
@@ -79,7 +81,7 @@ def _vibration_table(result: Controller) -> RenderableType:
 
 
 def _gain_table(result: Controller) -> RenderableType:
-    """Mean and amplitudes of the harmonics of the gains, SI units."""
+    """Table of the mean and the amplitudes of the harmonics of the gains, in SI units."""
     harmonics = np.moveaxis(result.harmonics, 0, -1)
     entries = list(zip(result.gain_names, harmonics.reshape(-1, harmonics.shape[-1]), strict=True))
     rows = [

@@ -36,7 +36,7 @@ _BESIDE = 0.03
 
 @figure.register(CriticalSpeeds)
 def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> Figure:
-    """Figure of the response, the dominant multiplier (not with `campbell`) and the Campbell diagram over
+    """Figure of the response, the dominant multiplier (omitted with `campbell`) and the Campbell diagram over
     speed."""
     drawn = (_draw_response, _draw_campbell) if campbell else _ALL
     title = "Campbell diagram" if campbell else "critical speeds"
@@ -93,14 +93,14 @@ def _combinations_table(found: CriticalSpeeds) -> Table:
 
 
 def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
-    """Interpolated curve through the points and the maxima between them."""
+    """Interpolated curve through the computed points and the maxima between them."""
     return through(*np.array([*zip(speeds, values, strict=True), *marks]).T)
 
 
 def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[tuple[float, float]]:
-    """Points of the response curve between each pole (a speed of unbounded response) and its neighbours among
-    ascending speeds (P,): near a pole the response (P,) is proportional to the inverse of the distance from
-    the pole."""
+    """Points of the response curve between each pole (speed of unbounded response) and its neighbours among
+    ascending speeds (P,). Near a pole the response (P,) is proportional to the inverse distance from the
+    pole."""
     points, distances = [], np.geomspace(1.0, 1e-3, 24)[1:]
     for pole in poles:
         above = int(np.searchsorted(speeds, pole))
@@ -113,7 +113,7 @@ def _near_poles(speeds: Array, response: Array, poles: Sequence[float]) -> list[
 def _draw_marks(
     axes: Axes, unit: ShownUnit, marks: Sequence[tuple[float, float]], factor: float, color: str, label: str
 ) -> None:
-    """Mark maxima: speeds (rad/s) and heights."""
+    """Mark maxima, given by speeds (rad/s) and heights."""
     if marks:
         speeds, heights = np.array(marks).T
         style = {"color": color, "markersize": 4.5, "zorder": 4, "label": label}
@@ -121,8 +121,8 @@ def _draw_marks(
 
 
 def _shade(axes: Axes, unit: ShownUnit, speeds: Array, unstable: Array) -> None:
-    """Shade the intervals around unstable speeds, half way to the neighbouring speeds. unstable (P,): mask of
-    the ascending speeds (P,)."""
+    """Shade intervals around unstable speeds, up to half way to the neighbouring speeds. unstable (P,): mask
+    of the ascending speeds (P,)."""
     shown = unit.of(speeds)
     between = np.concatenate((shown[:1], (shown[1:] + shown[:-1]) / 2, shown[-1:]))
     style = {"color": ORANGE, "alpha": 0.3, "linewidth": 0}

@@ -33,14 +33,15 @@ _LEAST = 1e-6
 
 @figure.register(Fitted)
 def fit_figure(fitted: Fitted) -> Figure:
-    """Measured points and computed curves, a panel per channel and speed, up to 8."""
+    """Figure of measured points and computed curves, one panel per channel and speed, at most 8."""
     title = f"{title_of(fitted.system)}: fitted to {fitted.data}"
     return compared_figure(fitted.system, fitted.channels, title)
 
 
 @tables.register(Fitted)
 def fit_tables(fitted: Fitted) -> Sequence[RenderableType]:
-    """Parameters with their correlations, and differences between computed and measured values."""
+    """Tables of the parameters with their correlations, and of the differences between computed and measured
+    values."""
     names, unit_of = list(fitted.parameters), fitted.system.unit_of
     correlated = [
         f"{names[i]} and {names[j]} {fitted.correlations[i, j]:+.3f}"
@@ -63,7 +64,7 @@ def fit_tables(fitted: Fitted) -> Sequence[RenderableType]:
 
 
 def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
-    """Relative differences between computed and measured values, a row per channel."""
+    """Table of relative differences between computed and measured values, one row per channel."""
     rows = [
         (channel.name, channel.where(unit), str(len(channel.at)), f"{100 * channel.relative:.3g}")
         for channel in channels
@@ -73,8 +74,8 @@ def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
 
 
 def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: str) -> Figure:
-    """Measured points and computed curves, a panel per channel and speed, up to 8, with spectra of curves
-    measured at equidistant phases."""
+    """Figure of measured points and computed curves, one panel per channel and speed, at most 8; with spectra
+    of curves measured at equidistant phases."""
     shown = channels[:_MOST_PANELS]
     with page(0.7 + 1.9 * len(shown), title) as figure:
         rows = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2, 1))
@@ -101,7 +102,7 @@ def compared_figure(system: PeriodicSystem, channels: Sequence[Channel], title: 
 
 
 def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str]:
-    """Draw measured and computed values; return the factor from SI units and the unit."""
+    """Draw measured and computed values. Returns the displayed unit and its factor from SI units."""
     measured, computed = (
         np.abs(values) if np.iscomplexobj(values) else values for values in (each.measured, each.computed)
     )
@@ -119,7 +120,8 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str
 
 
 def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
-    """Indices of values at equidistant phases of one period, in order; None for other values."""
+    """Indices, in order, of values at equidistant phases of one period; None if the phases are not
+    equidistant."""
     phases = np.mod(each.at, system.period)
     order = np.argsort(phases, kind="stable")
     # The end of a period is its beginning.
@@ -131,8 +133,8 @@ def _evenly(system: PeriodicSystem, each: Channel) -> Array | None:
 
 @figure.register(Sensitivities)
 def sensitivities_figure(result: Sensitivities) -> Figure:
-    """Elasticities of every quantity as bars, the largest at the top; real and imaginary parts of complex
-    ones."""
+    """Figure of the elasticities of every quantity as bars, the largest at the top; real and imaginary parts
+    for complex quantities."""
     ranked = {quantity: result.ranked(quantity)[:MOST_ROWS] for quantity in result.found}
     heights = [0.6 + 0.22 * max(1, len(names)) for names in ranked.values()]
     name = title_of(result.system) if result.speed is None else titled(result.system, result.speed)
@@ -158,7 +160,7 @@ def sensitivities_figure(result: Sensitivities) -> Figure:
 
 @tables.register(Sensitivities)
 def sensitivities_tables(result: Sensitivities) -> Sequence[RenderableType]:
-    """Table per quantity with a row per parameter, the largest elasticity first."""
+    """Tables, one per quantity, with one row per parameter, the largest elasticity first."""
     return [_table(result, quantity) for quantity in result.found]
 
 
@@ -183,7 +185,8 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 
 @figure.register(SensitivitiesOver)
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
-    """Panel per quantity with the largest elasticities over speed; moduli of complex ones."""
+    """Figure with one panel per quantity of its largest elasticities over speed; moduli for complex
+    quantities."""
     count, speeds = len(result.quantities), result.system.speed_unit.of(result.speeds)
     with panels_over(
         result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
@@ -203,7 +206,7 @@ def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
 
 @tables.register(SensitivitiesOver)
 def sensitivities_over_tables(result: SensitivitiesOver) -> Sequence[RenderableType]:
-    """Table per quantity with the largest elasticities, a row per speed."""
+    """Tables, one per quantity, of its largest elasticities, with one row per speed."""
     return [_over_table(result, place) for place in range(len(result.quantities))]
 
 
@@ -222,6 +225,6 @@ def _over_table(result: SensitivitiesOver, place: int) -> RenderableType:
 
 
 def _size(value: Any) -> str:
-    """Text of a value, or of the modulus of a complex one."""
+    """Text of a real value, or of the modulus of a complex value."""
     size = abs(value) if value.imag else value.real
     return f"{size:.4g}" if math.isfinite(size) else "–"

@@ -1,4 +1,4 @@
-"""Followed modes: Campbell diagram with damping, and tables."""
+"""Figures and tables of followed modes: Campbell diagram with damping, and tables."""
 
 import math
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ _MOST_RAYS = 12
 
 @figure.register(FollowedModes)
 def followed_modes_figure(followed: FollowedModes) -> Figure:
-    """Campbell diagram of the unfolded frequencies, and damping ratios."""
+    """Figure with the Campbell diagram of the unfolded frequencies, and damping ratios."""
     title, heights = "followed modes", (1.5, 1.0)
     with panels_over(followed.system, followed.values, title, 6.2, 2, followed.over, heights) as (
         page,
@@ -70,7 +70,7 @@ def _draw_frequencies(axes: Axes, followed: FollowedModes) -> None:
 
 
 def _draw_sidebands(axes: Axes, followed: FollowedModes, column: int, style: dict[str, Any]) -> None:
-    """Draw other harmonics of a mode where they participate."""
+    """Draw the other harmonics of a mode, where their participation is sufficient."""
     x, rotation = _places(followed, followed.values), followed.speeds * 2 * math.pi / followed.system.period
     shares = followed.participation[:, column].sum(axis=1)
     for number, harmonic in enumerate(followed.harmonics.tolist()):
@@ -81,7 +81,7 @@ def _draw_sidebands(axes: Axes, followed: FollowedModes, column: int, style: dic
 
 
 def _draw_rays(axes: Axes, followed: FollowedModes, top: float) -> None:
-    """Draw the harmonics of the speed below the highest frequency."""
+    """Draw the orders of the speed as rays, below the highest frequency."""
     if followed.over != SPEED:
         return
     x = _places(followed, followed.values)
@@ -105,20 +105,20 @@ def _draw_damping(axes: Axes, followed: FollowedModes) -> None:
 
 
 def _places(followed: FollowedModes, values: Array) -> Array:
-    """Values of the varied quantity in the unit of the axis."""
+    """Values of the varied quantity in the displayed unit."""
     return followed.system.unit_of(followed.over).of(values)
 
 
 def _styles(followed: FollowedModes) -> Sequence[dict[str, Any]]:
-    """Style of the curve of each mode."""
+    """Line style of each mode."""
     count = len(followed.labels)
     return [{"color": color} for color in MANY[:count]] if count <= len(MANY) else shades(count)
 
 
 @tables.register(FollowedModes)
 def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
-    """Frequencies and damping over the values; the strongest harmonics; crossings, veerings and ambiguous
-    pairs."""
+    """Tables of frequencies and damping over the values, of the strongest harmonics, and of crossings,
+    veerings and ambiguous pairs."""
     printed: list[RenderableType] = [_frequency_table(followed), _mode_table(followed)]
     if followed.meetings or followed.ambiguous:
         printed.append(_meeting_table(followed))
@@ -126,7 +126,7 @@ def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
 
 
 def _frequency_table(followed: FollowedModes) -> Table:
-    """Columns of the table, with one row per value with the frequency and the damping of the first modes."""
+    """Table with one row per value: frequency and damping of the first modes."""
     shown = range(min(len(followed.labels), MOST_SHOWN - 1))
     unit = followed.system.unit_of(followed.over)
     step = math.ceil(len(followed.values) / MOST_ROWS)
@@ -147,8 +147,8 @@ def _frequency_table(followed: FollowedModes) -> Table:
 
 
 def _mode_table(followed: FollowedModes) -> Table:
-    """Columns of the table, with one row per mode with its least damping and its largest harmonics at the
-    first value with a result."""
+    """Table with one row per mode: its least damping, and its largest harmonics at the first value with a
+    result."""
     unit, rows, coordinates = followed.system.unit_of(followed.over), [], followed.system.coordinates
     for column, label in enumerate(followed.labels):
         ratios = followed.damping[:, column]
@@ -175,7 +175,7 @@ def _mode_table(followed: FollowedModes) -> Table:
 
 
 def _meeting_table(followed: FollowedModes) -> Table:
-    """Columns of the table, with one row per crossing, veering and ambiguous pair."""
+    """Table with one row per crossing, veering and ambiguous pair."""
     unit = followed.system.unit_of(followed.over)
     rows = [
         (meeting.kind, " and ".join(meeting.modes), f"{unit.of(meeting.value):.8g}", f"{meeting.gap:.4g}")

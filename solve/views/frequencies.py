@@ -1,4 +1,5 @@
-"""Natural frequencies: mode shapes, and frequencies over the revolution and over a parameter."""
+"""Natural frequencies: mode shapes at a position, and frequencies over the revolution and over a
+parameter."""
 
 import itertools
 import math
@@ -46,8 +47,8 @@ _MARKERS: dict[str, dict[str, Any]] = {
 
 @figure.register(Frequencies)
 def frequencies_figure(found: Frequencies) -> Figure:
-    """Mode shapes at one position, or frequencies over several. Raises ValueOutOfBoundsError without links to
-    draw."""
+    """Figure of the mode shapes at one position, or of the frequencies over several. Raises
+    ValueOutOfBoundsError for a system without links to draw."""
     system = found.system
     if len(found.positions) > 1:
         return positions_figure(system, found.positions, found.signed)
@@ -60,13 +61,13 @@ def frequencies_figure(found: Frequencies) -> Figure:
 
 @figure.register(Findings)
 def findings_figure(found: Findings) -> Figure:
-    """Figure of the frequencies over the parameter or the revolution if computed, otherwise of the mode
+    """Figure of the frequencies over the parameter or the revolution, if computed; otherwise of the mode
     shapes at the position."""
     return figure(found.widest)
 
 
 def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[ModeShape]) -> Figure:
-    """Mode shapes of a structure at one position (rad), with the undeformed links in grey."""
+    """Figure of the mode shapes of a structure at one position (rad), with the undeformed links in grey."""
     shapes = all_shapes[:_MOST_SHAPES]
     columns = 3 if len(shapes) in (3, 5, 6) else min(len(shapes), 4)
     rows = math.ceil(len(shapes) / columns)
@@ -88,8 +89,8 @@ def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[
 
 
 def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Array) -> Figure:
-    """Frequencies (m, k) over the positions (m,) of a revolution, with dashed means; growth rates are
-    negative."""
+    """Figure of the frequencies (m, k) over the positions (m,) of a revolution, with dashed means. Growth
+    rates are negative."""
     from matplotlib.ticker import MultipleLocator
 
     degrees = np.degrees(np.append(positions, positions[0] + system.period))
@@ -116,8 +117,8 @@ def positions_figure(system: PeriodicSystem, positions: Array, frequencies: Arra
 
 @figure.register(Variation)
 def variation_figure(found: Variation) -> Figure:
-    """Lowest elastic frequency over the parameter, with its range over the revolution, and the frequencies of
-    the separate links (thesis Fig. 9.1)."""
+    """Figure of the lowest elastic frequency over the parameter with its range over the revolution, and of
+    the frequencies of the separate links (thesis Fig. 9.1)."""
     system, parameter, values, mode = found.system, found.parameter, found.values, found.shown_modes[-1]
     figures = {name: values[:, mode] for name, values in found.statistics(1).items()}
     which = "lowest frequency" if mode == 0 else f"frequency of mode {mode + 1}, the first elastic one,"
@@ -145,21 +146,23 @@ def variation_figure(found: Variation) -> Figure:
 def _frame(shapes: Sequence[ModeShape]) -> tuple[Array, Array]:
     """Lower left and upper right corner (x, y) of the area that contains the structure and its displaced
     links."""
-    points = np.concatenate([*shapes[0].places, *(curve for shape in shapes for curve in _drawn(shape))])
+    points = np.concatenate(
+        [*shapes[0].places, *(curve for shape in shapes for curve in _displaced_points(shape))]
+    )
     margin = 0.04 * np.linalg.norm(np.ptp(points, axis=0))
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
-def _drawn(shape: ModeShape) -> list[Array]:
-    """Places of the displaced links."""
+def _displaced_points(shape: ModeShape) -> list[Array]:
+    """Positions x + iy of the points of the displaced links."""
     scale = DEFLECTION * np.ptp(np.concatenate(shape.places), axis=0).max()
     links = zip(shape.places, shape.displacements, strict=True)
     return [place + scale * displacement for place, displacement in links]
 
 
 def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> None:
-    """Draw a mode shape: pins as circles, fixed pins as triangles, clamped ends as squares."""
-    for link, place, moved in zip(links, shape.places, _drawn(shape), strict=True):
+    """Draw a mode shape, with circles for pins, triangles for fixed pins and squares for clamped ends."""
+    for link, place, moved in zip(links, shape.places, _displaced_points(shape), strict=True):
         axes.plot(*place.T, color=LIGHT, linewidth=2.5, solid_capstyle="round")
         axes.plot(*moved.T, color=BLUE)
         for support, end in zip(link.ends, (0, -1), strict=True):
@@ -168,8 +171,8 @@ def _draw_shape(axes: Axes, shape: ModeShape, links: Sequence[DrawnLink]) -> Non
 
 
 def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None]:
-    """Limits of the vertical axis: the lower one is 0 unless a mode grows. top: upper limit for frequencies,
-    if known."""
+    """Limits of the vertical axis. The lower limit is 0 unless a mode grows. top: upper limit for
+    frequencies, if known."""
     lowest = float(np.nanmin(roots, initial=0.0))
     if lowest == 0.0 and not top:
         return 0.0, 1.0 if not np.nan_to_num(roots).any() else None
@@ -177,8 +180,8 @@ def _limits(roots: Array, top: float | None = None) -> tuple[float, float | None
 
 
 def _label_frequencies(axes: Axes) -> None:
-    """Label the vertical axis in rad/s and the right axis in Hz; growth rates, as imaginary frequencies, are
-    below zero."""
+    """Label the vertical axis in rad/s and the right axis in Hz. Growth rates are drawn below zero, as
+    negative frequencies."""
     turn = 2 * math.pi
     scales = lambda omega: np.divide(omega, turn), lambda hertz: np.multiply(hertz, turn)
     right = axes.secondary_yaxis("right", functions=scales)
@@ -194,7 +197,7 @@ def _label_frequencies(axes: Axes) -> None:
 
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
-    """Row per position, and statistics."""
+    """Table with one row per position, and statistics."""
     listed = _lowest(min(found.values.shape[1], MOST_SHOWN), found.system.most_frequencies)
     made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
     made.add_section()
@@ -205,8 +208,8 @@ def frequencies_tables(found: Frequencies) -> Sequence[Table]:
 
 @tables.register(Variation)
 def variation_tables(found: Variation) -> Sequence[Table]:
-    """Table with one row per value of the parameter: the lowest frequency (also the next one if that of a
-    rigid-body mode is lowest), and the frequencies of up to three links alone."""
+    """Table with one row per value of the parameter: the lowest frequency (and the next one if the lowest is
+    that of a rigid-body mode), and the frequencies of up to three separate links."""
     mean_of = f": the mean of {len(found.positions)} positions" if found.several else ""
     caption = "alone: the link's lowest frequency, pinned at both ends" if found.pinned else None
     title = f"Over {found.parameter}, rad/s{mean_of}"
@@ -215,8 +218,8 @@ def variation_tables(found: Variation) -> Sequence[Table]:
 
 @tables.register(Findings)
 def findings_tables(found: Findings) -> Sequence[RenderableType]:
-    """Tables at the position, with the largest bending of each link in each mode shape, over the revolution
-    and over a parameter."""
+    """Tables of the frequencies at the position (with the largest bending of each link in each mode shape),
+    over the revolution, and over a parameter."""
     roots, captions = found.here.signed[0], _about_modes(found)
     columns = {
         "mode": Column(range(1, len(roots) + 1), heading="mode"),
@@ -237,12 +240,12 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
 
 
 def _lowest(listed: int, count: int) -> str:
-    """Addition to the title of a table that lists only the lowest modes."""
+    """Text for the title of a table that lists only the lowest modes."""
     return f": the lowest {listed} of {count}" if listed < count else ""
 
 
 def _about_modes(found: Findings) -> list[str]:
-    """Captions on growing modes and rigid-body modes."""
+    """Captions on growing modes and on rigid-body modes."""
     first = int((found.here.signed[0] < 0).sum())
     texts = ["i: growth rate in 1/s of a mode that grows instead of vibrating"] * (first > 0)
     names = found.here.system.coordinates

@@ -1,4 +1,4 @@
-"""Pictures of a mechanism in motion: positions, animations, and pages with an animation."""
+"""Pictures of a mechanism in motion: positions, animations, and HTML pages with an animation."""
 
 import json
 import math
@@ -38,7 +38,7 @@ _DOT = {"color": VERMILION, "marker": "o", "markersize": 4, "linestyle": "", "zo
 
 
 class Panel(NamedTuple):
-    """Quantity with its curve and its values (frames,)."""
+    """Quantity with its curve, and its values (frames,) at the frames."""
 
     name: str
     curve: Array
@@ -47,7 +47,8 @@ class Panel(NamedTuple):
 
 class Drawn(NamedTuple):
     """Content of a picture: phases (k,) of its frames and `fine` phases of the curves; lines by name, as
-    points x + iy (points, k), for the rigid motion and with the vibration; a panel per quantity."""
+    points x + iy (points, k), for the rigid motion and for the motion with vibration; one panel per
+    quantity."""
 
     system: PeriodicSystem
     title: str
@@ -61,7 +62,7 @@ class Drawn(NamedTuple):
 
     @property
     def labels(self) -> list[str]:
-        """Phase of each frame, and number of its period if there are several."""
+        """Label of each frame: its phase, and the number of its period if there are several."""
         several = self.fine[-1] > 1.5 * self.system.period
         return [
             f"φ = {math.degrees(phase % self.system.period if several else phase):.0f}°"
@@ -71,7 +72,7 @@ class Drawn(NamedTuple):
 
 
 class Mover(NamedTuple):
-    """Line of the figure, with its points x + iy (points, frames) in the units of the axes."""
+    """Line of the figure with its points x + iy (points, frames) in axes units."""
 
     artist: "Line2D"
     places: Plane
@@ -97,7 +98,7 @@ class Scene(NamedTuple):
 
 
 def scene(drawn: Drawn) -> Scene:
-    """Scene with the mechanism on the left, and a panel per quantity with a moving mark on the right."""
+    """Scene with the mechanism on the left and one panel per quantity, with a moving mark, on the right."""
     low, high = _frame(drawn)
     width, height = (high - low).real, (high - low).imag
     # In inches: axes 3.7 wide, at least 0.85 a panel.
@@ -119,7 +120,7 @@ def scene(drawn: Drawn) -> Scene:
 
 
 def still(drawn: Drawn) -> Figure:
-    """Figure of the mechanism at several positions, one panel each."""
+    """Figure of the mechanism at several positions, one panel per position."""
     count = len(drawn.phase)
     low, high = _frame(drawn)
     tall = (high - low).imag > _TALL * (high - low).real
@@ -142,7 +143,7 @@ def still(drawn: Drawn) -> Figure:
 
 
 def gif(drawn: Drawn) -> bytes:
-    """Animated GIF that repeats endlessly."""
+    """Animated GIF that repeats endlessly, as bytes."""
     images = [*_images(scene(drawn))]
     stream = BytesIO()
     images[0].save(stream, "GIF", save_all=True, append_images=images[1:], duration=40, loop=0, optimize=True)
@@ -150,7 +151,7 @@ def gif(drawn: Drawn) -> bytes:
 
 
 def _images(made: Scene) -> Iterator:
-    """Images of the frames, with a common palette. The fixed background is drawn once."""
+    """Images of the frames with a common palette. The fixed background is drawn only once."""
     from PIL import Image
 
     artists = [*(mover.artist for mover in made.movers), made.label]
@@ -197,8 +198,8 @@ def _joints(drawn: Drawn, size: float) -> list[Plane]:
 def meeting_ends(
     rigid: Mapping[str, Plane], moved: Mapping[str, Plane], size: float
 ) -> list[tuple[str, int]]:
-    """Line and end (0 or -1) of each joint, where ends of two moving lines always coincide. size: of the
-    mechanism."""
+    """Line and end (0 or -1) of each joint, where ends of two moving lines coincide in all frames. size: size
+    of the mechanism."""
     open_lines = [name for name, places in rigid.items() if not is_closed(places, size)]
     ends = [(name, end) for name in open_lines for end in (0, -1)]
     meeting = []
@@ -211,7 +212,7 @@ def meeting_ends(
 
 
 def is_still(places: Plane, size: float) -> bool:
-    """Whether a line does not move in any frame."""
+    """Whether a line is at the same position in all frames."""
     return bool(np.abs(places - places[:, :1]).max() < _SAME * size)
 
 
@@ -248,7 +249,7 @@ def _mover(axes: Axes, places: Plane, style: Mapping) -> Mover:
 
 
 def _frame(drawn: Drawn) -> tuple[complex, complex]:
-    """Lower left and upper right corner of the area that all frames need."""
+    """Lower left and upper right corner of the area that contains all frames."""
     lines = (*drawn.rigid.values(), *drawn.moved.values())
     return frame_of(np.concatenate([places.ravel() for places in lines]))
 
@@ -287,7 +288,7 @@ path.mover { fill: none; stroke-linecap: round; stroke-linejoin: round; }
 
 
 def page_text(drawn: Drawn, warnings: Sequence[str]) -> str:
-    """Page of HTML with an animation, and the warnings below it."""
+    """HTML page with an animation, and the warnings below it."""
     animated = scene(drawn)
     picture, parts = _picture(animated)
     data = {"labels": animated.labels, "parts": parts}
@@ -306,7 +307,8 @@ const data = {json.dumps(data, ensure_ascii=False, separators=(",", ":"))};
 
 
 def _picture(made: Scene) -> tuple[str, list[dict]]:
-    """SVG picture with its moving lines, and for each line an attribute and its values by frame."""
+    """SVG picture with its moving lines, and for each moving line an attribute and its value in each
+    frame."""
     figure = made.figure
     with styled():
         # SVG pictures of matplotlib have 72 points per inch.

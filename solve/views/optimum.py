@@ -1,5 +1,5 @@
-"""Figures and tables of an optimum and the initial design: curves over the period, values over speed, and
-free parameters within their bounds."""
+"""Figures and tables that compare an optimum with the initial design: curves over the period, values over
+speed, and free parameters within their bounds."""
 
 from collections.abc import Sequence
 
@@ -26,8 +26,8 @@ _MOST_PARAMETERS = 24
 
 @figure.register(Optimum)
 def optimum_figure(optimum: Optimum) -> Figure:
-    """Figure of the initial design and the optimum: curve at the worst speed, values over speed, parameters
-    within their bounds."""
+    """Figure that compares the initial design and the optimum: curve at the worst speed, values over speed,
+    and parameters within their bounds."""
     names = list(optimum.parameters)[:_MOST_PARAMETERS]
     heights = [0.5 + 0.18 * len(names)]
     heights += [2.0] if len(optimum.speeds) > 1 else []
@@ -45,7 +45,8 @@ def optimum_figure(optimum: Optimum) -> Figure:
 
 
 def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
-    """Draw a coordinate or output over the period at the worst speed, before and at the optimum."""
+    """Draw a coordinate or output over the period at the worst speed, for the initial design and the
+    optimum."""
     name = optimum.minimised.partition(".")[0]
     factor = label_quantity(axes, optimum.system, name, np.append(curves.before, curves.after))
     phase = np.degrees(curves.phase)
@@ -64,7 +65,7 @@ def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
 
 
 def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None:
-    """Draw the positions of the parameters between their bounds, before and at the optimum."""
+    """Draw the positions of the parameters between their bounds, for the initial design and the optimum."""
     places = np.arange(len(names))
     shown = [optimum.parameters[name] for name in names]
     before, after = (
@@ -83,7 +84,7 @@ def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None
 
 @tables.register(Optimum)
 def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
-    """Objective, parameters, requirements, and values over speed."""
+    """Tables of the objective, parameters, requirements, and values over speed."""
     unit_of = optimum.system.unit_of
     parameters = table(
         "Free parameters",
@@ -106,7 +107,7 @@ def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
 
 
 def _confirmation(optimum: Optimum) -> str:
-    """Sentence on the nonlinear orbits, if there are any."""
+    """Sentence on the nonlinear orbits, if they were computed."""
     if "objective" not in optimum.confirmed:
         return ""
     verdicts = ", ".join(dict.fromkeys(optimum.confirmed["verdicts"]))

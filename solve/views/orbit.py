@@ -1,4 +1,4 @@
-"""Orbits and their stability: time curves, spectra, multipliers."""
+"""Figures and tables of orbits and their stability: time histories, spectra, multipliers."""
 
 import math
 import textwrap
@@ -43,8 +43,8 @@ SCALES = ("linear", "dB")
 
 
 class Motion(NamedTuple):
-    """Quantity over one period: values (k,) at equidistant phases, including both ends; values of a solution
-    for comparison, if any; amplitudes (m + 1,), of which the first is the mean."""
+    """Quantity over one period: values (k,) at equidistant phases, including both ends; values of another
+    solution for comparison, if any; amplitudes (m + 1,), beginning with the mean."""
 
     values: Array
     beside: Array | None
@@ -86,7 +86,8 @@ def orbit_figure(
 
 
 def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) -> Motion:
-    """Quantity of the orbit, with the quasi-static solution or, for a nonlinear orbit, the linear one."""
+    """Quantity of the orbit, with the quasi-static solution, or for a nonlinear orbit the linear one, for
+    comparison."""
     phase, beside = np.linspace(0.0, orbit.system.period, orbit.samples + 1), None
     if quasi_static:
         beside = orbit.quasi_static.signal(name)(phase)
@@ -99,7 +100,7 @@ def _motion(orbit: Orbit, name: str, quasi_static: bool, harmonics: int | None) 
 def _draw_curve(
     axes: Axes, system: PeriodicSystem, name: str, motion: Motion, labels: tuple[str, str]
 ) -> tuple[float, str]:
-    """Draw a time curve; return the factor and unit, which its spectrum shares."""
+    """Draw a time history. Returns the factor and unit, which its spectrum uses too."""
     degrees = np.linspace(0.0, math.degrees(system.period), len(motion.values))
     curves: list[tuple[Array, dict[str, Any]]] = [(motion.values, {"color": BLUE, "label": labels[0]})]
     if motion.beside is not None:
@@ -117,7 +118,7 @@ def _draw_curve(
 
 
 def _orders(motions: Mapping[str, Motion], scale: str) -> Array:
-    """Harmonics to draw: up to the last visible one of all spectra."""
+    """Harmonics to draw, up to the highest harmonic that is visible in any spectrum."""
     least = 10 ** (_DB_FLOOR / 20) if scale == "dB" else _VISIBLE
     spectra = [motion.amplitudes[1:] for motion in motions.values()]
     visible = (np.flatnonzero(spectrum > least * spectrum.max()) for spectrum in spectra)
@@ -152,7 +153,7 @@ def _draw_spectrum(
 
 
 def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
-    """Label phase and order at the bottom, time and frequency at the top."""
+    """Label phase and order at the bottom of the columns, time and frequency at the top."""
     from matplotlib.ticker import MaxNLocator, MultipleLocator
 
     left, right = axes[-1]
@@ -172,7 +173,8 @@ def _label_columns(axes: Any, system: PeriodicSystem, speed: float) -> None:
 
 @tables.register(Orbit)
 def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[RenderableType]:
-    """Extrema, strongest harmonics, stability and, if requested, extrema of the quasi-static solution."""
+    """Tables of extrema, strongest harmonics, stability and, if requested, extrema of the quasi-static
+    solution."""
     motion = [_extrema_table(orbit, "Motion over one period"), _order_table(orbit)]
     if quasi_static:
         motion.append(_extrema_table(orbit.quasi_static, "Quasi-static, without inertia and damping"))
@@ -181,12 +183,13 @@ def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[Renderabl
 
 @brief.register(RigidOrbit)
 def rigid_orbit_in_brief(orbit: RigidOrbit) -> RenderableType:
-    """Complete printout, because a short one states the verdict, which does not exist here."""
+    """Complete tables of the orbit of a mechanism without coordinates. A short form would state the verdict,
+    which does not exist."""
     return printout(orbit)
 
 
 def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
-    """Extrema with their phases, and means."""
+    """Table of extrema with their phases, and of means."""
     motion.evaluate_outputs()
     period, rows = motion.system.period, []
     for name in motion.system.known_quantities():
@@ -201,13 +204,14 @@ def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
 
 
 def _degrees(period: float, phase: float) -> str:
-    """Text of a phase in degrees; the end of the period is 0."""
+    """Text of a phase in degrees; the end of the period is written as 0."""
     rounded = round(math.degrees(phase), 1)
     return f"{rounded if rounded < round(math.degrees(period), 1) else 0.0:.1f}°"
 
 
 def _order_table(orbit: Orbit) -> Table:
-    """Amplitudes and phase angles of the strongest harmonics; "–" below the error of the orbit."""
+    """Table of the amplitudes and phase angles of the strongest harmonics; "–" for those below the error of
+    the orbit."""
     rotation, rows = 2 * math.pi / orbit.system.period, []
     for name in orbit.system.known_quantities():
         amplitudes, angles = orbit.harmonics(name, orbit.samples // 8)

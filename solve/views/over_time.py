@@ -62,7 +62,7 @@ def transient_figure(transient: Transient, names: Sequence[str] | None = None) -
 
 
 def _add_speeds(axes: Axes, transient: Transient) -> None:
-    """Add an axis of the speed, which is linear in time, at the top."""
+    """Add an axis of speed at the top. The speed is linear in time."""
     first, last = transient.system.speed_unit.of(transient.ends[[0, -1]])
     slope = (last - first) / transient.time[-1]
     above = axes.secondary_xaxis(
@@ -73,7 +73,7 @@ def _add_speeds(axes: Axes, transient: Transient) -> None:
 
 @tables.register(Transient)
 def transient_tables(transient: Transient) -> Sequence[RenderableType]:
-    """Table of the largest moduli and distances to the orbit, one row per period; table of the extrema of
+    """Table of the largest moduli and distances to the orbit, one row per period, and table of the extrema of
     outputs."""
     columns = {"": Column(range(1, transient.turns + 1), heading="turn")}
     for name, peaks in zip(transient.system.coordinates[:MOST_SHOWN], transient.peaks.T, strict=False):
@@ -115,8 +115,8 @@ def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
 
 
 def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
-    """Figure of a coordinate or output over one period for orbits of one system, a curve per speed; the
-    slowest is darkest.
+    """Figure of a coordinate or output over one period, one curve per orbit of a system at several speeds;
+    the slowest is darkest.
 
     Raises UnknownNameError and ValueOutOfBoundsError.
     """
@@ -148,7 +148,7 @@ def curves_figure(
     about: str = "",
 ) -> Figure:
     """Figure of curves (k,) of a coordinate or output at phases (k,) of one period, by label. styles: line
-    styles of some curves, by label. about: subject in the title, by default the quantity."""
+    styles of some curves, by label. about: subject in the title (default: the quantity)."""
     shown = about or f"{name.replace('_', ' ')} over one turn"
     with page(3.3, f"{title_of(system)}: {shown}") as figure:
         axes = figure.subplots()
@@ -166,8 +166,8 @@ def curves_figure(
 def contributions_figure(
     model: PeriodicSystem, found: Contributions, speed: float, uncoupled: Array | None = None
 ) -> Figure:
-    """Figure of an output over the period and of the contribution of each mode, at a speed in rad/s.
-    uncoupled: values (k,) of the output without coupling of the modes."""
+    """Figure of an output over the period and of the contribution of each mode to it, at a speed in rad/s.
+    uncoupled: values (k,) of the output if the modes are not coupled."""
     curves = {"all modes": found.total}
     curves |= {f"mode {number}": values for number, values in enumerate(found.values, 1)}
     if uncoupled is not None:
@@ -178,8 +178,8 @@ def contributions_figure(
 
 
 def fits_figure(model: Model) -> Figure:
-    """Figure of the series fitted to the tables of the model's case, one panel each. Raises NoResultError if
-    there is none."""
+    """Figure of the series fitted to the tables of the model's case, one panel per table. Raises
+    NoResultError if there is none."""
     if not model.fits:
         raise NoResultError(f"{title_of(model)} has no series from a table; nothing to draw for --fits")
     offsets = np.linspace(0.0, 2 * np.pi, SAMPLES)

@@ -85,7 +85,7 @@ class Report:
 
     @cached_property
     def warnings(self) -> dict[str, list[str]]:
-        """Warnings, each with the headings of the sections in which it occurs."""
+        """Warnings, each with the headings of the sections that contain it."""
         headings: dict[str, list[str]] = {}
         for part in self.parts:
             for warning in part.result.warnings if part.result is not None else ():
@@ -93,7 +93,7 @@ class Report:
         return headings
 
     def orbit_of(self, heading: str) -> str:
-        """Name of the orbit of the section with this heading; empty if the report has one orbit."""
+        """Name of the orbit of the section with this heading; empty if the report has only one orbit."""
         return next(part.orbit for part in self.parts if part.heading == heading)
 
     @property
@@ -220,7 +220,8 @@ def _parameters(system: PeriodicSystem) -> str:
 
 
 def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...]]:
-    """Rows, with successive rows combined if they differ only in the numbers in name and meaning."""
+    """Rows after merging. Successive rows whose names and meanings differ only in their numbers become one
+    row."""
 
     def kind(row: tuple[str, ...]) -> tuple[str, ...]:
         name, value, unit, meaning, source = row
@@ -233,7 +234,7 @@ def _without_repeats(rows: Iterable[tuple[str, ...]]) -> Iterator[tuple[str, ...
 
 
 def _joined(first: str, last: str) -> str:
-    """Text of a range of names with a common beginning.
+    """Text for a range of names with a common beginning.
 
     >>> _joined("order 1", "order 12"), _joined("b1", "b12")
     ('order 1 … 12', 'b1 … b12')
@@ -281,7 +282,8 @@ def svg_of(figure: Figure) -> str:
 
 
 def _settings(report: Report) -> str:
-    """HTML table of tolerances, options and versions; methods, steps and errors are in the sections."""
+    """HTML table of tolerances, options and versions. Methods, steps and errors are stated in the
+    sections."""
     system = report.system
     rows = {
         "relative tolerance": f"{report.rtol:g}, over the speeds {max(report.rtol, OVER_SPEEDS):g}",

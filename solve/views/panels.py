@@ -46,8 +46,8 @@ _LABEL = 54
 
 
 def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
-    """Names of the quantities to show, by default the first coordinates. Raises UnknownNameError, and
-    ValueOutOfBoundsError for more rows than fit on a page."""
+    """Names of the quantities to show; by default the first coordinates. Raises UnknownNameError, and
+    ValueOutOfBoundsError for more quantities than fit on a page."""
     if not names:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
     quantities = system.known_quantities(names)
@@ -59,7 +59,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
 
 
 def titled(system: PeriodicSystem, speed: float) -> str:
-    """Title of a figure: model, case and speed."""
+    """Title of a figure with model, case and speed."""
     return f"{title_of(system)}, {system.speed_unit.text(speed)}"
 
 
@@ -78,7 +78,7 @@ def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) 
 
 
 def title_of(system: PeriodicSystem) -> str:
-    """Title of a figure: model and case."""
+    """Title of a figure with model and case."""
     case = f", case {system.case}" if system.case else ""
     return f"{system.name.replace('_', ' ')}{case}"
 
@@ -100,7 +100,7 @@ def axis_label(system: PeriodicSystem, name: str) -> str:
 
 
 def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
-    """Label the horizontal axis of ascending speeds (k,) in rad/s, or of values of a parameter."""
+    """Label the horizontal axis with ascending speeds (k,) in rad/s, or with values of a parameter."""
     shown = system.unit_of(name).of(values)
     if shown[0] < shown[-1]:
         axes.set_xlim(shown[0], shown[-1])
@@ -119,7 +119,8 @@ def panels_over(
     ratios: Sequence[float] | None = None,
     align: bool = True,
 ) -> Iterator[tuple[Figure, Any]]:
-    """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or the values of a parameter.
+    """Figure of `count` panels, one below the other, over speeds (k,) in rad/s or over the values of a
+    parameter.
 
     title: follows the model's name. height: of the figure in inches. ratios: of the panels' heights. The
     horizontal axis is labelled, and the vertical labels are aligned, at the end of the block.
@@ -133,14 +134,14 @@ def panels_over(
 
 
 def legend_above(axes: Axes, columns: int = 2) -> None:
-    """Add a legend above the frame, on the right, if anything is labelled."""
+    """Add a legend above the frame, on the right, if a curve has a label."""
     if axes.get_legend_handles_labels()[0]:
         spacing = {"borderaxespad": 0.1, "handlelength": 1.4, "columnspacing": 1.1}
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, **spacing)
 
 
 def label_phases(axes: Axes, period: float) -> None:
-    """Label the horizontal axis of phases in degrees over a period in rad."""
+    """Label the horizontal axis with phases in degrees, for a period in rad."""
     from matplotlib.ticker import MultipleLocator
 
     axes.set_xlim(0.0, math.degrees(period))
@@ -169,7 +170,7 @@ def through(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **style: Any) -> None:
-    """Draw an interpolated curve over x (k,), see `through`; if `by_logarithm`, positive values are
+    """Draw an interpolated curve over x (k,), see `through`. by_logarithm: whether positive values are
     interpolated by their logarithms. If there are few points, they are marked."""
     with np.errstate(divide="ignore"):
         fine, values = through(x, np.log(y) if by_logarithm else y)
@@ -180,7 +181,8 @@ def draw_through(axes: Axes, x: Array, y: Array, by_logarithm: bool = False, **s
 
 
 def shades(count: int) -> list[dict[str, Any]]:
-    """Colours and dashes of several curves, the first darkest; the curves also differ in black and white."""
+    """Colours and dashes for several curves, the first darkest. Dashes distinguish the curves in black and
+    white."""
     import matplotlib
 
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, _LIGHTEST, count))
@@ -188,7 +190,7 @@ def shades(count: int) -> list[dict[str, Any]]:
 
 
 def frame_of(places: Plane) -> tuple[complex, complex]:
-    """Lower left and upper right corner around places x + iy, with a margin."""
+    """Lower left and upper right corner around points x + iy, with a margin."""
     low = complex(places.real.min(), places.imag.min())
     high = complex(places.real.max(), places.imag.max())
     room = 0.07 * (max((high - low).real, (high - low).imag) or 1.0) * (1 + 1j)
@@ -196,8 +198,8 @@ def frame_of(places: Plane) -> tuple[complex, complex]:
 
 
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
-    """Label the vertical axis for values of a quantity and write its meaning above; return the factor from SI
-    units to those shown."""
+    """Label the vertical axis for values of a quantity, and write its meaning above. Returns the factor from
+    SI units to the displayed ones."""
     factor, unit = prefixed(system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
     axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
     axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
@@ -205,7 +207,7 @@ def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array,
 
 
 def labelled(name: str, unit: str) -> str:
-    """Label with few characters per line, Greek letters, and the unit in brackets."""
+    """Label of a quantity: a few characters per line, Greek letters, and the unit in brackets."""
     lines = textwrap.wrap(greek(name).replace("_", " "), 12)
     if unit and len(lines) == 1 and len(lines[0] + unit) < 9:
         return f"{lines[0]} ({unit})"

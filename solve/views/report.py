@@ -1,4 +1,4 @@
-"""Report on a model: computation of all studies for one page."""
+"""Report on a model: computation of all studies for one HTML page."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -29,8 +29,8 @@ from solve.views.page import OVER_SPEEDS, Part, Report
 
 
 class Request(NamedTuple):
-    """Section to be calculated: the function that computes its result, and one that computes a substitute if
-    there is no result."""
+    """Section to compute: the function for its result, and a function for a substitute if there is no
+    result."""
 
     part: Part
     calculate: Callable[[], Result]
@@ -111,7 +111,7 @@ def _parts(requests: Sequence[Request]) -> list[Part]:
 
 
 def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
-    """Result of a calculation, or None and the reason why there is none."""
+    """Result of a calculation, or None and the reason of its failure."""
     try:
         return calculate(), ""
     except SolveError as reason:
@@ -121,7 +121,7 @@ def _tried(calculate: Callable[[], Result]) -> tuple[Result | None, str]:
 def _of_motion(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], rule: Rule, rtol: float
 ) -> list[Request]:
-    """Sections of a model that moves."""
+    """Sections for a model with motion."""
     unit, options = system.speed_unit, {"method": rule, "rtol": rtol}
     at, linear, other = unit.text(omega), "linear orbit" * system.nonlinear, "nonlinear orbit"
     orbit = Part(
@@ -185,12 +185,12 @@ def _over_speeds(
         Request(Part("Response over speed", response), _loaded(swept, system, omega)),
         Request(Part("Critical speeds", critical), _loaded(between_swept, system, omega)),
         Request(Part("Unstable bands", unstable), partial(bands, system, omegas, **options)),
-        Request(Part("Validity of the linear answer", off), _loaded(valid, system, omega)),
+        Request(Part("Validity of the linear model", off), _loaded(valid, system, omega)),
     ]
 
 
 def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: float) -> Callable[[], Result]:
-    """Function that checks that there is a load, then runs the calculation."""
+    """Wrap a calculation so that it first checks that there is a load."""
 
     def checked() -> Result:
         require_load(system, omega)

@@ -1,4 +1,4 @@
-"""Text and HTML of results: functions of a result, selected by its class."""
+"""Text and HTML of results, by functions that are selected by the class of the result."""
 
 import itertools
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ def tables(result: Result) -> Sequence[RenderableType]:
 
 @singledispatch
 def printout(result: Result, choices: Sequence[str] = (), **options: Any) -> RenderableType:
-    """Everything that a command prints except warnings. choices: settings other than the case; options:
+    """Everything that a command prints, except warnings. choices: settings other than the case; options:
     options of the tables."""
     return stacked(heading_of(result, choices), *tables(result, **options))
 
@@ -125,7 +125,7 @@ def _kind(column: Any) -> str:
 
 
 def _words(content: Any) -> str:
-    """HTML of a text; line feeds become positions where a long name may be broken."""
+    """HTML of a text. Line feeds become positions where a long name may be broken."""
     from rich.console import Console
 
     console = Console(markup=False, emoji=False, no_color=True)

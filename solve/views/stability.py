@@ -44,12 +44,12 @@ def stability_tables(result: Stability) -> Sequence[RenderableType]:
 
 @brief.register(Stability)
 def stability_in_brief(result: Stability) -> RenderableType:
-    """Short form of the result: heading and verdict."""
+    """Short form of the result, with heading and verdict."""
     return stacked(heading_of(result), _verdict_line(result))
 
 
 def _multiplier_table(result: Stability) -> RenderableType:
-    """Multipliers with their growth rates and frequencies; one row per pair."""
+    """Table of the multipliers with growth rates and frequencies, one row per conjugate pair."""
     multipliers = zip(
         result.multipliers, result.exponents, result.modes, result.multiplier_errors, strict=True
     )
@@ -88,7 +88,7 @@ def _verdict_line(result: Stability) -> RenderableType:
 
 
 def draw_stability(place: Figure | SubFigure, result: Stability) -> None:
-    """Draw panels of the multipliers (small ones also magnified) and of the verdict."""
+    """Draw panels of the multipliers (also magnified if they are small) and of the verdict."""
     from matplotlib.patches import Circle
 
     rho = result.multipliers[~np.isnan(result.multipliers)]
@@ -145,7 +145,8 @@ _LONGEST = 60
 
 
 def proof_printout(proof: Proof) -> RenderableType:
-    """Verdict, discs of the multipliers, bounds on maxima, true errors and assumption."""
+    """Texts and tables of the verdict, discs of the multipliers, bounds on maxima, true errors and
+    assumption."""
     maxima = [_maxima_table(proof)] if proof.max_abs else []
     place = [_place_table(proof, proof.orbit)] if proof.orbit else []
     return stacked(
@@ -170,7 +171,7 @@ def _proof_line(proof: Proof) -> RenderableType:
 
 
 def _disc_table(proof: Proof) -> RenderableType:
-    """Discs that contain the multipliers; one row per pair."""
+    """Table of the discs that contain the multipliers, one row per conjugate pair."""
     discs = [*zip(proof.multipliers.tolist(), proof.radii.tolist(), proof.isolated.tolist(), strict=True)]
     pairs, rows = [disc for disc in discs if disc[0].imag >= 0 or not disc[2]], []
     for center, radius, isolated in pairs[:_MOST_MULTIPLIERS]:
@@ -216,7 +217,7 @@ def _errors(proof: Proof) -> str:
 
 
 def rounded(value: float, digits: int, rounding: str) -> str:
-    """Number with some digits, rounded in a direction.
+    """Number rounded to `digits` digits in the given direction.
 
     >>> rounded(1.42e-11, 2, ROUND_CEILING)
     '1.5e-11'

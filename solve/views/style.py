@@ -1,4 +1,4 @@
-"""Style of figures: sizes and colours for a printed page, without the global state of pyplot."""
+"""Style of figures: sizes and colours for a printed page, without pyplot's global state."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -55,7 +55,7 @@ _STYLE: dict[Any, Any] = {
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Context in which figures are created or drawn in the style of this program."""
+    """Context manager in which figures are created or drawn in the style of this program."""
     import matplotlib
 
     with matplotlib.rc_context(_STYLE):
@@ -63,7 +63,7 @@ def styled() -> Iterator[None]:
 
 
 def new_figure(height: float) -> Figure:
-    """Empty figure of page width with a layout that avoids overlaps."""
+    """Empty figure of page width, with a layout that avoids overlaps."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -74,8 +74,8 @@ def new_figure(height: float) -> Figure:
 
 @contextmanager
 def page(height: float, title: str) -> Iterator[Figure]:
-    """New figure with a title, `height` in inches, drawn in the style of this program. A "$" in texts, which
-    may come from a user, is shown unchanged."""
+    """New figure with a title, of `height` in inches, drawn in the style of this program. A "$" in texts,
+    which may come from a user, is shown unchanged."""
     with styled():
         figure = new_figure(height)
         figure.suptitle(greek(title), fontweight="bold")
@@ -84,7 +84,7 @@ def page(height: float, title: str) -> Iterator[Figure]:
 
 
 def _without_mathematics(artist: Artist) -> None:
-    """Switch off mathematical text of an artist and its children, except for powers of ten at ticks."""
+    """Switch off mathematical text for an artist and its children, except for powers of ten at ticks."""
     from matplotlib.axis import Axis
     from matplotlib.text import Text
     from matplotlib.ticker import FixedFormatter
@@ -99,7 +99,7 @@ def _without_mathematics(artist: Artist) -> None:
 
 
 def save_figure(figure: Figure, file: Path) -> None:
-    """Write the figure in the format of the file's ending, reproducibly to the byte. Raises FileError."""
+    """Write the figure in the format of the file's ending. The bytes are reproducible. Raises FileError."""
     write_atomic(file, drawn(figure, file))
 
 

@@ -1,4 +1,5 @@
-"""Results over speed or a parameter: sweeps of one and of several systems, unstable bands, validity."""
+"""Figures and tables over speed or a parameter: sweeps of one or several systems, unstable bands,
+validity."""
 
 import itertools
 import math
@@ -56,8 +57,8 @@ Edges = Sequence[tuple[float, float, str]]
 """Unstable bands: lower and upper edge (rad/s), kind."""
 
 
-def _drawn(sweep: Sweep) -> Sequence[str]:
-    """Names of the stored coordinates, or of the outputs if no coordinate is stored."""
+def _quantities_to_draw(sweep: Sweep) -> Sequence[str]:
+    """Names of the quantities to draw: the stored coordinates, or the outputs if no coordinate is stored."""
     kept = sweep.results.kept.names
     return [name for name in kept if name in sweep.system.coordinates] or kept
 
@@ -65,7 +66,7 @@ def _drawn(sweep: Sweep) -> Sequence[str]:
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
     """Figure of the response and the spectral radius over speed; see `Sweep.plot`."""
-    names = sweep.system.known_quantities(names or _drawn(sweep))
+    names = sweep.system.known_quantities(names or _quantities_to_draw(sweep))
     responses = {name: sweep.figures(name, figure) for name in names}
     radius = sweep.spectral_radius if sweep.system.vibrates else None
     return response_figure(sweep.system, sweep.varied, responses, radius, figure, sweep.unstable)
@@ -73,9 +74,9 @@ def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str =
 
 @tables.register(Sweep)
 def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[RenderableType]:
-    """Table with one row per point:  the largest moduli of the named quantities, by default of as many
+    """Table with one row per point: the largest moduli of the named quantities; by default of as many
     coordinates as fit."""
-    names = names or _drawn(sweep)
+    names = names or _quantities_to_draw(sweep)
     units = sweep.system.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
     widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
@@ -105,7 +106,7 @@ def response_figure(
     figure: str = "max_abs",
     bands: Edges = (),
 ) -> Figure:
-    """Figure with a panel per quantity, which shows its statistic over the last varying parameter, and a
+    """Figure with one panel per quantity, which shows its statistic over the last varying parameter, and a
     panel of the spectral radius.
 
     varied, responses: values (P,) by name. radius: spectral radii (P,); None without vibration. There is a
@@ -143,8 +144,8 @@ def response_figure(
 def _lines(
     system: PeriodicSystem, varied: Mapping[str, Array], others: Sequence[str], along: str
 ) -> dict[str, list[int]]:
-    """Indices of the points of each curve, in ascending order of the parameter `along`, by label of the other
-    parameters."""
+    """Indices of the points of each curve, in ascending order of the parameter `along`, by the label of the
+    other parameters."""
     lines: dict[str, list[int]] = {}
     labels: Sequence[str] = [""] * len(varied[along])
     if others:
@@ -159,8 +160,8 @@ def _lines(
 
 
 def _mark_maxima(axes: Axes, x: Array, heights: Array) -> None:
-    """Mark maxima between two lower neighbours; not next to a gap, where the response may continue to
-    rise."""
+    """Mark values that exceed both neighbours. Values next to a gap are not marked, because the response may
+    rise within the gap."""
     inner = heights[1:-1]
     top = 1 + np.flatnonzero((inner > heights[:-2]) & (inner >= heights[2:]))
     axes.plot(x[top], heights[top], "v", color=BLUE, label="maximum" if len(top) else None)
@@ -187,8 +188,8 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
 
 
 def waterfall_figure(sweep: Sweep, name: str) -> Figure:
-    """Figure of the amplitudes of a quantity over the varying quantity and the order of rotation; 0 dB is the
-    largest. See `Sweep.waterfall`."""
+    """Figure of the amplitudes of a quantity over the varying quantity and the order of rotation, in dB
+    relative to the largest. See `Sweep.waterfall`."""
     system, varied, amplitudes = sweep.system, sweep.varied, sweep.spectrum(name)
     *others, along = moving(varied)
     if others:
@@ -220,7 +221,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
 
 @figure.register(Bands)
 def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
-    """Figure of the spectral radius over speed with the unstable bands shaded by kind; see `Bands.plot`."""
+    """Figure of the spectral radius over speed, with the unstable bands shaded by kind; see `Bands.plot`."""
     if not isinstance(sweep, Sweep | None):
         raise ValueOutOfBoundsError(
             f"sweep is {reprlib.repr(sweep)}; give a Sweep, such as solve.sweep(...), or nothing; "
@@ -242,7 +243,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
 
 @tables.register(Bands)
 def bands_tables(bands: Bands) -> Sequence[RenderableType]:
-    """Columns of the table, with one row per band, and the width of bands that may be missed."""
+    """Table with one row per band, and a note on the width of bands that may be missed."""
     unit = bands.system.speed_unit
     width = unit.text(bands.spacing, ".3g")
     how = "eigenvalues" if bands.constant_matrices else "solved"
@@ -282,7 +283,7 @@ def _shade(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
 def sweeps_figure(
     sweeps: Sweeps, quantities: Sequence[str] | None = None, figure: str | None = None
 ) -> Figure:
-    """Panel per quantity with a curve per system; see `Sweeps.plot`."""
+    """Figure with one panel per quantity and one curve per system; see `Sweeps.plot`."""
     responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
     speeds = sweeps.system.speed_unit.of(sweeps.speeds[order])
@@ -303,7 +304,7 @@ def sweeps_figure(
 
 @figure.register(Validity)
 def validity_figure(validity: Validity) -> Figure:
-    """Linearisation errors over speed."""
+    """Figure of linearisation errors over speed."""
     unit, names = validity.system.speed_unit, validity.system.coordinates[:MOST_SHOWN]
     with panels_over(validity.system, validity.speeds, "error of the linear orbit", 3.4, 1) as (
         page,
@@ -353,5 +354,5 @@ def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
 
 @tables.register(Validity)
 def validity_tables(validity: Validity) -> Sequence[RenderableType]:
-    """Row per speed."""
+    """Table with one row per speed."""
     return [table_of("Linearisation error, %", validity.columns), text("\n" + validity.limit)]

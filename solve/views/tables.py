@@ -29,21 +29,21 @@ _UNBROKEN = 10_000
 
 
 def stacked(*items: RenderableType) -> RenderableType:
-    """Tables and texts, one below the other."""
+    """Group tables and texts one below the other."""
     from rich.console import Group
 
     return Group(*items)
 
 
 def text(content: str, style: str = "") -> RenderableType:
-    """Renderable text in a style of Rich."""
+    """Renderable text in a Rich style."""
     from rich.text import Text
 
     return Text(content, style)
 
 
 def assembled(*pieces: str | tuple[str, str]) -> RenderableType:
-    """Text from pieces, some with a style of Rich."""
+    """Renderable text from pieces, some with a Rich style."""
     from rich.text import Text
 
     return Text.assemble(*pieces)
@@ -63,7 +63,8 @@ def table(
     rows: Iterable[Sequence[Any]] = (),
     caption: str | None = None,
 ) -> Table:
-    """Table with the first `left` columns aligned to the left, and spelt-out Greek letters replaced."""
+    """Table whose first `left` columns are aligned to the left. Spelt-out Greek letters are replaced by
+    symbols."""
     from rich.box import SIMPLE_HEAD
 
     table = _number_table()(
@@ -86,7 +87,8 @@ def table(
 def table_of(
     title: str, columns: Columns, left: int = 0, most: int | None = None, caption: str | None = None
 ) -> Table:
-    """Table of the columns that have a heading; if there are more rows than `most`, every k-th is shown."""
+    """Table of the columns that have a heading. If there are more rows than `most`, every k-th row is
+    shown."""
     shown = [column for column in columns.values() if column.heading]
     rows = [*zip(*(column.texts for column in shown), strict=True)]
     step = math.ceil(len(rows) / (most or len(rows) or 1)) or 1
@@ -96,7 +98,8 @@ def table_of(
 
 @functools.cache
 def _number_table() -> type[Table]:
-    """Class of tables that do not truncate numbers: in a narrow terminal, names continue on the next line."""
+    """Class of tables that do not truncate numbers. In a narrow terminal, long names continue on the next
+    line."""
     import rich.table
     from rich.text import Text
 
@@ -129,7 +132,7 @@ def _number_table() -> type[Table]:
 def heading(
     system: PeriodicSystem, speed: float | None, choices: Sequence[str], rows: HeaderRows = ()
 ) -> Table:
-    """Heading of model, speed (rad/s), choices of the user, and further rows."""
+    """Heading with model, speed (rad/s), choices of the user, and further rows."""
     from rich.table import Table
     from rich.text import Text
 
@@ -163,7 +166,7 @@ def _with_unit(system: PeriodicSystem, choice: str) -> str:
 
 
 def in_every_unit(speed: float, first: ShownUnit) -> str:
-    """Speed (rad/s) in the usual units, beginning with `first`.
+    """Text of a speed (rad/s) in the usual units, beginning with `first`.
 
     >>> from solve.units import RPM
     >>> in_every_unit(1.0, RPM)

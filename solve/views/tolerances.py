@@ -1,4 +1,5 @@
-"""Tolerances: distributions of quantities, limits, Sobol indices, probabilities and worst points."""
+"""Figures and tables of tolerance studies: distributions of quantities, limits, Sobol indices, probabilities
+and worst cases."""
 
 import math
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ _OUTSIDE = 5e-4
 
 @figure.register(Tolerances)
 def tolerances_figure(result: Tolerances) -> Figure:
-    """Row per quantity: its distribution with the limit, and its Sobol indices."""
+    """Figure with one row per quantity: its distribution with the limit, and its Sobol indices."""
     names = _shown(result)
     columns = 2 if result.sobol else 1
     bars = min(len(result.spreads), _MOST_BARS)
@@ -45,7 +46,7 @@ def tolerances_figure(result: Tolerances) -> Figure:
 
 
 def _shown(result: Tolerances) -> list[str]:
-    """Quantities that vary, the spectral radius last."""
+    """Quantities that vary, with the spectral radius last."""
     varying = [name for name, column in zip(result.units, result.values.T, strict=True) if _spread(column)]
     ordered = [*varying[1:], *varying[:1]] if varying[:1] == ["spectral_radius"] else varying
     return (ordered or list(result.units)[:1])[:_MOST_QUANTITIES]
@@ -57,7 +58,7 @@ def _spread(values: Array) -> bool:
 
 
 def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
-    """Density of a quantity, worst over the speeds, with its limit and its nominal value."""
+    """Draw the density of a quantity (worst value over the speeds), with its limit and its nominal value."""
     values, unit = result.values[:, list(result.units).index(name)], result.units[name]
     known = np.isfinite(values)
     factor, shown = prefixed(unit, float(np.abs(values[known]).max(initial=0.0)))
@@ -76,7 +77,7 @@ def _draw_distribution(axes: Axes, result: Tolerances, name: str) -> None:
 
 
 def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
-    """First-order and total indices of the parameters, the largest at the top."""
+    """Draw first-order and total indices of the parameters, the largest at the top."""
     indices = result.sobol[name]
     ranked = sorted(indices, key=lambda parameter: -indices[parameter].total)[:_MOST_BARS]
     places = np.arange(len(ranked))
@@ -91,7 +92,7 @@ def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
 
 @tables.register(Tolerances)
 def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
-    """Spreads, probabilities, Sobol indices and worst points."""
+    """Tables of spreads, probabilities, Sobol indices and worst cases."""
     unit_of = result.system.unit_of
     spreads = table(
         "Parameters",
@@ -117,7 +118,7 @@ def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
 
 
 def _event(name: str) -> str:
-    """Text of an event."""
+    """Text that describes an event."""
     return name if name == UNSTABLE else f"violated: {name}"
 
 
@@ -140,7 +141,8 @@ def _with_error(value: float, error: float) -> str:
 
 
 def _worst_table(result: Tolerances) -> RenderableType:
-    """Column per quantity: nominal and worst value, with the speed and the parameters of the worst."""
+    """Table with one column per quantity: nominal and worst value, with the speed and the parameters of the
+    worst case."""
     worst, unit = result.worst, result.system.speed_unit
     rows = [
         ("nominal", *(measured(each.nominal, result.units[name]) for name, each in worst.items())),

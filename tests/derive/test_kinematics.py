@@ -305,7 +305,7 @@ def loop_of(closure, start=lambda x: (0, 0), driven_by=None):
     ],
 )
 def test_loop_requires_an_equation_and_a_guess_per_unknown(wrong):
-    with pytest.raises(DeclarationError, match="give an equation and a guess for each unknown"):
+    with pytest.raises(DeclarationError, match="give one equation and one guess per unknown"):
         loop_of(**wrong)
 
 

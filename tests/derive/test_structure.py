@@ -117,7 +117,7 @@ def checked(build) -> None:
     [
         (lambda f, of: None, DeclarationError, ("frame has no support", "support(joint)")),
         (lambda f, of: f.clamp("fot"), DeclarationError, ('"fot"', 'did you mean "foot"')),
-        (lambda f, of: f.clamp("foot", "arm"), DeclarationError, ("no link arm at joint foot", "post")),
+        (lambda f, of: f.clamp("foot", "arm"), DeclarationError, ("joint foot has no link arm", "post")),
         (lambda f, of: f.mass("top", of["m"]), DeclarationError, ('"top"', "foot, knee, tip")),
         (
             lambda f, of: f.link("post", "a", "b", of["L"], 0, of["section"]),

@@ -103,7 +103,7 @@ def test_stop_is_linearised_about_the_desired_motion():
     (r,) = values(module.residual(), 0.1, 2.0, 0.5, 0, 0, [2, 5, 7, 0.3])
     assert r[0, 0] == pytest.approx(5 * 0.5 + 7 * 0.2, rel=1e-15)
     assert len(module.NONLINEAR) == 1
-    assert module.NONLINEAR[0].startswith("Max(0, q - gap) is in the energies; the linear answer")
+    assert module.NONLINEAR[0].startswith("Max(0, q - gap) is in the energies; linear results")
     ((text, meaning, names),) = module.CONDITIONS
     assert (text, names) == ("gap other than 0", ("gap",))
     assert "no linearisation where q - gap = 0" in meaning
@@ -133,7 +133,7 @@ def test_contact_without_clearance_has_no_linearisation(contact):
     one.potential += p["s"] * contact(q) / 2
     with pytest.raises(
         ExpansionError,
-        match=r"no linearisation at the fundamental motion: .* is 0 throughout it, .*clearance or a preload",
+        match=r"no linearisation at the fundamental motion: .* is 0 during the whole motion, .*clearance or",
     ):
         derive_equations(one)
 
@@ -163,7 +163,7 @@ def test_cancelling_kinks_leave_a_linear_stiffness():
 def test_friction_needs_a_smoothing_velocity():
     one, q, p = oscillator(F=("N", "friction"), v0=("m/s", "smoothing velocity", "> 0"))
     one.force(-p["F"] * sign(rate(q)), along=q)
-    with pytest.raises(ExpansionError, match=r"qd is 0 throughout it.*v/sqrt\(v\*\*2 \+ v0\*\*2\)"):
+    with pytest.raises(ExpansionError, match=r"qd is 0 during the whole motion.*v/sqrt\(v\*\*2 \+ v0\*\*2\)"):
         derive_equations(one)
     one.forces.clear()
     one.dissipation = p["F"] * sqrt(rate(q) ** 2 + p["v0"] ** 2)
@@ -179,7 +179,7 @@ def test_duffings_cubic_spring_is_named():
     reported = []
     module_text(one, "", "one", reported.append)
     assert reported == [
-        "k3 is in the energies but not in the linearised equations; the linear answer ignores it",
+        "k3 is in the energies but not in the linearised equations; linear results ignore it",
         "W is in the energies but moves nothing: it is in no equation of motion and in no output",
     ]
 
@@ -209,7 +209,7 @@ def test_breaks_that_parameters_move():
         ]
         assert K == [5, 12, 12, 5]
     assert "drive_torque" not in {name for name, *_ in module.OUTPUTS}
-    assert "would hold impulses" in module.NO_DRIVE_TORQUE
+    assert "would contain impulses" in module.NO_DRIVE_TORQUE
 
 
 def test_a_step_lies_nowhere_on_a_branch_that_has_no_value():

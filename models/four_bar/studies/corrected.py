@@ -1,4 +1,4 @@
-"""One corrected element per link compared with finer models over a revolution (thesis Fig. 7.9)."""
+"""Comparison of one corrected element per link with finer models over a revolution (thesis Fig. 7.9)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -53,7 +53,7 @@ class OneModel:
 
 @dataclass(frozen=True)
 class Corrections(Result):
-    """Values of a quantity at a speed (rad/s), computed by several models of one mechanism, by label of the
+    """Values of a quantity at a speed (rad/s), from several models of one mechanism, by label of the
     model."""
 
     _rows: ClassVar[str] = "models"
@@ -98,8 +98,8 @@ class Corrections(Result):
         }
 
     def file_contents(self) -> FileContents:
-        """Contents with the quantity over the revolution, one column per model; the rows of the table are
-        metadata."""
+        """Contents of files: the quantity over the revolution, with one column per model. The rows of the
+        table are metadata."""
         unit = self.system.units.get(self.reference.drawn, "")
         columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
         for label, model in self.models.items():
@@ -134,8 +134,8 @@ def corrections_tables(result: Corrections) -> Sequence[RenderableType]:
 def corrections(
     model: StructureModel, speed: float, of: str, elements: Sequence[str], rtol: float = 1e-6
 ) -> Corrections:
-    """Values of a quantity at a speed (rad/s), computed with the reference, with cubic elements and with one
-    corrected element per link.
+    """Values of a quantity at a speed (rad/s) from three kinds of models: the reference, cubic elements, and
+    one corrected element per link.
 
     of: a coordinate or output, or the common name of several, of which the largest is taken. elements:
     numbers of cubic elements per link. The corrected element is solved with both loads. Raises SolveError
@@ -157,7 +157,7 @@ def corrections(
 
 
 def _solved(system: PeriodicSystem, speed: float, of: str, drawn: str | None, rtol: float) -> OneModel:
-    """Result of one model. drawn: output to sample; by default the one with the largest value."""
+    """Result of one model. drawn: output to sample (default: the one with the largest value)."""
     orbit = solve.periodic(system, speed, rtol=rtol)
     figures = {name: orbit.statistics(name) for name in system.parts(of)}
     largest = max(figures, key=lambda name: figures[name].max_abs)

@@ -1,4 +1,4 @@
-"""Path of a coupler point compared with that of the rigid linkage (thesis Figs. 8.3, 8.4)."""
+"""Path of a coupler point, compared with its path on the rigid linkage (thesis Figs. 8.3, 8.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from solve.views.tables import RenderableType, table_of
 @serializable
 @dataclass(frozen=True)
 class CouplerCurve:
-    """Positions x + iy (m) of a point at phases (k,): on the rigid and on the flexible linkage, (k,) each."""
+    """Positions x + iy (m) of a point at phases (k,), on the rigid and on the flexible linkage, each (k,)."""
 
     phase: Array
     rigid: Array
@@ -62,7 +62,7 @@ class CurveOfPoint(AtOneSpeed):
 
     @property
     def columns(self) -> Columns:
-        """Phase and positions over the revolution."""
+        """Columns of the table: phase and positions over the revolution."""
         columns = {"phase": Column(self.curve.phase, "rad", "phase of the drive", axes=("phase",))}
         for name, path in (("rigid", self.curve.rigid), ("flexible", self.curve.elastic)):
             for axis, values in (("x", np.real(path)), ("y", np.imag(path))):
@@ -75,7 +75,7 @@ class CurveOfPoint(AtOneSpeed):
         return {**super().record(), "curve": to_json(curve)}
 
     def plot(self) -> Figure:
-        """Both paths, and the deviation over the revolution."""
+        """Figure of both paths, and of the deviation over the revolution."""
         speed = self.system.speed_unit.text(self.orbit.speed)
         title = f"Coupler curve at {speed}" + ", quasi-static" * self.quasi_static
         return curve_figure(title, self.curve)
@@ -83,7 +83,7 @@ class CurveOfPoint(AtOneSpeed):
 
 @tables.register(CurveOfPoint)
 def curve_tables(result: CurveOfPoint) -> Sequence[RenderableType]:
-    """Maximum and rms of the deviation and of its components."""
+    """Table of the maximum and rms of the deviation and of its components."""
     components = _components(result.curve.deviation)
     moduli = [np.abs(values) for values in components.values()]
     maxima = [float(modulus.max()) for modulus in moduli]
@@ -129,7 +129,7 @@ def curve_of_point(
     quasi_static: bool = False,
     rtol: float = 1e-6,
 ) -> CurveOfPoint:
-    """Path of a coupler point in the periodic, or in the quasi-static, solution at a speed."""
+    """Path of a coupler point at a speed, in the periodic or quasi-static solution."""
     orbit = solve.periodic(model, speed, rtol=rtol)
     phase = np.linspace(0.0, model.period, SAMPLES)
     path = coupler_curve(model, orbit.quasi_static if quasi_static else orbit, along, across, phase)
@@ -137,13 +137,13 @@ def curve_of_point(
 
 
 def _magnification(curve: CouplerCurve) -> float:
-    """Factor that limits the drawn deviation to `DEFLECTION` of the path's larger extent."""
+    """Factor for which the drawn deviation is at most `DEFLECTION` of the path's larger extent."""
     size = max(float(np.ptp(np.real(curve.rigid))), float(np.ptp(np.imag(curve.rigid))))
     return round_magnification(DEFLECTION * size / (float(np.abs(curve.deviation).max()) or np.inf))
 
 
 def curve_figure(title: str, curve: CouplerCurve) -> Figure:
-    """Both paths with the deviation magnified, and the deviation over the revolution."""
+    """Figure of both paths, with the deviation magnified, and of the deviation over the revolution."""
     with page(3.4, title) as figure:
         left, right = figure.subplots(1, 2)
         _draw_paths(left, curve)

@@ -74,7 +74,7 @@ _RANGE = re.compile(r"(?P<low>[^:\s]+):(?P<high>[^:\s]+)(:(?P<count>\d+))?\s+(?P
 
 @dataclass(frozen=True)
 class DesignResult(Outcome, Result):
-    """Outcome of the design method with its record, columns, tables, figure and files."""
+    """Outcome of the design method, with its record, columns, tables, figure and files."""
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]
@@ -120,7 +120,8 @@ class DesignResult(Outcome, Result):
 
     @property
     def columns(self) -> Columns:
-        """Stress of each link at the mechanism's own L4, and the ratio needed to reach each speed."""
+        """Columns of the table: stress of each link for the mechanism's own L4, and the ratio needed to reach
+        each speed."""
         needed, stresses, axes = self.design.needed, self.map, ("speed",)
         columns = {"speed": Column(stresses.speeds, "rad/s", "speed of the crank", axes=axes)}
         for number, link in enumerate(stresses.links):
@@ -138,7 +139,8 @@ class DesignResult(Outcome, Result):
         return columns
 
     def file_contents(self) -> FileContents:
-        """Columns; .npz and .mat add the whole map and the slowest simulation."""
+        """Columns of the table. The files .npz and .mat also contain the whole map and the slowest
+        simulation."""
         contents, stresses = super().file_contents(), self.map
         arrays = {**contents.numbers, "L4": stresses.L4, "stress": stresses.stress}
         arrays["links"] = np.array(stresses.links)
@@ -148,7 +150,8 @@ class DesignResult(Outcome, Result):
         return replace(contents, arrays=arrays)
 
     def plot(self) -> Figure:
-        """The map with the plan, the ratio needed to reach each speed, and the slowest simulation."""
+        """Figure of the map with the plan, of the ratio needed to reach each speed, and of the slowest
+        simulation."""
         from models.four_bar.views.figures import design_figure
 
         return design_figure(self)
@@ -180,7 +183,7 @@ def carry_out(design: Design, target: float | None = None, duration: float = 60.
 
 
 def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
-    """Raise DesignError for a target (rad/s) outside the range of the speeds of a map."""
+    """Raise DesignError for a target (rad/s) outside the speeds of a map."""
     if not speeds[0] < target <= speeds[-1]:
         raise DesignError(
             f"the target, {unit.text(target, '.4g')}, is not between "
@@ -189,8 +192,8 @@ def require_target(target: float, speeds: Array, unit: ShownUnit) -> None:
 
 
 def _simulated(stresses: DesignMap, plan: Plan, returns: bool, duration: float) -> list[Trial]:
-    """Simulations of the plan with the given duration (s), half of it and so on, until the stress is too
-    high."""
+    """Simulations of the plan with the given duration (s), half of it, and so on, until a stress exceeds the
+    allowable one."""
     trials: list[Trial] = []
     start, home = float(plan.speed[0]) / 10, stresses.own_L4 if returns else None
     for halving in range(_HALVINGS):
@@ -260,7 +263,7 @@ def _allowable(model: StructureModel, text: str | None) -> dict[str, float]:
 
 
 def _quantity(flag: str, text: str, unit: str, example: str) -> float:
-    """A number with unit. Raises UnitError."""
+    """Parse a number with its unit. Raises UnitError."""
     try:
         return with_unit(text, unit)
     except UnitError as error:
@@ -283,7 +286,8 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 
 
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
-    """Smallest and largest L4 (m), and number of lengths. Raises LinkageError where the crank cannot turn."""
+    """Smallest and largest L4 (m), and number of lengths. Raises LinkageError if the crank cannot rotate
+    fully."""
     linkage = Linkage.of(model.parameters, str(model.options["branch"]))
     if text is None:
         return allowed_lengths(linkage), _LENGTHS

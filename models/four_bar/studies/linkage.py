@@ -1,4 +1,4 @@
-"""Rigid motion of the linkage over a revolution or at one position: record, columns and command.
+"""Rigid motion of the linkage over a revolution, or at one position: record, columns and command.
 
 SI units and radians. Ratios refer to the speed of the crank: ω/ω1, and α/ω1² at constant ω1.
 """
@@ -78,7 +78,7 @@ class RigidMotion(Result):
 
     @cached_property
     def summary_values(self) -> dict[str, Any]:  # type: ignore[override]
-        """All values of the result; if the crank cannot turn fully, only those at one position."""
+        """All values of the result; if the crank cannot rotate fully, only those at one position."""
         linkage = self.linkage
         record: dict[str, Any] = {**_classification(linkage), "speed": self.speed}
         if self.position is None:
@@ -104,7 +104,7 @@ class RigidMotion(Result):
 
     @property
     def columns(self) -> Columns:
-        """Columns over the revolution in steps of one degree, or at the position if the crank cannot turn
+        """Columns over the revolution in steps of one degree; at the position if the crank cannot rotate
         fully."""
         turns = self.linkage.turns_fully
         t1 = np.linspace(0.0, TURN, _CURVE_POINTS + 1) if turns else np.array([self.position])
@@ -189,7 +189,7 @@ class RigidMotion(Result):
         }
 
     def _at_position(self, t1: float) -> dict[str, Any]:
-        """Quantities of `_over_turn` at one crank angle."""
+        """The quantities of `_over_turn` at one crank angle."""
         linkage, motion = self.linkage, self.linkage.motion(t1)
         record = {
             "t": motion.t,
@@ -220,7 +220,7 @@ class RigidMotion(Result):
 
 
 def _classification(linkage: Linkage) -> dict[str, Any]:
-    """Class, Grashof's condition, solution space and range of the crank."""
+    """Class, Grashof's condition, solution space and range of the crank, as record values."""
     return {
         "branch": linkage.branch,
         "mobility": mobility(),
@@ -236,7 +236,7 @@ def _classification(linkage: Linkage) -> dict[str, Any]:
 
 
 def _ratios(motion: Motion) -> dict[str, Array]:
-    """Velocities and accelerations of coupler and follower."""
+    """Angular velocities and accelerations of coupler and follower, by name."""
     return {
         f"{field}{link}": getattr(motion, field)[link - 1] for field in ("omega", "alpha") for link in (2, 3)
     }
@@ -254,7 +254,7 @@ def _extremes(signal: Callable[[Array], Array]) -> dict[str, float]:
 
 
 def _swing(linkage: Linkage) -> float | None:
-    """Angle between the dead points of the follower; None if the follower turns fully."""
+    """Angle between the dead points of the follower; None if the follower rotates fully."""
     if not linkage.dead_points:
         return None
     t3 = linkage.motion(linkage.dead_points).t[2]
@@ -272,7 +272,7 @@ def _xy(value: complex | Plane) -> list[float]:
 
 @printout.register(RigidMotion)
 def rigid_motion_printout(result: RigidMotion, choices: Sequence[str] = ()) -> RenderableType:
-    """Class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
+    """Tables of class, transmission angle, mechanical advantage, curves and forces; angles in degrees."""
     return linkage_report({**result.model_info, **result.summary_values})
 
 
@@ -284,7 +284,7 @@ def rigid_motion(
     position: float | None = None,
     points: Sequence[complex] = (),
 ) -> RigidMotion:
-    """Rigid motion of the linkage with these parameters; the default point is the middle of the coupler.
+    """Rigid motion of the linkage with these parameters. The default point is the middle of the coupler.
 
     Raises SolveError subclasses.
     """
@@ -328,7 +328,7 @@ def linkage(
 
 
 def _point(text: str) -> complex:
-    """A coupler point X + iY from "X,Y"."""
+    """Coupler point X + iY from a text "X,Y"."""
     try:
         x, y = (float(coordinate) for coordinate in text.split(","))
     except ValueError:

@@ -37,7 +37,7 @@ serializable(Contributions)
 
 @dataclass(frozen=True)
 class Modes(AtOneSpeed):
-    """Contributions of the modes to an output, and the output (k,) without coupling of the modes at the same
+    """Contributions of the modes to an output, and the output (k,) without coupling of the modes, at the same
     phases."""
 
     contributions: Contributions
@@ -57,7 +57,7 @@ class Modes(AtOneSpeed):
 
     @property
     def columns(self) -> Columns:
-        """Phase, output and contribution of each mode."""
+        """Columns of the table: phase, output and contribution of each mode."""
         shares = self.contributions
         curves = {"all": (shares.total, "all modes")}
         curves |= {f"mode_{k}": (values, f"mode {k}") for k, values in enumerate(shares.values, 1)}
@@ -81,7 +81,7 @@ class Modes(AtOneSpeed):
         return {**super().record(), **to_json(curves)}
 
     def plot(self) -> Figure:
-        """Output, contribution of each mode and uncoupled solution over the revolution."""
+        """Figure of output, contribution of each mode, and uncoupled solution over the revolution."""
         return contributions_figure(self.system, self.contributions, self.orbit.speed, self.uncoupled)
 
 
@@ -147,7 +147,7 @@ _KINDS = "cubic:1,cubic:2,cubic:3,internal:1,curvature:1,dynamic:1"
 
 @dataclass(frozen=True)
 class ElementKinds(Result):
-    """Frequencies (rad/s) at crank angles `positions` (m,), in rad.
+    """Natural frequencies (rad/s) by type of element, at crank angles `positions` (m,) in rad.
 
     kinds (r,): element type and number per link, such as "cubic:3"; freedoms (r,); values (r, m, k); exact
     (m, k).
@@ -162,7 +162,7 @@ class ElementKinds(Result):
 
     @property
     def means(self) -> Array:
-        """Means over the revolution (r, k), rad/s."""
+        """Means (r, k) over the revolution, in rad/s."""
         return self.values.mean(axis=1)
 
     @property
@@ -172,7 +172,7 @@ class ElementKinds(Result):
 
     @property
     def columns(self) -> Columns:
-        """A row a position, a column an element type and frequency."""
+        """Columns of the table, with one row per position and one column per element type and frequency."""
         columns = {"position": Column(self.positions, "rad", "crank angle", axes=("position",))}
         for kind, values in zip(self.kinds, self.values, strict=True):
             for k, column in enumerate(values.T, start=1):
@@ -189,13 +189,13 @@ class ElementKinds(Result):
         return {"positions": self.positions, "kinds": kinds}
 
     def plot(self) -> Figure:
-        """A panel a frequency, a curve an element type."""
+        """Figure with one panel per frequency and one curve per element type."""
         return _figure(self)
 
 
 @tables.register(ElementKinds)
 def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
-    """Means over the revolution, and their relative errors."""
+    """Table of means over the revolution, with their relative errors."""
     columns = [f"f{k}" for k in range(1, result.values.shape[2] + 1)]
     means = table("Means over the revolution (rad/s), and errors", "kind", "freedoms", *columns)
     rows = zip(result.kinds, result.freedoms, result.means, result.mean_errors, strict=True)
@@ -208,7 +208,8 @@ def element_kinds_tables(result: ElementKinds) -> Sequence[RenderableType]:
 def element_kinds(
     model: StructureModel, kinds: Sequence[str], count: int = 4, turn: int = 36
 ) -> ElementKinds:
-    """Lowest `count` frequencies at `turn` positions for element types with their number per link: "cubic:3".
+    """Lowest `count` frequencies at `turn` positions, for element types given with their number per link,
+    such as "cubic:3".
 
     Raises ValueOutOfBoundsError for another form and for numbers out of bounds, UnknownNameError for an
     unknown element type.

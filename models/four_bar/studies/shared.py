@@ -1,4 +1,5 @@
-"""Flags that the commands on the elastic four-bar share, and the base class of results at one speed."""
+"""Flags that the commands on the elastic four-bar linkage share, and the base class of results at one
+speed."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -17,7 +18,7 @@ EachTolerance = Annotated[float, Flag("Relative error of each solution.", "R")]
 
 @dataclass(frozen=True)
 class FourBar(Numbers):
-    """Case, parameters and options of the four-bar."""
+    """Arguments that select case, parameters and options of the four-bar linkage."""
 
     def loaded(self) -> StructureModel:
         """Model of the four-bar linkage with these arguments. Raises SolveError subclasses for invalid
@@ -29,7 +30,7 @@ class FourBar(Numbers):
 
 @dataclass(frozen=True)
 class AtOneSpeed(Result):
-    """Result derived from one orbit, with the speed, accuracy and warnings of that orbit."""
+    """Base class of results derived from one orbit, with its speed, accuracy and warnings."""
 
     orbit: Orbit
 

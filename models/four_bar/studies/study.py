@@ -57,8 +57,7 @@ def study(
 def _systems(
     model: StructureModel, over: str | None, corrected: bool
 ) -> tuple[str, dict[str, PeriodicSystem]]:
-    """Heading with the varied quantity, and systems by the values of the quantity. Raises SolveError
-    subclasses."""
+    """Heading that names the varied quantity, and systems by its values. Raises SolveError subclasses."""
     systems: dict[str, PeriodicSystem] = {}
     title = ""
     if over is not None:
@@ -79,7 +78,8 @@ def _systems(
 
 
 def _values(over: str) -> tuple[str, Sequence[float | str]]:
-    """Name and values from NAME=A,B,C or NAME=A:B:N, with an optional common unit; options may be words."""
+    """Name and values from a text NAME=A,B,C or NAME=A:B:N, with an optional common unit. Values of options
+    may be words."""
     ((name, text),) = assignments("--over", [over], "NAME=A,B,C").items()
     if ":" in text:
         return points("--over", over)

@@ -39,7 +39,7 @@ _GRASHOF = {"GCCC": "1", "GCRR": "2", "GRCR": "3", "GRRC": "4"}
 
 
 def base_planes_figure(linkage: Linkage) -> Figure:
-    """Three typical base planes, and the plane of the linkage with the linkage as a dot."""
+    """Figure of three typical base planes, and of the plane of the linkage with the linkage as a dot."""
     with styled():
         figure = new_figure(7.8)
         figure.suptitle("Base planes of Barker's solution space", fontweight="bold")
@@ -75,7 +75,7 @@ def _draw_plane(axes: Axes, distance: float, unnamed: str = "") -> None:
 
 
 def _label_edge(axes: Axes, link: int, value: float, total: float, size: float) -> None:
-    """Write a label outside the edge on which one of the λ has this value."""
+    """Write a label outside the edge on which a coordinate λ has this value."""
     middle = np.full((1, 3), (total - value) / 2)
     middle[0, link] = value
     outward = _CORNERS[link] if value > 0 else -_CORNERS[link]
@@ -92,7 +92,8 @@ def _draw_region(axes: Axes, region: Array, symbol: str) -> None:
 
 
 def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
-    """Write the class in the middle of a region (k, 2) that is large enough in a plane of this size."""
+    """Write the class in the middle of a region (k, 2), if the region is large enough in a plane of this
+    size."""
     perimeter = np.linalg.norm(region - np.roll(region, 1, axis=0), axis=1).sum()
     area, (x, y) = _area_and_centroid(region)
     if 2 * area > _LEAST_ROOM * size * perimeter:
@@ -100,7 +101,7 @@ def _name_region(axes: Axes, region: Array, symbol: str, size: float) -> None:
 
 
 def _draw_linkage(axes: Axes, linkage: Linkage) -> None:
-    """Draw the plane of the linkage; its class is in the title, where the dot does not hide it."""
+    """Draw the plane of the linkage. Its class is in the title, where the dot does not hide it."""
     symbol, distance = classify(linkage).symbol, base_plane(linkage)
     _draw_plane(axes, distance, unnamed=symbol)
     place = _flat(np.array([solution_space(linkage)]))
@@ -117,13 +118,13 @@ def _legend() -> list[Patch]:
 
 
 def _flat(points: Array) -> Array:
-    """Positions (k, 2) in the drawn triangle of λ2, λ3, λ4 (k, 3)."""
+    """Positions (k, 2) in the drawn triangle, from λ2, λ3, λ4 (k, 3)."""
     places = points @ _CORNERS / points.sum(axis=1)
     return np.column_stack((places.real, places.imag))
 
 
 def _clipped(polygon: Array, link: int, limit: float, side: int) -> Array:
-    """Part of a convex polygon (k, 3) with side · (λ - limit) >= 0 for one of the λ."""
+    """Part of a convex polygon (k, 3) in which side · (λ - limit) >= 0 for the coordinate λ of a link."""
     corners = []
     for first, second in pairwise([*polygon, *polygon[:1]]):
         start, end = side * (first[link] - limit), side * (second[link] - limit)

@@ -45,8 +45,8 @@ def linkage_figure(
     points: Sequence[complex],
     position: float | None = None,
 ) -> Figure:
-    """Figure of positions with coupler curves, transmission angle, ratios; with a speed also torque and joint
-    forces.
+    """Figure of positions with coupler curves, transmission angle and ratios; with a speed, also drive torque
+    and joint forces.
 
     speed: rad/s; position: crank angle (rad) drawn in full. Raises LinkageError for a crank that cannot turn
     fully.
@@ -83,7 +83,8 @@ def linkage_figure(
 
 
 def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], shown: float) -> None:
-    """Paths of the joints and coupler points, pale positions, and one position in full."""
+    """Draw paths of the joints and coupler points, several pale positions, and one position in full
+    colour."""
     motion = linkage.motion(np.linspace(0.0, TURN, SAMPLES))
     for path in _joints(motion)[1:3]:
         axes.plot(path.real, path.imag, color=GREY, linewidth=0.7)
@@ -101,7 +102,7 @@ def _draw_positions(axes: Axes, linkage: Linkage, points: Sequence[complex], sho
 
 
 def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -> None:
-    """Write class, lengths and transmission angle as text, with the legend of the positions next to it."""
+    """Write class, lengths and transmission angle as text, beside the legend of the positions."""
     kind, gamma = classify(linkage), linkage.transmission_extremes()
     lines = [
         kind.name,
@@ -124,7 +125,7 @@ def _write_summary(axes: Axes, pictured: Axes, linkage: Linkage, shown: float) -
 
 
 def _joints(motion: Motion) -> Plane:
-    """Positions of the joints O, A, B, C: (4, …)."""
+    """Positions (4, …) of the joints O, A, B, C."""
     A, B = motion.position(1, motion.linkage.L1), motion.position(3, motion.linkage.L3)
     return np.stack((0 * A, A, B, 0 * A + motion.linkage.L4))
 
@@ -203,7 +204,8 @@ def _legend_on_top(axes: Axes) -> None:
 
 
 def design_figure(result: Outcome) -> Figure:
-    """Figure of the map of stress ratios, ratio needed to reach each speed, and simulated stresses."""
+    """Figure of the map of stress ratios, of the ratio needed to reach each speed, and of simulated
+    stresses."""
     rows = 3 if result.trials else 2
     with styled():
         figure = new_figure(3.3 + 1.9 * (rows - 1))

@@ -99,7 +99,7 @@ def _remarks(record: Mapping[str, Any]) -> list[str]:
 
 
 def _forces(record: Mapping[str, Any]) -> list[RenderableType]:
-    """Tables of peaks of the joint forces, energy balance and preliminary stresses."""
+    """Tables of the peaks of the joint forces, energy balance and preliminary stresses."""
     forces = table("Joint forces", "joint", "force", "unit", "peak", "at t1", left=3)
     for joint, peak in record["joint_forces"].items():
         factor, unit = prefixed("N", peak["peak"])
@@ -154,7 +154,8 @@ def _degrees(angle: float) -> str:
 
 
 def design_report(result: Outcome, choices: Sequence[str] = ()) -> RenderableType:
-    """Printout of critical speeds, quiet bands, effect of damping, plan and simulations; stresses in MPa."""
+    """Printout of critical speeds, quiet bands, effect of damping, plan and simulations; stresses are in
+    MPa."""
     parts: list[RenderableType] = [_design_heading(result, choices), *_critical(result)]
     if result.design.quiet:
         parts.append(_quiet(result))
@@ -192,7 +193,7 @@ def _numbers(values: Sequence[float], heading: str) -> Column:
 
 
 def _damping(result: Outcome, speeds: Sequence[float]) -> Columns:
-    """Effect of damping on the stress at these speeds, one column per link; empty where it was not
+    """Table of the effect of damping on the stress at these speeds, one column per link; empty if it was not
     computed."""
     effects = {effect.speed: effect.sensitivity for effect in result.damping}
     effects_at = [effects.get(speed) for speed in speeds]

@@ -1,4 +1,4 @@
-"""Closed loop of a system and a periodic state feedback, or an observer with the feedback."""
+"""Closed loop of a system with periodic state feedback, or with an observer and feedback."""
 
 from collections.abc import Mapping
 from copy import copy
@@ -18,7 +18,7 @@ _LABELS = [name for name, value in vars(Labels).items() if not callable(value) a
 
 
 class Observer(NamedTuple):
-    """Observer x̂′ = A x̂ + b + B u + L (y − C x̂) of the measured quantities y.
+    """Observer x̂′ = A x̂ + b + B u + L (y − C x̂) with measured quantities y.
 
     gain: curve of L (N y,) over the phase. measured: names of y."""
 
@@ -27,7 +27,8 @@ class Observer(NamedTuple):
 
 
 class ClosedLoop(MixedSystem):
-    """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
+    """System with the input u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with an observer's estimates x̂ as
+    additional states.
 
     The load of the system is known to the observer. The inputs are further outputs. At other speeds than
     that of the design, the gains keep their values at each phase.
@@ -68,11 +69,11 @@ class ClosedLoop(MixedSystem):
 
     @property
     def n_open(self) -> int:
-        """Number of coordinates without estimates."""
+        """Number of coordinates of the open loop, without estimates."""
         return self.open_loop.n
 
     def feedback(self, phase: Array) -> Array:
-        """K (k, r, N) at phases (k,)."""
+        """Gain K (k, r, N) at phases (k,)."""
         return self.gain(phase).T.reshape(len(phase), len(self.open_loop.inputs), -1)
 
     def at(self, phase: Array, speed: float) -> Matrices:
@@ -102,7 +103,7 @@ class ClosedLoop(MixedSystem):
         return mass, damping, stiffness, np.concatenate((d, b), axis=1)
 
     def inputs_of(self, phase: Array, q: Array, qd: Array) -> Array:
-        """u (r, k) at phases (k,) for states q and q̇ (n, k)."""
+        """Inputs u (r, k) at phases (k,) for states q and q̇ (n, k)."""
         n, system = self.n_open, self.open_loop
         x = np.concatenate((q, qd[: n - system.first_order])) if self.observer is None else q[n:]
         u = -np.einsum("krn,nk->rk", self.feedback(phase), x)
@@ -137,19 +138,19 @@ class ClosedLoop(MixedSystem):
         return bounds
 
     def _about(self, linearised: PeriodicSystem) -> "ClosedLoop":
-        """Closed loop with the equations linearised about a motion; the feedback is linear already."""
+        """Closed loop of the equations linearised about a motion. The feedback needs no linearisation."""
         made = copy(self)
         made.open_loop, made.events = linearised, linearised.events
         made.breaks, made.period = linearised.breaks, linearised.period
         return made
 
     def _without_estimates(self, motion: Motion) -> Motion:
-        """Motion of the coordinates of the system alone."""
+        """Motion of the open-loop coordinates."""
         return motion if self.observer is None else _Leading(motion, self.n_open)
 
 
 class _Leading:
-    """The first n coordinates of a motion."""
+    """First n coordinates of a motion."""
 
     def __init__(self, motion: Motion, n: int):
         self._motion, self._n = motion, n

@@ -1,4 +1,5 @@
-"""Linear-quadratic regulator, Kalman filter and their combination for systems with periodic coefficients."""
+"""Linear-quadratic regulator, Kalman filter, and their combination, for systems with periodic
+coefficients."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -86,7 +87,8 @@ def lqr(
 def kalman(
     system: PeriodicSystem, speed: float | str, W: Weight, V: Weight, rtol: float = 1e-8
 ) -> Controller:
-    """Compute the gain L(φ) of the observer x̂′ = A x̂ + b + B u + L (y − C x̂) with least mean square error.
+    """Compute the gain L(φ) of the observer x̂′ = A x̂ + b + B u + L (y − C x̂) with minimum mean-square
+    error.
 
     Parameters
     ----------
@@ -148,7 +150,7 @@ def lqg(
     rtol: float = 1e-8,
     feedforward: bool = False,
 ) -> Controller:
-    """Compute the output feedback of `lqr` with the estimates of `kalman`.
+    """Compute output feedback: the regulator of `lqr` with the state estimates of `kalman`.
 
     Parameters
     ----------
@@ -206,7 +208,7 @@ def control(
     feedforward: bool = False,
     vibration: bool = False,
 ) -> Controller:
-    """Compute a regulator, a filter, or both, from weights by name.
+    """Compute a regulator, a filter, or both, from weights and noise intensities given by name.
 
     Parameters
     ----------
@@ -262,7 +264,7 @@ _OF = {"lqr": lqr, "kalman": kalman, "lqg": lqg}
 
 
 def _vibration(made: Controller) -> dict[str, Vibration]:
-    """Periodic vibration of coordinates and inputs without and with feedback; none without a load.
+    """Periodic vibration of coordinates and inputs, without and with feedback; empty without a load.
 
     Raises SolveError if an orbit does not exist."""
     system = made.system
@@ -282,7 +284,7 @@ def _vibration(made: Controller) -> dict[str, Vibration]:
 def _pair(
     system: PeriodicSystem, given: Mapping[str, float] | tuple[Weight, Weight], name: str, inputs_first: bool
 ) -> tuple[Weight, Weight]:
-    """Weights (Q, R), or noise (W, V), from numbers by name. Raises MissingValueError."""
+    """Weights (Q, R), or noise intensities (W, V), from numbers given by name. Raises MissingValueError."""
     if not isinstance(given, Mapping):
         if not isinstance(given, tuple) or len(given) != 2:
             raise ValueOutOfBoundsError(f"{name} is {given!r}; allowed: numbers by name, or two weights")
@@ -311,7 +313,7 @@ def _controller(
     closed: PeriodicSystem,
     rtol: float,
 ) -> Controller:
-    """Result, with the certified multipliers of the closed loop."""
+    """Result with the certified multipliers of the closed loop."""
     return Controller(
         system=plant.system,
         speed=plant.speed,

@@ -1,4 +1,5 @@
-"""Riccati equations of regulators and filters from weights and noise, and their gains as curves."""
+"""Riccati equations of regulators and filters, from weights and noise intensities, and the gains as
+curves."""
 
 from collections.abc import Callable, Mapping
 
@@ -21,7 +22,7 @@ Function = Callable[[Array], Array]
 def regulator(
     plant: Plant, Q: Weight, R: Weight, rtol: float, feedforward: bool
 ) -> tuple[Solved, Curve, Curve | None]:
-    """Solution X of the regulator's Riccati equation, curve of K, and curve of the feedforward."""
+    """Solution X of the regulator's Riccati equation, curve of the gain K, and curve of the feedforward."""
     weight, inputs = _state_weight(plant, Q), plant.system.inputs
     if isinstance(R, Mapping):
         numbers = named_numbers("R", R, inputs, positive=True)
@@ -67,7 +68,8 @@ def regulator(
 
 
 def _state_weight(plant: Plant, Q: Weight) -> Function:
-    """Q (k, N, N), from numbers by name as the sum of squares of rows."""
+    """Weight Q (k, N, N) as a function of the phase. A mapping gives the weights of squared states and
+    outputs by name."""
     if not isinstance(Q, Mapping):
         return matrix_function("Q", Q, plant.N, plant.system.period)
     plant.rows(list(Q), np.zeros(1))
@@ -82,7 +84,8 @@ def _state_weight(plant: Plant, Q: Weight) -> Function:
 
 
 def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, Curve, tuple[str, ...]]:
-    """Solution P of the filter's Riccati equation, curve of L, and the names of the measured quantities."""
+    """Solution P of the filter's Riccati equation, curve of the gain L, and names of the measured
+    quantities."""
     system = plant.system
     noise = _state_noise(plant, W)
     if isinstance(V, Mapping):
@@ -108,8 +111,8 @@ def filter_of(plant: Plant, W: Weight, V: Weight, rtol: float) -> tuple[Solved, 
 
 
 def _state_noise(plant: Plant, W: Weight) -> Function:
-    """Process-noise intensity W (k, N, N) as a function of the phase; a mapping gives intensities by name of
-    inputs and states."""
+    """Process-noise intensity W (k, N, N) as a function of the phase. A mapping gives the intensities of
+    inputs and states by name."""
     if not isinstance(W, Mapping):
         return matrix_function("W", W, plant.N, plant.system.period)
     inputs, states = plant.system.inputs, plant.states
@@ -137,7 +140,7 @@ def _solved(
 
 
 def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> PeriodicSystem:
-    """Equations e′ = (A − LC) e of the error of the estimates."""
+    """Equations e′ = (A − LC) e of the estimation error."""
 
     def matrices(phase: Array, speed: float) -> tuple[Array, Array]:
         here = Plant(plant.system, speed)

@@ -32,7 +32,7 @@ Coefficients = Callable[[Array], tuple[Array, Array, Array]]
 
 
 class Maps(NamedTuple):
-    """Steps as matrices A, G and H (m, N, N); G and H are symmetric."""
+    """Maps of steps: matrices A, G and H (m, N, N); G and H are symmetric."""
 
     A: Array
     G: Array
@@ -40,7 +40,7 @@ class Maps(NamedTuple):
 
     @property
     def pairs(self) -> "Maps":
-        """Maps of two steps each; an odd last step is followed by an empty one."""
+        """Maps of pairs of steps; the last step of an odd number is paired with the identity."""
         m, N, _ = self.A.shape
         if m % 2:
             zero = np.zeros((1, N, N))
@@ -48,7 +48,7 @@ class Maps(NamedTuple):
         return Maps(*(part[::2] for part in self)).then(Maps(*(part[1::2] for part in self)))
 
     def then(self, next_: "Maps") -> "Maps":
-        """Maps of these steps followed by others."""
+        """Maps of these steps followed by the steps in `next_`."""
         N, after = self.A.shape[-1], transposed(next_.A)
         right = np.concatenate((self.A, self.G @ after), axis=-1)
         middle = np.linalg.solve(np.eye(N) + self.G @ next_.H, right)
@@ -61,15 +61,16 @@ class Maps(NamedTuple):
 
     @property
     def dual(self) -> "Maps":
-        """Maps of the filter, whose solution at the starts, in reverse order, is that at the nodes."""
+        """Maps of the filter equation. Its solution at the starts of these steps, in reverse order, is that
+        of the filter at the nodes."""
         return Maps(transposed(self.A)[::-1], self.H[::-1], self.G[::-1])
 
     def closed(self, X: Array) -> Array:
-        """Maps (m, N, N) of the closed loop, for X (m, N, N) at the ends of the steps."""
+        """Maps (m, N, N) of the closed loop, from X (m, N, N) at the ends of the steps."""
         return np.linalg.solve(np.eye(self.A.shape[-1]) + self.G @ X, self.A)
 
     def before(self, X: Array) -> Array:
-        """X at the starts of the steps, for X (m, N, N) at their ends."""
+        """Solution X at the starts of the steps, from X (m, N, N) at their ends."""
         return symmetric(self.H + transposed(self.A) @ X @ self.closed(X))
 
 
@@ -84,7 +85,8 @@ def symmetric(A: Array) -> Array:
 
 
 def step_maps(coefficients: Coefficients, grid: Grid, order: int) -> Maps:
-    """Maps of the steps by the Gauss method of an order, from collocation with x₀ and λ₁ given."""
+    """Maps of the steps by the Gauss method of the given order: collocation with x₀ and λ₁ as given
+    values."""
     method = Gauss(order).collocation
     s, phases = len(method.c), grid.stages(np.array(method.c))
     sampled = coefficients(phases.ravel())
@@ -102,8 +104,8 @@ def step_maps(coefficients: Coefficients, grid: Grid, order: int) -> Maps:
 
 
 def _is_mechanical(A: Array, G: Array) -> bool:
-    """Whether the states are positions q and velocities v, q′ = T v with a constant diagonal T, and inputs
-    act through v′ only."""
+    """Whether the states are positions q and velocities v with q′ = T v and a constant diagonal T, and inputs
+    enter the equations of v′ only."""
     N = A.shape[-1]
     p = N // 2
     if N % 2 or A[:, :p, :p].any() or G[:, :p].any():
@@ -113,7 +115,8 @@ def _is_mechanical(A: Array, G: Array) -> bool:
 
 
 def _ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
-    """State at the end and costate at the start of m steps (m, 2N, 2N), by those at the other ends.
+    """Matrices (m, 2N, 2N) that give the state at the end and the costate at the start of m steps, from the
+    state at the start and the costate at the end.
 
     A, G and Q (m, s, N, N) at the stages are multiplied by the lengths of the steps."""
     m, s, N, _ = A.shape
@@ -131,7 +134,7 @@ def _ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
 
 
 def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> Array:
-    """`_ends` of systems of second order, from equations of half the size.
+    """As `_ends`, for second-order systems, from equations of half the size.
 
     The rates of the positions follow from the velocities, and those of their costates from the others.
     Unknowns are the rates w of v, and those μ of its costate backwards, at the stages. Given are the state at
@@ -141,7 +144,8 @@ def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> 
     square, sums = (weights @ weights)[:, None, :, None], weights.sum(axis=1)[:, None, None]
 
     def combined(by_q: Array, by_v: Array, by_costate: Array) -> tuple[Array, Array]:
-        """Combination of q, v and the costate of v at each stage, by the unknowns and by what is given."""
+        """Linear combination of q, v and the costate of v at each stage, in terms of the unknowns and the
+        given values."""
         moved, each = by_q * T[:, None, None, :], np.s_[:, :, :, None, :]
         unknown = np.empty((m, s, p, s, 2, p))
         unknown[..., 0, :] = moved[each] * square + by_v[each] * weights[:, None, :, None]
@@ -173,7 +177,8 @@ def _mechanical_ends(A: Array, G: Array, Q: Array, weights: Array, b: Array) -> 
 
 
 def periodic_solution(maps: Maps) -> Array | None:
-    """Stabilising periodic solution X (m+1, N, N) at the nodes; None if the doubling does not converge.
+    """Stabilising periodic solution X (m+1, N, N) at the nodes; None if the doubling algorithm does not
+    converge.
 
     The solution is corrected by Newton's method, whose periodic Lyapunov equation is the case G = 0."""
     with np.errstate(all="ignore"):
@@ -196,7 +201,8 @@ def periodic_solution(maps: Maps) -> Array | None:
 
 
 def _doubled(maps: Maps) -> Array | None:
-    """`periodic_solution` without corrections: products of steps in pairs, then doubling of the period."""
+    """As `periodic_solution`, without corrections: products of pairs of steps, then doubling of the
+    period."""
     levels = [maps]
     while len(levels[-1].A) > 1:
         levels.append(levels[-1].pairs)
@@ -214,7 +220,7 @@ def _doubled(maps: Maps) -> Array | None:
 
 
 def _after_many_periods(period: Maps) -> Array | None:
-    """Limit (1, N, N) of H for a growing number of periods; None without convergence."""
+    """Limit (1, N, N) of H for an increasing number of periods; None if it does not converge."""
     for _ in range(_MOST_DOUBLINGS):
         try:
             doubled = period.then(period)

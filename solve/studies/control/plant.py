@@ -1,4 +1,4 @@
-"""State space x′ = A x + B u + b of a system with inputs at a speed, and rows of its outputs."""
+"""State-space form x′ = A x + B u + b of a system with inputs at a speed, and rows of its outputs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from solve.system import PeriodicSystem, derivatives_of
 
 @dataclass(frozen=True)
 class Plant:
-    """A system at a speed in rad/s, with states x = (q, q̇) and derivatives by time."""
+    """System at a speed in rad/s, with states x = (q, q̇) and derivatives with respect to time."""
 
     system: PeriodicSystem
     speed: float
@@ -32,7 +32,7 @@ class Plant:
         return len(self.states)
 
     def dynamics(self, phase: Array) -> tuple[Array, Array, Array]:
-        """A (k, N, N), B (k, N, r) and b (k, N) at phases (k,)."""
+        """Matrices A (k, N, N) and B (k, N, r), and b (k, N), at phases (k,)."""
         system = self.system
         n, p = system.n, system.n - system.first_order
         M, C, K, d = system.at(phase, self.speed)
@@ -43,7 +43,7 @@ class Plant:
         return rate[..., :-1], B, rate[..., -1]
 
     def require_inputs(self) -> None:
-        """Raise ControlError for a system without inputs."""
+        """Raise ControlError if the system has no inputs."""
         if not self.system.inputs:
             raise ControlError(
                 f"{self.system.name} has no inputs; declare them, such as "
@@ -51,7 +51,7 @@ class Plant:
             )
 
     def rows(self, names: Sequence[str], phase: Array) -> Array:
-        """Rows C (k, y, N) of states and outputs by name at phases (k,), y = C x without constant terms.
+        """Rows C (k, y, N) at phases (k,) of the named states and outputs, y = C x without constant terms.
 
         Raises UnknownNameError, and ValueOutOfBoundsError for an output that depends on accelerations."""
         system = self.system
@@ -70,13 +70,13 @@ class Plant:
         return rows
 
     def _output_row(self, name: str, phase: Array) -> Array:
-        """Derivatives (k, N) of an output of a model by the states."""
+        """Derivatives (k, N) of a model's output with respect to the states."""
         state = reference_state(self.system, phase, self.speed)
         slopes = output_slopes(self.system, [name], phase, self.speed, state)[:, 0]
         if slopes[:, 0].any():
             raise ValueOutOfBoundsError(
-                f"{name} depends on accelerations, which inputs change at once; allowed: states and other "
-                f"outputs, such as {self.states[0]}"
+                f"{name} depends on accelerations, which the inputs change directly; allowed: states, and "
+                f"outputs without accelerations, such as {self.states[0]}"
             )
         return np.concatenate((slopes[:, 2], slopes[:, 1]), axis=-1)
 
@@ -88,13 +88,13 @@ def state_names(system: PeriodicSystem) -> tuple[str, ...]:
 
 
 def linear_outputs(system: PeriodicSystem) -> Sequence[str]:
-    """Outputs with derivatives by the states."""
+    """Names of the outputs that are differentiable with respect to the states."""
     return system.outputs if isinstance(system, Model) and not system.assembled else ()
 
 
 def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array:
-    """State q̈, q̇, q (3, n, k) about which outputs are linearised: that of the motion about which the
-    equations are linearised, otherwise 0."""
+    """State q̈, q̇, q (3, n, k) about which outputs are linearised: the motion about which the equations are
+    linearised, or 0."""
     if not isinstance(system, LinearisedModel):
         return np.zeros((3, system.n, len(phase)))
     return np.stack([speed**k * system.motion(phase, k) for k in (2, 1, 0)])
@@ -103,7 +103,7 @@ def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array
 def output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
+    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at a state (3, n, k)."""
     rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
     # A dependence uses derivatives by the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates

@@ -1,4 +1,4 @@
-"""Periodic solution of a Riccati equation to a tolerance, as a continuous curve with its error."""
+"""Periodic solution of a Riccati equation to a tolerance, as a continuous curve with its error estimate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -55,14 +55,15 @@ class Riccati:
     filters: bool = False
 
     def terms(self, phase: Array, X: Array) -> tuple[Array, Array, Array]:
-        """Linear, quadratic and constant term (k, N, N), whose sum is −dX/dt, or dX/dt of a filter."""
+        """Linear, quadratic and constant terms (k, N, N); their sum is −dX/dt for a regulator, dX/dt for a
+        filter."""
         A, G, Q = self.coefficients(phase)
         if self.filters:
             return 2 * symmetric(A @ X), -X @ Q @ X, G
         return 2 * symmetric(X @ A), -X @ G @ X, Q
 
     def slope(self, phase: Array, X: Array) -> Array:
-        """dX/dφ (k, N, N)."""
+        """Derivative dX/dφ (k, N, N)."""
         linear, quadratic, constant = self.terms(phase, X)
         return (linear + quadratic + constant) * ((1.0 if self.filters else -1.0) / self.speed)
 
@@ -77,7 +78,7 @@ class Riccati:
         return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
 
     def at_nodes(self, grid: Grid) -> Array:
-        """X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
+        """Solution X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
         unit, size = self._scales
 
         def by_phase(phase: Array) -> tuple[Array, Array, Array]:
@@ -98,7 +99,7 @@ class Riccati:
 
     @cached_property
     def _scales(self) -> tuple[Array, float]:
-        """Powers of 2 as units (N,) of the states, which balance A, and a size of X that balances G and Q.
+        """Units (N,) of the states, powers of 2, that balance A, and a scale of X that balances G and Q.
 
         Elimination would lose digits of states whose units differ by many powers of ten."""
         A, G, Q = self._sampled
@@ -108,23 +109,24 @@ class Riccati:
 
     @cached_property
     def _sampled(self) -> tuple[Array, Array, Array]:
-        """A, G and Q at phases over the period."""
+        """Samples of A, G and Q over the period."""
         return self.coefficients((np.arange(_PHASES) + 0.5) * (self.period / _PHASES))
 
     @property
     def _reason(self) -> str:
         if self.filters:
             return (
-                "the filter's Riccati equation has no stabilising solution: the measured outputs do not show "
-                "a mode that does not decay, or no noise excites one; measure more, or add noise in W"
+                "the filter's Riccati equation has no stabilising solution: a mode that does not decay is "
+                "not observable in the measured outputs, or no noise excites it; measure further outputs, "
+                "or add noise in W"
             )
         return (
-            "the Riccati equation has no stabilising solution: the inputs do not reach a mode that does not "
-            "decay, or Q does not weight one; add inputs, or weight more states"
+            "the Riccati equation has no stabilising solution: a mode that does not decay cannot be "
+            "controlled by the inputs, or has no weight in Q; add inputs, or weight more states"
         )
 
     def curve(self, steps: int) -> Curve:
-        """Upper triangle of X over the period, on a grid of about this number of steps."""
+        """Upper triangle of X over the period, on a grid of about `steps` steps."""
         grid = Grid.uniform(steps, self.period, self.breaks)
         X = self.at_nodes(grid)
         ends = grid.stages(np.array([0.0, 1.0])).T
@@ -134,8 +136,8 @@ class Riccati:
 
 
 class Solved(NamedTuple):
-    """Curve of the upper triangle of X, its error relative to √(X_ii X_jj), and the residual of the equation
-    relative to its largest term in the same units; grid of the curve."""
+    """Curve of the upper triangle of X with its grid, its error relative to √(X_ii X_jj), and the residual of
+    the equation relative to its largest term."""
 
     curve: Curve
     error: float
@@ -144,7 +146,7 @@ class Solved(NamedTuple):
 
 
 def solve_riccati(equation: Riccati, rtol: float) -> Solved:
-    """Periodic solution on grids refined until two agree to the tolerance, or no longer improve."""
+    """Periodic solution on grids that are refined until two agree to the tolerance or no longer improve."""
     steps, previous = equation.first_steps(rtol), np.inf
     curve, growth = equation.curve(steps), _GROWTH
     while True:
@@ -160,8 +162,8 @@ def solve_riccati(equation: Riccati, rtol: float) -> Solved:
 
 
 def _distance(coarse: Curve, fine: Curve) -> float:
-    """Largest difference of two solutions at and between the nodes of the coarse one, relative to √(X_ii
-    X_jj)."""
+    """Maximum difference between two solutions at and between the nodes of the coarse grid, relative to
+    √(X_ii X_jj)."""
     phase = (coarse.nodes[:-1, None] + coarse.h[:, None] * np.array([0.0, 0.5])).ravel()
     X = symmetric_of(fine(phase))
     unit = _units(X)
@@ -169,7 +171,8 @@ def _distance(coarse: Curve, fine: Curve) -> float:
 
 
 def _units(X: Array) -> Array:
-    """1/√X_ii (N,) for the largest diagonal entries over the period; 0 for entries that vanish."""
+    """Factors 1/√X_ii (N,) with the maxima of the diagonal entries over the period; 0 for entries that
+    vanish."""
     largest = np.einsum("kii->ki", X).max(axis=0)
     return np.divide(1.0, np.sqrt(np.abs(largest)), out=np.zeros_like(largest), where=largest > 0)
 
@@ -185,8 +188,8 @@ def _residual(equation: Riccati, curve: Curve) -> float:
 
 
 def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve:
-    """Hermite interpolant of values (m+1, T) and of slopes (m, T) at both ends of the steps, through the
-    nearest nodes between two jumps."""
+    """Hermite interpolant of values (m+1, T) and of the slopes (m, T) at both ends of the steps. It uses the
+    nearest nodes that are not separated by a jump."""
     m, D = grid.steps, 2 * _STENCIL
     coefficients = np.zeros((values.shape[1], m, D))
     bounds = [*np.flatnonzero(grid.at_break).tolist(), m]
@@ -212,7 +215,8 @@ def interpolated(grid: Grid, values: Array, starts: Array, ends: Array) -> Curve
 
 @cache
 def _hermite(first: int, count: int) -> Array:
-    """Matrix (2 count, 2 count) from values and slopes at the integers from `first` on to powers of θ.
+    """Matrix (2 count, 2 count) that maps values and slopes at the integers from `first` to coefficients of
+    powers of θ.
 
     Products of integers are exact; the inverse of a Vandermonde matrix would lose digits."""
     nodes = np.arange(first, first + count, dtype=float)
@@ -229,7 +233,7 @@ def _hermite(first: int, count: int) -> Array:
 
 
 def through_points(function: Callable[[Array], Array], grid: Grid) -> Curve:
-    """Curve of a function of phases (k,) with values (k, r), through Chebyshev's points of every step."""
+    """Curve of a function with values (k, r) at phases (k,), through Chebyshev points of every step."""
     theta = (1 - np.cos((np.arange(_POINTS) + 0.5) * np.pi / _POINTS)) / 2
     values = function(grid.stages(theta).ravel()).reshape(grid.steps, _POINTS, -1)
     return Curve.of(grid.nodes, np.swapaxes(values, 1, 2), _lagrange_powers(tuple(theta)))
@@ -237,7 +241,7 @@ def through_points(function: Callable[[Array], Array], grid: Grid) -> Curve:
 
 @cache
 def _lagrange_powers(theta: tuple[float, ...]) -> Array:
-    """Matrix from values at fractions of a step to powers of θ."""
+    """Matrix that maps values at fractions of a step to coefficients of powers of θ."""
     nodes = np.array(theta)
     columns = []
     for at, node in enumerate(nodes):

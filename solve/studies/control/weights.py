@@ -1,4 +1,4 @@
-"""Weights and covariances as functions of the phase: arrays, diagonals by name, or functions."""
+"""Weights and covariances as functions of the phase, from arrays, diagonals by name, or functions."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -43,7 +43,8 @@ def matrix_function(
 
 
 def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -> None:
-    """Raise ValueOutOfBoundsError unless matrices at some phases are suitable."""
+    """Raise ValueOutOfBoundsError unless the matrices are finite and symmetric with this shape, and positive
+    (semi)definite."""
     kind = "positive definite" if definite else "positive semidefinite"
     allowed = f"allowed: symmetric {kind} matrices {shape[1:]}, a function of phases, or numbers by name"
     if values.shape != shape:
@@ -58,8 +59,8 @@ def _require(name: str, values: Array, shape: tuple[int, ...], definite: bool) -
 def named_numbers(
     name: str, given: Mapping[str, float], allowed: Sequence[str], positive: bool
 ) -> dict[str, float]:
-    """Numbers by name. Raises UnknownNameError, and ValueOutOfBoundsError for negative numbers, and for zeros
-    where they must be positive."""
+    """Validate numbers by name. Raises UnknownNameError, and ValueOutOfBoundsError for negative numbers, or
+    for zeros if `positive`."""
     numbers = {}
     for key, value in given.items():
         require_name(f"{name}: name", key, allowed)

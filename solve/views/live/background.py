@@ -1,5 +1,5 @@
-"""Separate process for long calculations of the live window, so that sliders stay responsive and calculations
-can be cancelled at any time."""
+"""Separate process for long calculations of the live window. Sliders stay responsive, and calculations can be
+cancelled at any time."""
 
 import multiprocessing
 import pickle
@@ -21,7 +21,7 @@ _JOIN = 2.0
 
 
 class Work(Protocol):
-    """Calculation that can be sent to another process."""
+    """Calculation that can be sent to another process (protocol)."""
 
     def run(self) -> dict[str, Any]: ...
 
@@ -32,7 +32,7 @@ and its values."""
 
 
 class Background:
-    """Process that carries out one calculation at a time. It is started for the first calculation, and again
+    """Process that performs one calculation at a time. It is started for the first calculation, and again
     after a cancellation.
 
     Reports are delivered from a thread of this object.
@@ -51,7 +51,7 @@ class Background:
         return self._running
 
     def start(self, work: Work, report: Report) -> None:
-        """Start a calculation, after cancelling the one that is running."""
+        """Cancel the running calculation, if any, and start another."""
         self.cancel()
         content = pickle.dumps(work)
         with self._lock:
@@ -107,7 +107,7 @@ class Background:
 
 
 def _serve(connection: Any) -> None:
-    """Carry out calculations received from a connection until it is closed."""
+    """Perform the calculations received from a connection until it is closed."""
     # An interruption of the terminal reaches all its processes; the window ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
@@ -138,6 +138,6 @@ def _outcome(connection: Any, content: bytes) -> tuple[str, dict[str, Any]]:
 
 
 def internal_error(error: Exception) -> str:
-    """Sentence on an error that the user has not caused."""
+    """Sentence that reports an error not caused by the user."""
     cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
     return f"internal error, not caused by your input ({cause}); please report it"

@@ -1,4 +1,4 @@
-"""Sliders of the live window: ranges from the bounds of the model, and values typed with units."""
+"""Sliders of the live window: ranges from the bounds of the model, and typed values with units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -93,9 +93,9 @@ def _family(name: str) -> str:
 
 
 def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
-    """Initial speed in rad/s with its unit: the given one, else that of the case, else one well below the
-    lowest natural frequency. Raises SolveError subclasses for bad input, and MissingValueError without any
-    speed."""
+    """Initial speed in rad/s with its unit: the given one, otherwise that of the case, otherwise one well
+    below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
+    MissingValueError if no speed can be determined."""
     try:
         return speed_in_si(model.speed_or_usual(speed))
     except MissingValueError:
@@ -103,7 +103,7 @@ def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
             raise
     modes = [value for value in frequencies(model).values.ravel().tolist() if value > 0]
     if not modes:
-        raise MissingValueError(f'{model.name} names no speed; give one, such as --speed "600 rpm"')
+        raise MissingValueError(f'{model.name} states no speed; give a speed, such as --speed "600 rpm"')
     rpm = model.speed_unit.of(_BELOW_RESONANCE * min(modes))
     return speed_in_si(f"{rounded(rpm, 2)!r} {model.speed_unit.name}")
 
@@ -145,7 +145,7 @@ def parameter_range(value: float, bound: str, scale: float) -> Range:
 
 
 def _limits(conditions: Sequence[str]) -> tuple[float, float]:
-    """Lower and upper limits that follow from conditions; infinite where there is no condition."""
+    """Lower and upper limits implied by conditions; infinite where no condition applies."""
     relations = [text.split() for text in conditions if text != "integer"]
     lower = (float(limit) for relation, limit in relations if relation.startswith(">"))
     upper = (float(limit) for relation, limit in relations if relation.startswith("<"))
@@ -153,7 +153,7 @@ def _limits(conditions: Sequence[str]) -> tuple[float, float]:
 
 
 def widened(span: Range, value: float) -> Range:
-    """Range, widened if necessary so that it contains a value.
+    """Range, widened if necessary to contain a value.
 
     >>> widened(Range(1.0, 10.0), 12.0).high
     12.0
@@ -181,7 +181,7 @@ def number(value: float) -> str:
 
 
 def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
-    """Value of a typed text, in the unit of the slider.
+    """Value of a typed text in the unit of the slider.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
 
 
 def with_speed_unit(text: str, unit: ShownUnit) -> str:
-    """Text of a speed, with the unit of the slider if it has none."""
+    """Text of a speed, with the unit of the slider appended if it has no unit."""
     try:
         return f"{number(float(text))} {unit.name}"
     except ValueError:
@@ -227,8 +227,8 @@ def with_speed_unit(text: str, unit: ShownUnit) -> str:
 
 
 def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]:
-    """Values of parameters from the texts of the page: numbers in the units of the model, or texts with
-    unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
+    """Values of parameters from the texts of the page, which are numbers in the units of the model or texts
+    with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
     for name in texts:
         require_name(f"parameter of {model.name}", name, model.parameters)
     return {name: model.in_own_unit(name, text) for name, text in texts.items()}

@@ -1,4 +1,4 @@
-"""Mechanism in motion, as points that the page draws and interpolates."""
+"""Motion of the mechanism, as points that the page draws and interpolates."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -79,8 +79,8 @@ def _corners(lines: Sequence[Plane]) -> tuple[complex, complex]:
 def _visible_scale(
     solution: Solution, phase: Array, q: Array, rigid: Mapping[str, Plane], fineness: float
 ) -> float:
-    """Largest round magnification that does not visibly distort the mechanism, estimated from a third of the
-    frames."""
+    """Largest round magnification that does not visibly distort the mechanism, estimated from every third
+    frame."""
     if not q.any():
         return 1.0
     some, system, speed = slice(None, None, 3), solution.orbit.system, solution.orbit.speed

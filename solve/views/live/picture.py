@@ -1,4 +1,4 @@
-"""Solution at the current position of the sliders, as data for the page."""
+"""Solution at the current position of the sliders, converted to data for the page."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -45,7 +45,7 @@ class Solution:
 
     @property
     def span(self) -> float:
-        """Last phase of the curves in rad; the first is 0."""
+        """Last phase of the curves in rad; the first phase is 0."""
         period = self.orbit.system.period
         return period if self.free is None else FREE_PERIODS * period
 
@@ -64,7 +64,7 @@ class Solution:
         return CubicHermiteSpline(free.phase, free.q, free.qd / speed, axis=1)
 
     def curve(self, name: str, phase: Array) -> Array:
-        """Coordinate or output (k,) at phases (k,)."""
+        """Values (k,) of a coordinate or output at phases (k,)."""
         if self.free is None:
             return self.orbit.signal(name)(phase)
         if name in self.orbit.coordinates:
@@ -88,7 +88,7 @@ def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solut
 
 
 def record(solution: Solution, shown: Sequence[str]) -> dict[str, Any]:
-    """Data that are computed at every change of the sliders: curves and spectra of the quantities shown,
+    """Data that are recomputed at every change of the sliders: curves and spectra of the quantities shown,
     multipliers, verdict, errors and warnings."""
     orbit = solution.orbit
     values: dict[str, Any] = {
@@ -122,7 +122,7 @@ def details(solution: Solution) -> dict[str, Any]:
 
 
 def _curve(solution: Solution, name: str) -> dict[str, Any]:
-    """Curve of a quantity with its spectrum, in a prefixed unit."""
+    """Curve of a quantity with its spectrum, in a unit with prefix."""
     orbit = solution.orbit
     phase = np.linspace(0.0, solution.span, PHASES)
     values = solution.curve(name, phase)

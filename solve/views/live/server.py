@@ -81,7 +81,7 @@ class LiveServer:
         return f"http://{HOST}:{self.port}/{self.token}/"
 
     def session(self, send: Send, later: Later) -> Session:
-        """Session of a new window, run in the numerical thread."""
+        """Session of a new window, which runs in the numerical thread."""
         base = self._base or pickle.loads(pickle.dumps(self.model))
         self._base = base
         self.last = Session(base, self._origin, self._speed, send, later)
@@ -89,7 +89,7 @@ class LiveServer:
 
     @property
     def state(self) -> State:
-        """State of the window opened last; the initial state if no window is open yet."""
+        """State of the window opened last, or the initial state if none was opened."""
         if self.last is not None:
             return self.last.state
         return Session(self.model, self._origin, self._speed, *2 * [lambda *_: None]).state
@@ -119,12 +119,13 @@ class LiveServer:
             self.numerics.shutdown(wait=False, cancel_futures=True)
 
     def stop(self) -> None:
-        """End `serve`; may be called from any thread."""
+        """End `serve`. May be called from any thread."""
         if self.loop is not None and self._stop is not None and not self.loop.is_closed():
             self.loop.call_soon_threadsafe(self._stop.set)
 
     def allows(self, token: str, host: str) -> bool:
-        """Whether a request has the token, and is addressed to this machine by one of its own host names."""
+        """Whether a request contains the token and is addressed to this machine by one of its own host
+        names."""
         own = {f"{name}:{self.port}" for name in (HOST, "localhost")}
         return secrets.compare_digest(token.encode(), self.token.encode()) and host in own
 
@@ -167,7 +168,7 @@ class File(web.RequestHandler):
 
 class Page(websocket.WebSocketHandler):
     """Connection of one window. Solutions are computed in the numerical thread, sweeps and charts in a
-    separate process of the window."""
+    separate process per window."""
 
     def initialize(self, server: LiveServer) -> None:
         self._server, self._session = server, None
@@ -226,7 +227,7 @@ class Page(websocket.WebSocketHandler):
             self._server.numerics.submit(run)
 
     def _later(self, delay: float, work: Callable[[], None]) -> None:
-        """Run a calculation after a delay in seconds; may be called from any thread."""
+        """Run a calculation after a delay in seconds. May be called from any thread."""
         loop = self._server.loop
         if loop is not None and not loop.is_closed():
             loop.call_soon_threadsafe(loop.call_later, delay, self._run, work)
@@ -243,7 +244,7 @@ class Page(websocket.WebSocketHandler):
         self.send({"is": "survey", "outcome": kind, **values}, None)
 
     def send(self, values: Mapping[str, Any], points: bytes | None) -> None:
-        """Send a message and the points that belong to it; may be called from any thread."""
+        """Send a message with its points. May be called from any thread."""
         text = json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
         if self._server.loop is not None and not self._server.loop.is_closed():
             self._server.loop.call_soon_threadsafe(self._write, text, points)

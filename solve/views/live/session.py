@@ -1,4 +1,4 @@
-"""One window of the live page: its sliders, and answers to its messages."""
+"""State of one window of the live page: its sliders, and answers to its messages."""
 
 import math
 import threading
@@ -40,7 +40,7 @@ Later = Callable[[float, Callable[[], None]], object]
 
 
 class Replaced(BaseException):
-    """Signal that a newer request replaces the current one. It is not an Exception, because numerical code
+    """Raised when a newer request replaces the current one. It is not an Exception, because numerical code
     may convert exceptions."""
 
 
@@ -81,7 +81,7 @@ class Session:
             self._newest = max(self._newest, number)
 
     def hello(self) -> None:
-        """Send the model: sliders, quantities, and choices of sweeps and charts."""
+        """Send the description of the model: sliders, quantities, and choices of sweeps and charts."""
         model = self.base
         quantities = [
             {"name": name, "unit": model.units.get(name, ""), "meaning": model.meanings.get(name, "")}
@@ -106,7 +106,8 @@ class Session:
         )
 
     def check(self, message: Mapping[str, Any]) -> None:
-        """Check a typed value and send it in the unit of its slider, or the reason why it is refused."""
+        """Check a typed value, and send it in the unit of its slider, or send the reason why it is
+        invalid."""
         name, text = str(message.get("name")), str(message.get("text"))
         try:
             value = controls.typed(self.base, name, text, self.unit)
@@ -119,7 +120,7 @@ class Session:
 
     def solve(self, message: Mapping[str, Any]) -> None:
         """Solve at the position of the sliders and send curves, verdict and errors. The motion of the
-        mechanism and the details follow later, unless a newer request arrives."""
+        mechanism and the details are sent later, unless a newer request arrives."""
         number, started = int(message.get("number", 0)), time.perf_counter()
         with self._answering(number):
             self._require_newest(number)
@@ -145,7 +146,8 @@ class Session:
 
     @contextmanager
     def _answering(self, number: int) -> Iterator[None]:
-        """Context of an answer; if there is none, the reason is sent to the page."""
+        """Context manager for an answer. If an exception prevents the answer, its text is sent to the
+        page."""
         try:
             yield
         except Replaced:
@@ -154,7 +156,7 @@ class Session:
             self.send({"is": "fault", "number": number, "message": str(error)}, None)
 
     def _follow_up(self, number: int, step: Callable[[], None]) -> None:
-        """Carry out a further step of a solution, unless a newer request has come."""
+        """Perform a further step of a solution, unless a newer request has arrived."""
         if number == self._newest:
             with self._answering(number):
                 step()
@@ -173,7 +175,7 @@ class Session:
             raise Replaced
 
     def _report(self, number: int, next_time: list[float], tracker: progress.Tracker | None = None) -> None:
-        """Raise Replaced if a newer request has come; send the progress now and then."""
+        """Send the progress at intervals; raise Replaced if a newer request has arrived."""
         self._require_newest(number)
         now = time.monotonic()
         status = tracker.status(now) if tracker is not None and now >= next_time[0] else None
@@ -182,7 +184,7 @@ class Session:
             self.send({"is": "progress", "of": "solution", "number": number, **status._asdict()}, None)
 
     def _moved(self, message: Mapping[str, Any]) -> float:
-        """Set the state to the position of the sliders and return the speed in rad/s. Raises SolveError
+        """Set the state to the position of the sliders. Returns the speed in rad/s. Raises SolveError
         subclasses."""
         texts = {str(name): str(text) for name, text in (message.get("values") or {}).items()}
         text = controls.with_speed_unit(str(message.get("speed") or self.state.speed), self.unit)
@@ -213,12 +215,12 @@ class Session:
         return text.replace("solve.periodic(", "solve.nonlinear(") if message.get("nonlinear") else text
 
     def survey(self, message: Mapping[str, Any]) -> Survey:
-        """Sweep or chart that a page requests. Raises SolveError subclasses."""
+        """Compute a sweep or chart requested by the page. Raises SolveError subclasses."""
         speed = self._moved(message)
         return Survey.of_page(self.state.model, speed, self.unit, message)
 
     def save(self, message: Mapping[str, Any]) -> None:
-        """Save the state as a case, and send a confirmation or the reason why it is refused."""
+        """Save the state as a case, and send a confirmation, or the reason why it cannot be saved."""
         try:
             self._moved(message)
             text = save_case(self.state, str(message.get("case")), str(message.get("file")))

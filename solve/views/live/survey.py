@@ -1,5 +1,4 @@
-"""Sweeps and charts of the live window: requested by the page, computed in the background, returned as
-data."""
+"""Sweeps and charts of the live window, which the page requests and the background process computes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +25,7 @@ picture."""
 
 @dataclass(frozen=True)
 class Axis:
-    """Quantity that varies, with its values from `low` to `high` in the unit of its slider."""
+    """Varying quantity, with values from `low` to `high` in the unit of its slider."""
 
     name: str
     low: float
@@ -65,7 +64,7 @@ class Axis:
         return np.linspace(self.low, self.high, self.count)
 
     def own(self, unit: ShownUnit) -> Array:
-        """Values in the unit of the model; a speed in rad/s. unit: display unit of the speed."""
+        """Values in the unit of the model; speeds in rad/s. unit: display unit of the speed."""
         return self.values * unit.size if self.name == SPEED else self.values
 
     def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
@@ -84,7 +83,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Survey:
-    """Request for a sweep (y None) or a chart of a model.
+    """Request for a sweep (if y is None) or a chart of a model.
 
     speed: in rad/s, of the axes that do not vary it. unit: of the slider of the speed. of: quantity by name.
     """
@@ -111,7 +110,8 @@ class Survey:
         return cls(model, speed, unit, x, y, of.text)
 
     def run(self) -> dict[str, Any]:
-        """Result of the sweep or chart for the page, as a JSON object. Raises SolveError subclasses."""
+        """Compute the sweep or chart and convert it to a JSON object for the page. Raises SolveError
+        subclasses."""
         return self._sweep() if self.y is None else self._chart(self.y)
 
     def _sweep(self) -> dict[str, Any]:
@@ -165,7 +165,7 @@ class Survey:
         }
 
     def _values(self, of: Named, values: Array) -> dict[str, Any]:
-        """Values of the quantity in a prefixed unit, with their label."""
+        """Values of the quantity in a unit with prefix, with their label."""
         finite = values[np.isfinite(values)]
         factor, unit = prefixed(of.unit, float(np.abs(finite).max()) if len(finite) else 0.0)
         label = named("max_abs", of.subject) if of.figure == "max_abs" else of.text.replace("_", " ")
@@ -173,6 +173,6 @@ class Survey:
 
 
 def choices(model: Model) -> list[str]:
-    """Quantities by name that the page offers for sweeps and charts."""
+    """Quantities, by name, that the page offers for sweeps and charts."""
     names = [f"{name}.max_abs" for name in model.known_quantities()]
     return [*names, RADIUS] if model.vibrates else names

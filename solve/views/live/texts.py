@@ -1,4 +1,4 @@
-"""State of the live window as a command, as Python, and as a case of a case file."""
+"""State of the live window as a command, as Python code, and as a case of a case file."""
 
 import re
 import shlex
@@ -37,7 +37,7 @@ class Origin:
 
     @classmethod
     def of(cls, model: Model) -> "Origin":
-        """Origin of a loaded model, from the path of its generated code."""
+        """Origin of a loaded model, determined from the path of its generated code."""
         generated = Path(getattr(model.module, "__file__", None) or "")
         for argument in (model.name, (generated.parent.parent / generated.name).as_posix()):
             try:
@@ -48,7 +48,7 @@ class Origin:
         return cls()
 
     def stated(self, model: Model) -> Mapping[str, float]:
-        """Values of the parameters that the case states; empty for a model in memory."""
+        """Values of the parameters as stated in the case; empty for a model in memory."""
         if self.argument is None:
             return {}
         missing = missing_parameters(self.argument, model.case or None, self.cases, {})
@@ -70,7 +70,7 @@ class State:
 
     @property
     def set(self) -> dict[str, str]:
-        """Texts of the values that differ from those of the case."""
+        """Texts of the values that differ from the case."""
         stated, parameters = self.stated, self.model.parameters
         return {
             name: self.texts.get(name) or number(float(value))
@@ -112,7 +112,8 @@ class State:
         return f'import solve\n\n{load}\norbit = solve.periodic(model, "{self.speed}")\n'.replace("'", '"')
 
     def toml(self, name: str) -> str:
-        """Text of a case with this name and all parameters, for a case file. Raises ValueOutOfBoundsError."""
+        """Text of a case with this name and all parameters, in the format of a case file. Raises
+        ValueOutOfBoundsError."""
         if not _NAME.fullmatch(name):
             raise ValueOutOfBoundsError(
                 f"the case is named '{name}'; allowed: up to 40 letters, digits, - and _, such as 'stiff'"
@@ -122,7 +123,8 @@ class State:
         return head + "".join(f"{line}\n" for line in self._entries())
 
     def _entries(self) -> Iterator[str]:
-        """Lines of the case: one per parameter, or per family of numbered parameters with the same source."""
+        """Lines of the case, one per parameter, or one per family of numbered parameters with the same
+        source."""
         model, sources = self.model, self.model.parameter_sources
         rows = []
         for name, value in model.parameters.items():
@@ -141,7 +143,7 @@ class State:
 
 
 def save_case(state: State, name: str, file: str) -> str:
-    """Add a case to a case file and return a sentence that states its name and file.
+    """Add a case to a case file. Returns a sentence with the case name and the file.
 
     Parameters
     ----------
@@ -182,12 +184,12 @@ def save_case(state: State, name: str, file: str) -> str:
 
 
 def default_file(origin: Origin, model: Model) -> str:
-    """File to which cases are added unless another is named."""
+    """File to which cases are added by default."""
     return origin.cases or f"{model.name}_cases.toml"
 
 
 def _value(text: str) -> str:
-    """Text of a TOML value: a number unchanged, other text in quotes."""
+    """Text of a TOML value: numbers unchanged, other texts in quotes."""
     try:
         return number(float(text))
     except ValueError:
@@ -200,7 +202,8 @@ def _base(name: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Text in quotes if a shell would split it; double quotes, which Windows also accepts, if they suffice.
+    """Text, in quotes if a shell would split it. Double quotes are used if possible, because Windows accepts
+    them too.
 
     >>> _quoted("k=3 mm"), _quoted("$x"), _quoted("k=3")
     ('"k=3 mm"', "'$x'", 'k=3')

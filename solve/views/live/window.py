@@ -1,4 +1,4 @@
-"""The live window in Python and in notebooks, and as a command."""
+"""The live window, opened from Python, in notebooks, or by a command."""
 
 import asyncio
 import os
@@ -95,7 +95,7 @@ def explore(
     speed: float | str | None = None,
     port: int = 0,
 ) -> LiveWindow:
-    """Open the live window of a model: sliders for speed and parameters, with the solution next to them.
+    """Open the live window of a model: sliders for speed and parameters, beside the solution.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _checked(model: Model) -> Model:
 
 
 def server(model: Model, origin: Origin, speed: float | str | None = None, port: int = 0) -> "LiveServer":
-    """Server of a model, after a check that the first solution is possible. Raises the exceptions of
+    """Server of a model, started after a check that the first solution exists. Raises the exceptions of
     `explore`."""
     try:
         from solve.views.live.server import LiveServer
@@ -156,8 +156,8 @@ def server(model: Model, origin: Origin, speed: float | str | None = None, port:
 
 
 def run(live: "LiveServer", opens_browser: bool) -> None:
-    """Run the server until Ctrl-C or until the page stops it; print the address in one line when the page is
-    ready."""
+    """Run the server until Ctrl-C, or until the page stops it. The address is printed on one line when the
+    page is ready."""
 
     def ready() -> None:
         print(f"{live.model.name}: {live.address} (Ctrl-C ends)", flush=True)
@@ -170,7 +170,7 @@ def run(live: "LiveServer", opens_browser: bool) -> None:
 
 @contextmanager
 def _ended_by_interruption(stop: Callable[[], None]) -> Iterator[None]:
-    """Context in which Ctrl-C and a termination signal stop the server properly."""
+    """Context manager in which Ctrl-C and a termination signal stop the server properly."""
 
     def interrupt(_: int, __: FrameType | None) -> None:
         stop()
@@ -184,7 +184,7 @@ def _ended_by_interruption(stop: Callable[[], None]) -> Iterator[None]:
 
 
 def _has_screen() -> bool:
-    """Whether a browser with a window can be opened; a text browser would occupy the terminal."""
+    """Whether a browser with a window can be opened. A text browser would occupy the terminal."""
     if sys.platform in ("win32", "darwin"):
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -74,7 +74,7 @@ def test_bilateral_contact_is_the_default():
     one, two = (solve.periodic(each, "100 rpm") for each in (cam, other))
     assert np.array_equal(one.q, two.q)
     assert one.statistics("gap").max <= 0
-    assert not any("linear answer uses its slope" in text for text in one.warnings)
+    assert not any("linear results use its slope" in text for text in one.warnings)
     assert one.statistics("in_contact").min == 1
 
 

@@ -129,7 +129,7 @@ def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, monkeypa
 
 def test_missing_speed_raises_an_error(capsys):
     assert run(["--plot", "bent.png"]) == 2
-    assert "names no speed; give one, such as --speed" in capsys.readouterr().err
+    assert "states no speed; give a speed, such as --speed" in capsys.readouterr().err
 
 
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "coupler.md"

@@ -40,7 +40,7 @@ BAD = {
     "parameter twice": ((*CAM, "--set", "k1=1", "--set", "k1=2"), ("k1 twice",)),
     "option of the model as a flag": ((*CAM, "--k1", "3"), ("--k1", "--option k1=VALUE or --set k1=NUMBER")),
     "option without value": ((*CAM, "--option", "load"), ("'load'", "--option NAME=VALUE")),
-    "no speed": (("periodic", "cam"), ("names no speed", "--speed")),
+    "no speed": (("periodic", "cam"), ("states no speed", "--speed")),
     "speed without unit": (("periodic", "cam", "--speed", "600"), ("'600'", "no unit", "'600 rpm'")),
     "speed in another unit": (("periodic", "cam", "--speed", "600 kg"), ("'kg'", "rad/s")),
     "speed zero": (("periodic", "cam", "--speed", "0 rpm"), ("0 rpm", "> 0")),
@@ -86,7 +86,7 @@ BAD = {
     ),
     "report without a speed": (
         ("report", "cam", "--speeds", "1:2:3 rad/s", "--out", "cam.html"),
-        ("names no speed", "--speed"),
+        ("states no speed", "--speed"),
     ),
     "animation without a file": (("animate", "cam", *SPEED), ("--out cam.gif",)),
     "animation of unknown kind": (
@@ -123,7 +123,7 @@ BAD = {
         ("export", "cam", *SPEED, "--out", "none/cam.mat"),
         ("none/cam.mat", "no folder"),
     ),
-    "export without a speed": (("export", "cam", "--out", "cam.mat"), ("names no speed", "--speed")),
+    "export without a speed": (("export", "cam", "--out", "cam.mat"), ("states no speed", "--speed")),
     "export at no phases": (
         ("export", "cam", *SPEED, "--out", "cam.mat", "--samples", "0"),
         ("samples is 0", "at least 1"),

@@ -161,7 +161,7 @@ BAD = {
     "a turn where there is none": (("portal_frame", "--turn", "4"), ("is a structure at rest",)),
     "no frequency": (("four_bar", "--count", "0"), ("count is 0", "1 … 9")),
     "too many": (("portal_frame", "--count", "4"), ("count is 4", "1 … 3")),
-    "a turn of one position": (("four_bar", "--turn", "1"), ("turn of 1", "2 or more")),
+    "a turn of one position": (("four_bar", "--turn", "1"), ("turn is 1", "2 or more")),
     "over an unknown parameter": (("four_bar", "--over", "L5=1:2:3"), ("'L5'", "did you mean")),
     "over two parameters": (
         ("four_bar", "--over", "L2=0.3:0.4:2", "--over", "L3=0.5:0.6:2"),

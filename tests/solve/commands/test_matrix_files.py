@@ -35,7 +35,7 @@ def test_matrices_are_solved_and_their_modes_followed(tmp_path, command):
     [
         (("none.*.lin",), "no file matches"),
         (("none.mat",), "there is no file"),
-        (("k.npz",), "names no speed"),
+        (("k.npz",), "states no speed"),
         (("k.npz", "--set", "k=1"), "leave out --set"),
         (("k.npz", "--case", "1"), "leave out --case"),
         (("text.nc",), "cannot be read"),

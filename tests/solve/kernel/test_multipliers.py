@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from solve import floquet
 from solve.arguments import SMALL
-from solve.kernel.multipliers import conditioned, eigenvalues
+from solve.kernel.multipliers import eigenvalues, eigenvalues_with_conditions
 from solve.period.eigenvalues import balance_matrices, multiplier_roundoff
 from solve.period.multipliers import Multipliers
 from tests.solve.kernel.test_eigenvalues import apart
@@ -21,7 +21,7 @@ SIZES = [2, 4, 6, 10, 2 * SMALL]
 
 def solved(matrices):
     """Those of matrices (P, N, N), their units found in NumPy."""
-    made = conditioned(matrices, balance_matrices(matrices)[1])
+    made = eigenvalues_with_conditions(matrices, balance_matrices(matrices)[1])
     assert made is not None
     return made
 

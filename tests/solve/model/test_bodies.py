@@ -164,7 +164,7 @@ def test_a_stated_hash_is_checked(tmp_path):
     write_case(tmp_path, given("beam.npz", f', sha256 = "{digest[:16]}"'))
     assert solve.load(file).n == 5
     write_case(tmp_path, given("beam.npz", f', sha256 = "{"0" * 16}"'))
-    with pytest.raises(CaseFileError, match=f"is {digest}; the case states '0000"):
+    with pytest.raises(CaseFileError, match=f"is {digest}, but the case states '0000"):
         solve.load(file)
 
 

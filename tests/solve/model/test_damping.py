@@ -120,7 +120,7 @@ def test_damping_follows_jumps_of_the_stiffness():
 
 
 def test_a_negative_stiffness_has_no_modes():
-    with pytest.raises(MatricesError, match="K is not symmetric or not positive"):
+    with pytest.raises(MatricesError, match="K is not symmetric, or not positive semidefinite"):
         solve.periodic(solve.load(chain(), e=2.5, zeta1=0.02, zeta2=0.05, **NUMBERS), 3.0)
 
 

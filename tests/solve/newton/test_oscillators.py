@@ -152,7 +152,7 @@ def test_every_multiplier_of_a_strongly_damped_oscillator():
 
 
 def test_only_linear_results_warn_of_neglected_terms():
-    model, left = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4), "the linear answer ignores it"
+    model, left = model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.4), "linear results ignore it"
     nonlinear = solve.nonlinear(model, 1.6)
     results = (
         (True, solve.periodic(model, 1.6)),

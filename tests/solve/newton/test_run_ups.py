@@ -227,9 +227,9 @@ def test_run_up_starts_on_an_orbit_and_can_be_resumed(tmp_path):
         ({"speed": 3.0, "speeds": "0:3 rad/s"}, ValueOutOfBoundsError, "give one speed, or two"),
         ({"speeds": "0:0 rad/s"}, UnitError, "give two, such as '0:600 rpm', not both 0"),
         ({"speeds": "0:3:5 rad/s"}, UnitError, "give two"),
-        ({"speeds": "0:3"}, UnitError, "give two|no unit"),
+        ({"speeds": "0:3"}, UnitError, "give two|without a unit"),
         ({"speeds": "-3:3 rad/s"}, ValueOutOfBoundsError, "speed is -3 rad/s; allowed: finite, 0 or more"),
-        ({"speeds": "0:3 rad/s", "start": "orbit"}, ValueOutOfBoundsError, "has no orbit to start from"),
+        ({"speeds": "0:3 rad/s", "start": "orbit"}, ValueOutOfBoundsError, "there is no orbit at speed 0"),
     ],
 )
 def test_bad_input_is_refused(given, error, words):

@@ -378,7 +378,9 @@ def test_duplicate_rows_are_reported(file):
 
 
 def test_fewer_values_than_parameters_are_refused(file):
-    with pytest.raises(ValueOutOfBoundsError, match="values measured: 1, parameters free: 1; free fewer"):
+    with pytest.raises(
+        ValueOutOfBoundsError, match="1 measured values are too few for 1 free parameters; free fewer"
+    ):
         solve.fit(model(), file(curve()[:1]), ["k"])
 
 

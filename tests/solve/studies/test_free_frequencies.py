@@ -149,5 +149,5 @@ def test_the_summary_gives_growth_rates_per_second():
     mathieu = solve.load("mathieu", delta=0.5, epsilon=1.0)
     (growing,) = solve.frequencies(mathieu, np.pi / 2).growth_rates[0]
     summary = Findings(solve.frequencies(mathieu, np.pi / 2)).summary
-    assert summary.endswith(f"standing still: none. Growth rates: {growing:.4g} 1/s.")
-    assert Findings(solve.frequencies(mathieu)).summary.endswith("standing still: 0.1949 Hz.")
+    assert summary.endswith(f"at standstill: none. Growth rates: {growing:.4g} 1/s.")
+    assert Findings(solve.frequencies(mathieu)).summary.endswith("at standstill: 0.1949 Hz.")

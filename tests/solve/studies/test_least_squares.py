@@ -70,7 +70,7 @@ def test_a_start_at_a_minimum_is_reported_unless_it_fits_exactly():
 @pytest.mark.parametrize("problem", [Root(1.0, T, broken=True), Root(4.0, np.full(len(T), np.inf))])
 def test_a_non_finite_start_is_refused_with_its_values(problem):
     with pytest.raises(
-        NoResultError, match=r"starts from x = .* m, where .* are not finite; start elsewhere"
+        NoResultError, match=r"starts from x = .* m, where .* are not finite; start from other values"
     ):
         minimise(problem, FREE, False)
 

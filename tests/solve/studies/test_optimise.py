@@ -110,7 +110,7 @@ def test_bound_on_another_quantity_is_active(model):
 
 def test_requirements_that_no_design_fulfils_are_reported(model):
     found = solve.optimise(model, "q.max_abs", {"k": (8.0, 10.0)}, 0.5, subject=["q.max < 0.01"])
-    assert any("no design that fulfils all requirements" in warning for warning in found.warnings)
+    assert any("no design was found that fulfils all requirements" in warning for warning in found.warnings)
 
 
 def test_unstable_start_becomes_stable():

@@ -187,7 +187,7 @@ def test_a_point_over_parameters_fails_alone():
 @pytest.mark.parametrize(
     ("speeds", "over", "error", "message"),
     [
-        (None, {"k1": [1.0]}, MissingValueError, "no speeds given, and the case names none; give some"),
+        (None, {"k1": [1.0]}, MissingValueError, "no speeds given, and the case states none; give speeds"),
         (None, None, ValueOutOfBoundsError, "speeds are None; give a sequence of numbers in rad/s"),
         (50.0, {"k9": [1.0]}, UnknownNameError, "unknown quantity of cam 'k9'; did you mean 'k"),
         (50.0, {"k1": [-1.0, 1.0]}, ValueOutOfBoundsError, "k1 .* is -1 N m/rad; allowed: > 0"),

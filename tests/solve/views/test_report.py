@@ -159,7 +159,7 @@ def test_each_orbit_is_solved_once(undrawn, monkeypatch):
 
 
 def test_impossible_sections_are_omitted_with_a_reason(driven, mathieu, frame):
-    for heading in ("Vibration by the nonlinear equations", "Validity of the linear answer"):
+    for heading in ("Vibration by the nonlinear equations", "Validity of the linear model"):
         assert "nonlinear equations" in driven.missing[heading]
     assert "differentiated" in driven.missing["What matters most"]
     assert "has no load" in mathieu.missing["Response over speed"]
@@ -183,7 +183,7 @@ def test_a_machine_that_the_load_drives_has_no_vibration_to_report():
     machine.force(T * (1 + cos(machine.phase)), along=q1)
     system = solve.load(machine, J=1.0, k=3.0, k3=0.5, T=2.0)
     report = solve.report(system, "1:2:3 rad/s", "1.5 rad/s")
-    vibration = {"Response over speed", "Critical speeds", "Validity of the linear answer"}
+    vibration = {"Response over speed", "Critical speeds", "Validity of the linear model"}
     assert vibration | {"Vibration and stability"} <= report.missing.keys()
     assert all("mean torque" in report.missing[heading] for heading in vibration)
     assert "the periodic motion is" not in report.html
@@ -254,7 +254,7 @@ def test_a_file_is_written_whole_or_not_at_all(frame, tmp_path):
 
 
 def test_a_model_that_moves_needs_a_speed_and_speeds():
-    with pytest.raises(MissingValueError, match="names no speed"):
+    with pytest.raises(MissingValueError, match="states no speed"):
         solve.report(solve.load("cam"), "60:61:2 rad/s")
     with pytest.raises(MissingValueError, match="no speeds given"):
         solve.report(solve.load("cam"), speed="60 rad/s")
