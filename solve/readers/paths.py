@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from solve.readers.arrays import Read
-from solve.readers.formats import read_mat, read_netcdf, read_npz
+from solve.readers.formats import read_mat, read_netcdf, read_npz, read_op4
 from solve.readers.matrix_market import read_matrix_market
 from solve.readers.openfast import read_openfast
 
@@ -15,6 +15,7 @@ READERS: dict[str, Callable[..., Any]] = {
     ".npz": read_npz,
     ".nc": read_netcdf,
     ".mtx": read_matrix_market,
+    ".op4": read_op4,
 }
 """Readers by the ending of a path or pattern."""
 
