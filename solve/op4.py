@@ -160,11 +160,11 @@ def _read_text(lines: Iterator[str]) -> dict[str, Array]:
     for line in lines:
         if not line.strip():
             continue
-        integers = [int(line[8 * k : 8 * k + 8]) for k in range(4)]
+        columns, rows, form, kind = (int(line[8 * k : 8 * k + 8]) for k in range(4))
         found = _FORMAT.search(line[40:])
         if found is None:
             raise ValueError(f"no format in {line!r}")
-        header = _Header(*integers, line[32:40].strip().upper()).checked()
+        header = _Header(columns, rows, form, kind, line[32:40].strip().upper()).checked()
         source = _Text(lines, int(found[1]), int(found[2]))
         matrix, words = header.zeros(), (1 if header.is_single else 2, header.integers_per_string)
         while True:
@@ -213,8 +213,9 @@ def _read_binary(content: bytes, order: str, size: int) -> dict[str, Array]:
     integer, matrices = np.dtype(f"{order}i{size}"), {}
     records = _records(content, order)
     for record in records:
-        integers = np.frombuffer(record, integer, 4).tolist()
-        header = _Header(*integers, record[4 * size :].decode("ascii").strip(" \0").upper()).checked()
+        columns, rows, form, kind = np.frombuffer(record, integer, 4).tolist()
+        name = record[4 * size :].decode("ascii").strip(" \0").upper()
+        header = _Header(columns, rows, form, kind, name).checked()
         real = np.dtype(f"{order}f{size if header.is_single else 8}")
         per_number = real.itemsize // size
         matrix, words = header.zeros(), (per_number, header.integers_per_string)

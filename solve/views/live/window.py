@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from solve.arguments import first_is
 from solve.errors import MissingLibraryError
@@ -129,14 +129,14 @@ def explore(
     >>> window.close()
     """
     if isinstance(model, str):
-        model, origin = load(model), Origin(model)
+        loaded, origin = _checked(load(model)), Origin(model)
     else:
-        model, origin = _checked(model), Origin.of(model)
-    return LiveWindow(server(model, origin, speed, port))
+        loaded, origin = _checked(model), Origin.of(model)
+    return LiveWindow(server(loaded, origin, speed, port))
 
 
 @first_is(Model, such_as="solve.load('cam')")
-def _checked(model: Model) -> Model:
+def _checked(model: Any) -> Model:
     return model
 
 

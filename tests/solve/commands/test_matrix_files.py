@@ -36,8 +36,8 @@ def test_matrices_are_solved_and_their_modes_followed(tmp_path, command):
         (("none.*.lin",), "no file matches"),
         (("none.mat",), "there is no file"),
         (("k.npz",), "names no speed"),
-        (("k.npz", "--set", "k=1"), "leave out --set"),
-        (("k.npz", "--case", "1"), "leave out --case"),
+        (("k.npz", "--set", "k=1"), "leave out k"),
+        (("k.npz", "--case", "1"), "no parameters, cases or options; leave out case"),
         (("text.nc",), "cannot be read"),
     ],
 )
