@@ -13,10 +13,19 @@ _MOST_SPEEDS = 256
 class UnitSystem(OfSource, FirstOrderSystem):
     """Small deviations of a unit from its periodic motion at any speed.
 
-    Attributes
+    Parameters
     ----------
     linearised : callable
-        Linearisation at a speed in rad/s, and whether its azimuths resolve the matrices.
+        Function of a speed in rad/s that returns the linearisation, and whether its azimuths resolve the
+        matrices.
+    states : sequence of str
+        Names of the states.
+    signals : tuple
+        Names of the inputs, and of the outputs.
+    period : float
+        Period in phase.
+    source : Source
+        Labels of the unit.
     """
 
     def __init__(
