@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from html import escape
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from solve.arguments import first_is
-from solve.errors import MissingLibraryError
+from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.model.model import Model
+from solve.system import PeriodicSystem
 from solve.units import GivenSpeed
 from solve.views.live.controls import first_speed
 from solve.views.live.texts import Origin
@@ -129,18 +130,18 @@ def explore(
     >>> window.close()
     """
     if isinstance(model, str):
-        loaded, origin = _checked(load(model)), Origin(model)
-    else:
-        loaded, origin = _checked(model), Origin.of(model)
-    return LiveWindow(server(loaded, origin, speed, port))
+        return LiveWindow(server(load(model), Origin(model), speed, port))
+    return LiveWindow(server(model, Origin.of(_checked(model)), speed, port))
 
 
 @first_is(Model, such_as="solve.load('cam')")
-def _checked(model: Any) -> Model:
+def _checked(model: Model) -> Model:
     return model
 
 
-def server(model: Model, origin: Origin, speed: float | str | None = None, port: int = 0) -> "LiveServer":
+def server(
+    model: PeriodicSystem, origin: Origin, speed: float | str | None = None, port: int = 0
+) -> "LiveServer":
     """Server of a model, after a check that the first solution is possible. Raises the exceptions of
     `explore`."""
     try:
@@ -149,6 +150,10 @@ def server(model: Model, origin: Origin, speed: float | str | None = None, port:
         if (error.name or "").partition(".")[0] != "tornado":
             raise
         raise MissingLibraryError.of_extra("the live window", "Tornado", "explore") from None
+    if not isinstance(model, Model):
+        raise ValueOutOfBoundsError(
+            f"'{model.name}' has no generated equations; the live window needs a mechanism, such as cam"
+        )
     if model.vibrates:
         model.require_motion()
     omega: GivenSpeed = first_speed(model, speed)
