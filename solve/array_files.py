@@ -1,4 +1,4 @@
-"""Named arrays in files: MATLAB .mat, NumPy .npz, netCDF, and matrices in Matrix Market files."""
+"""Named arrays in files: .mat, .npz, netCDF and .op4; and matrices in Matrix Market files."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import FileError
+from solve.op4 import op4_matrices
 
 _LARGEST = 5000
 """Maximum number of rows of a Matrix Market file: matrices are held dense. A choice."""
@@ -26,8 +27,9 @@ def named_arrays(file: Path, ending: str = "") -> Mapping[str, Any]:
     kind = file.suffix.lower()
     try:
         return ENDINGS[kind](file)
-    except FileError:
-        raise
+    except FileError as error:
+        message = str(error)
+        raise FileError(message if str(file) in message else f"'{file}': {message}") from None
     except PermissionError:
         raise FileError(f"'{file}' cannot be read; its permissions do not allow it") from None
     except Exception:  # Libraries raise many kinds of exceptions for a damaged file.
@@ -92,5 +94,6 @@ ENDINGS: dict[str, Callable[[Path], Mapping[str, Any]]] = {
     ".mat": _mat_arrays,
     ".npz": _npz_arrays,
     ".nc": _nc_arrays,
+    ".op4": op4_matrices,
 }
 """Endings of files with named arrays."""

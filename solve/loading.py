@@ -1,4 +1,4 @@
-"""Loading of models by name, from a mechanism file, or from a mechanism in memory."""
+"""Loading of models by name or path, from a mechanism in memory, and of systems from other files."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -17,6 +17,8 @@ from solve.model.cases import Case, chosen_case
 from solve.model.generated import EQUATIONS, kind_of, model_files, model_module, module_of
 from solve.model.model import Model
 from solve.model.setup import Setup
+from solve.readers.files import is_system_file
+from solve.system import PeriodicSystem
 
 
 class Derivable(Protocol):
@@ -60,18 +62,20 @@ def load(
     options: Mapping[str, Any] | None = None,
     reduce: int | None = None,
     **parameters: Any,
-) -> Model:
-    """Load the system of a model and a case.
+) -> Model | PeriodicSystem:
+    """Load the system of a model and a case, or of a file.
 
     Parameters
     ----------
     model : str, Mechanism or callable
         Name, path of a mechanism file, or, without files, a `derive.Mechanism` or a function that returns
-        one. A mechanism in memory is derived once.
+        one. A mechanism in memory is derived once. Or a path or pattern of files of matrices, of an FMU, or
+        of Python code that defines a system by the name `system`; the code of both is executed.
     case : str or int, optional
         Case of the case file; the first by default.
     options : mapping, optional
-        Options of the model; they may also be given by name among the parameters.
+        Options of the model; they may also be given by name among the parameters. Files `.lin` and `.fmu`
+        have the option "exclude", names of states; FMUs also "drive", see `read_fmu`.
     reduce : int, optional
         Number of modes retained per link of a beam structure. Results then state the error of the reduction.
     **parameters : float or str
@@ -79,11 +83,13 @@ def load(
 
     Returns
     -------
-    Model
-        Model with its numbers.
+    Model or PeriodicSystem
+        Model with its numbers, or the system of a file.
 
     Raises
     ------
+    FileError
+        For files of matrices and FMUs that cannot be read.
     UnknownNameError, CaseFileError, MissingValueError, UnitError, ValueOutOfBoundsError
         For invalid names, files or numbers.
     ModelFileError
@@ -94,6 +100,10 @@ def load(
     >>> load("mathieu", delta=1.5).parameters["delta"]
     1.5
     """
+    if isinstance(model, str) and is_system_file(model):
+        from solve.readers.paths import read
+
+        return read(model, options or {}, parameters, case=case, reduce=reduce)
     module, file = _module_and_cases(model)
     declared = _options_of(module)
     chosen_options = {name: value for name, value in parameters.items() if name in declared}

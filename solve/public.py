@@ -23,7 +23,7 @@ from solve.period.quantities import statistics as signal_statistics
 from solve.proof.prove import prove
 from solve.proof.result import Proof
 from solve.readers.fmu import read_fmu
-from solve.readers.formats import read_mat, read_netcdf, read_npz
+from solve.readers.formats import read_mat, read_netcdf, read_npz, read_op4
 from solve.readers.matrix_market import read_matrix_market
 from solve.readers.openfast import read_openfast
 from solve.results.bands import Band
@@ -137,6 +137,7 @@ __all__ = [
     "read_matrix_market",
     "read_netcdf",
     "read_npz",
+    "read_op4",
     "read_openfast",
     "report",
     "scatter",

@@ -98,6 +98,10 @@ class PeriodicSystem(Labels):
     samples: Samples | None = None
     """Samples from which the matrices are interpolated; None for other systems."""
 
+    builder: Callable[[Mapping[str, float]], Any] | None = None
+    """Function that builds the system for values of its parameters; None for systems without parameters, and
+    for models, which vary their setup."""
+
     derivatives: Any = None
     """Derivatives with respect to parameters, `ParameterDerivatives`; None without generated equations."""
 
@@ -261,8 +265,10 @@ class PeriodicSystem(Labels):
     ) -> Self:
         """System with changed parameters or options. Raises UnknownNameError."""
         for name in (*(parameters or {}), *(options or {})):
-            require_name(f"parameter or option of {self.name}", name, [])
-        return self
+            require_name(f"parameter or option of {self.name}", name, self.parameters)
+        if self.builder is None or not parameters:
+            return self
+        return self.builder({**self.parameters, **parameters})
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         """Raise ValueOutOfBoundsError for values outside the bounds of their parameters."""

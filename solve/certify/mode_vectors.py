@@ -27,6 +27,9 @@ from solve.period.product_eigenvalues import (
 _PHASES = 32
 """Phases of the mean of M. A choice."""
 
+_SAME_NODE = 1e-12
+"""Distance of nodes in rad that counts as round-off. A choice: some thousand times the unit round-off."""
+
 SURE = 10.0
 """Ratio of a difference of exponents that counts to their errors, which are estimates: a choice."""
 
@@ -80,10 +83,20 @@ class ModeVectors:
         return bool((upper <= ALIASED * power.sum(axis=1)).all())
 
     def power(self, harmonics: Array) -> Array:
-        """Power |p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
-        waves = self.weights[:, None] * np.exp(-1j * np.outer(self.nodes, harmonics))
-        amplitudes = np.tensordot(self.parts[:, : len(self.inertia)], waves, axes=(0, 0))
-        return np.swapaxes(np.abs(amplitudes) ** 2 * self.inertia[:, None, None], 0, 1)
+        """|p_h|² (k, n, h) of the harmonics h of the coordinates, weighted by their inertia."""
+        coordinates, m = self.parts[:, : len(self.inertia)], len(self.nodes)
+        if self._is_uniform:
+            amplitudes = np.fft.fft(coordinates, axis=0)[harmonics % m] / m
+        else:
+            waves = self.weights[:, None] * np.exp(-1j * np.outer(self.nodes, harmonics))
+            amplitudes = np.tensordot(waves, coordinates, axes=(0, 0))
+        return np.moveaxis(np.abs(amplitudes) ** 2 * self.inertia[:, None], (0, 1, 2), (2, 1, 0))
+
+    @property
+    def _is_uniform(self) -> bool:
+        """Whether the nodes divide the period evenly, so that a fast Fourier transform applies."""
+        uniform = np.arange(len(self.nodes)) * (2 * math.pi / len(self.nodes))
+        return bool(np.abs(self.nodes - uniform).max() <= _SAME_NODE)
 
     def distances(self, others: Array) -> Array:
         """Distances (k, j) of the exponents from `others` (j,), with imaginary parts modulo 2π/T."""

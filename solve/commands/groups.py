@@ -16,13 +16,13 @@ import typer
 from solve.commands.parse import assignments, integer, number, quantities, spread
 from solve.errors import DesiredMotionError, MissingValueError, ValueOutOfBoundsError
 from solve.labels import SPEED
-from solve.loading import case_numbers, missing_parameters, model_of, parameter_units, setup_of
+from solve.loading import case_numbers, load, missing_parameters, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import REDUCE, measured
 from solve.model.cases import Case
 from solve.model.model import Model
 from solve.model.setup import Setup
-from solve.readers.files import is_matrix_file
+from solve.readers.files import is_system_file
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
 from solve.units import speeds_in_si
@@ -154,31 +154,25 @@ class Problem(Numbers):
         str,
         typer.Argument(
             metavar="MODEL",
-            help="A model's name, the path of a mechanism file (.py), or matrices: a path or pattern "
-            "(.lin, .mat, .npz, .nc, .mtx).",
+            help="A model's name, the path of a mechanism file or of a system in Python (.py), or a path or "
+            "pattern of matrices (.lin, .mat, .npz, .nc, .mtx, .op4) or an FMU (.fmu).",
         ),
     ]
 
     def loaded(self, still: bool = False, rigid: bool = False, varied: Varied = _NONE) -> Any:
-        """Model named by the user, see `Numbers.of`, or system read from files of matrices. Raises SolveError
-        subclasses."""
-        if not is_matrix_file(self.model):
+        """Model that the user names, see `Numbers.of`, or system of other files, see `solve.load`. Raises
+        SolveError subclasses."""
+        if not is_system_file(self.model):
             return self.of(self.model, still, rigid, varied)
-        flags = {name: value for name, value in vars(self).items() if name != "model" and value is not None}
-        if flags:
-            name = next(iter(flags))
-            raise ValueOutOfBoundsError(
-                f"'{self.model}' is a file of matrices, which has no parameters, cases or options; "
-                f"leave out --{name}"
-            )
-        from solve.readers.paths import read
-
-        return read(self.model)
+        if self.cases is not None:
+            raise ValueOutOfBoundsError(f"'{self.model}' has no cases; leave out --cases")
+        options = assignments("--option", self.option or [])
+        return load(self.model, self.case, options, self.reduce, **self.parameters)
 
     def numbers_set(self) -> str:
-        """Text with the values of --set in the model's units, and in the case's units where they differ.
-        Empty if the model requires further values."""
-        if is_matrix_file(self.model):
+        """Text with the values of --set in the model's units, and in the case's units where these differ;
+        empty if the model needs further values."""
+        if is_system_file(self.model):
             return ""
         try:
             case, texts = self.case_of(self.model), []

@@ -1,5 +1,6 @@
-"""Paths and patterns of files, and names of the matrices in them."""
+"""Paths and patterns of files from which systems are read."""
 
+import ast
 import glob
 import re
 from collections.abc import Sequence
@@ -8,8 +9,8 @@ from pathlib import Path
 from solve.array_files import require_file
 from solve.errors import FileError
 
-ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx"
-"""Endings of files that are read as matrices."""
+ENDINGS = ".lin", ".mat", ".npz", ".nc", ".mtx", ".op4", ".fmu"
+"""Endings of files of matrices, and of units."""
 
 _MOST_FILES = 10_000
 """Maximum number of files of a pattern. A choice."""
@@ -46,13 +47,29 @@ def checked_path(path: object) -> str | Path:
     return path
 
 
-def is_matrix_file(text: str) -> bool:
-    """Whether a text is the path of a file, or a pattern of files, that can be read.
+def is_system_file(text: str) -> bool:
+    """Whether a text is the path or pattern of files of matrices, of a unit, or of Python code that defines
+    `system` instead of a mechanism. The code is not executed.
 
-    >>> is_matrix_file("run.*.lin"), is_matrix_file("cam"), is_matrix_file("cam.py")
+    >>> is_system_file("run.*.lin"), is_system_file("cam"), is_system_file("cam.py")
     (True, False, False)
     """
-    return Path(text).suffix.lower() in ENDINGS
+    ending = Path(text).suffix.lower()
+    return ending in ENDINGS or (ending == ".py" and _defines_system(Path(text)))
+
+
+def _defines_system(file: Path) -> bool:
+    try:
+        tree = ast.parse(file.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return False
+    names: set[str] = set()
+    for statement in tree.body:
+        if isinstance(statement, ast.FunctionDef):
+            names.add(statement.name)
+        elif isinstance(statement, ast.Assign):
+            names |= {target.id for target in statement.targets if isinstance(target, ast.Name)}
+    return "system" in names and "mechanism" not in names
 
 
 def is_pattern(text: str) -> bool:

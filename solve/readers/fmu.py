@@ -1,6 +1,8 @@
 """Linearisation of a functional mock-up unit along a periodic motion."""
 
+import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from solve.readers.files import checked_path
 from solve.readers.fmi import Unit
 from solve.readers.sampled import SampledStates, Source
 from solve.readers.shooting import Motion, closed_motion
+from solve.readers.unit_system import UnitSystem
 from solve.samples import checked_period
 from solve.units import speed_in_si
 
@@ -30,12 +33,13 @@ counts as round-off. A choice."""
 
 def read_fmu(
     path: str | Path,
-    speed: float | str,
+    speed: float | str | None = None,
     exclude: Sequence[str] = (),
     values: Mapping[str, float] | None = None,
     motion: Mapping[str, Array] | None = None,
     period: float = 2 * np.pi,
-) -> SampledStates:
+    drive: str | None = None,
+) -> SampledStates | UnitSystem:
     """Linearise a functional mock-up unit, FMI 2 or 3 for model exchange, along a periodic motion.
 
     A unit contains compiled code, which is executed. Read units from sources that you trust only.
@@ -44,8 +48,9 @@ def read_fmu(
     ----------
     path : str or Path
         File (.fmu) with directional derivatives. Requires the extra `fmu` (FMPy).
-    speed : float or str
-        Speed Ω in rad/s or with unit; the motion has the period `period`/Ω in time.
+    speed : float or str, optional
+        Speed Ω in rad/s or with unit; the motion has the period `period`/Ω in time. Without a speed, the
+        motion is found at each speed at which the system is used, as in a sweep.
     exclude : sequence of str
         States with a prescribed motion, which need not be periodic, such as the angle of the drive and its
         speed. They are left out with their rows and columns.
@@ -56,12 +61,15 @@ def read_fmu(
         it is found by shooting, from the start values of the unit.
     period : float
         Period in phase.
+    drive : str, optional
+        Variable of the unit that is set to the speed in rad/s, such as a parameter, or the start value of a
+        state with a prescribed motion.
 
     Returns
     -------
     FirstOrderSystem
         System of small deviations from the motion, without load, with the inputs and outputs of the unit. The
-        motion is in `source.operating_points`.
+        motion is in `source.operating_points`; without `speed` it is that of `at_speed(speed)`.
 
     Raises
     ------
@@ -84,30 +92,65 @@ def read_fmu(
     Traceback (most recent call last):
     solve.errors.FileError: there is no file 'no_such_file.fmu'; give the path of a file that exists
     """
-    file, omega = Path(checked_path(path)), float(speed_in_si(speed))
+    file = Path(checked_path(path))
     require_file(file)
-    duration = checked_period(period) / omega
-    with Unit(file, dict(values or {})) as unit:
-        for name in exclude:
-            require_name(f"state of '{file}'", name, unit.states)
-        kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
-        if not len(kept):
-            raise ValueOutOfBoundsError("exclude lists all states; keep at least one state")
+    linearised = partial(
+        _linearised,
+        file=file,
+        exclude=exclude,
+        values={**(values or {}), **({} if drive is None else {drive: math.nan})},
+        motion=motion,
+        period=checked_period(period),
+    )
+    if speed is not None:
+        return linearised(float(speed_in_si(speed)))[0]
+    if motion is not None:
+        raise ValueOutOfBoundsError("motion is that of one speed; give the speed too")
+    with Unit(file, values or {}) as unit:
+        kept = _kept(unit, exclude)
+        states, inputs, outputs = _names(unit, kept)
+        return UnitSystem(linearised, states, (inputs, outputs), period, _source(unit, file))
+
+
+def _linearised(
+    speed: float,
+    file: Path,
+    exclude: Sequence[str],
+    values: Mapping[str, float],
+    motion: Mapping[str, Array] | None,
+    period: float,
+) -> tuple[SampledStates, bool]:
+    """Linearisation at a speed in rad/s, and whether its azimuths resolve the matrices. values: NaN stands
+    for the speed."""
+    duration = period / speed
+    with Unit(file, {name: speed if math.isnan(value) else value for name, value in values.items()}) as unit:
+        kept, is_resolved = _kept(unit, exclude), True
         if motion is None:
             function = closed_motion(unit, kept, duration)
-            states, jacobians = _sampled(unit, function, duration, kept)
+            states, jacobians, is_resolved = _sampled(unit, function, duration, kept)
         else:
             states = _given(unit, motion)
             jacobians = _jacobians(unit, states, duration)
         _require_one_set_of_equations(unit, states, duration)
         _require_prescribed(unit, jacobians, kept)
         system = _system(unit, jacobians, kept, period)
-        system.of_source(_source(unit, file, omega, states))
-    return system
+        system.of_source(_source(unit, file, speed, states))
+    return system, is_resolved
 
 
-def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array]:
-    """States (k, N) and Jacobians (k, …), at as many azimuths as their harmonics require."""
+def _kept(unit: Unit, exclude: Sequence[str]) -> Array:
+    """Positions of the states that are not excluded. Raises UnknownNameError, ValueOutOfBoundsError."""
+    for name in exclude:
+        require_name(f"state of '{unit.path}'", name, unit.states)
+    kept = np.array([k for k, name in enumerate(unit.states) if name not in exclude], dtype=int)
+    if not len(kept):
+        raise ValueOutOfBoundsError("exclude names all states; leave one or more")
+    return kept
+
+
+def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[Array, Array, bool]:
+    """States (k, N) and derivatives (k, …) at as many azimuths as the harmonics require, and whether these
+    are resolved."""
     count = _FEWEST_AZIMUTHS
     while True:
         states = motion(np.arange(count) * (duration / count)).T
@@ -118,8 +161,9 @@ def _sampled(unit: Unit, motion: Motion, duration: float, kept: Array) -> tuple[
             count // 2 + 1, -1
         )
         tail = amplitudes[3 * count // 8 :].max(axis=0)
-        if (tail <= _TAIL * amplitudes[0].max()).all() or 2 * count > _MOST_AZIMUTHS:
-            return states, jacobians
+        is_resolved = bool((tail <= _TAIL * amplitudes[0].max()).all())
+        if is_resolved or 2 * count > _MOST_AZIMUTHS:
+            return states, jacobians, is_resolved
         count *= 2
 
 
@@ -168,24 +212,27 @@ def _require_prescribed(unit: Unit, jacobians: Array, kept: Array) -> None:
         )
 
 
+def _names(unit: Unit, kept: Array) -> tuple[list[str], list[str], list[str]]:
+    """Names of the remaining states, of the inputs and of the outputs, which are unique."""
+    states = [unit.states[k] for k in kept]
+    return states, unit.inputs, [f"{name}_output" if name in states else name for name in unit.outputs]
+
+
 def _system(unit: Unit, jacobians: Array, kept: Array, period: float) -> SampledStates:
     """System of the states that are not excluded."""
     N = len(unit.states)
     A, B = jacobians[:, kept][:, :, kept], jacobians[:, kept, N:]
+    names, inputs, outputs = _names(unit, kept)
     signals: Signals | None = None
-    if unit.inputs or unit.outputs:
-        states = [unit.states[k] for k in kept]
-        outputs = [f"{name}_output" if name in states else name for name in unit.outputs]
-        C, D = jacobians[:, N:][:, :, kept], jacobians[:, N:, N:]
-        signals = B, C, D, unit.inputs, outputs
-    names = [unit.states[k] for k in kept]
+    if inputs or outputs:
+        signals = B, jacobians[:, N:][:, :, kept], jacobians[:, N:, N:], inputs, outputs
     system = SampledStates.from_samples(A, np.zeros(A.shape[:2]), names, period=period, signals=signals)
     assert isinstance(system, SampledStates)
     return system
 
 
-def _source(unit: Unit, file: Path, speed: float, states: Array) -> Source:
-    """Labels of the system from the unit."""
+def _source(unit: Unit, file: Path, speed: float | None = None, states: Array | None = None) -> Source:
+    """Labels of the unit; states (k, N): its motion."""
     units, meanings = ({name: pair[k] for name, pair in unit.labels.items()} for k in (0, 1))
-    points = dict(zip(unit.states, states.T, strict=True))
+    points = {} if states is None else dict(zip(unit.states, states.T, strict=True))
     return Source(file.name, unit.description.description or "", speed, units, meanings, (), points)

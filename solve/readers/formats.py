@@ -1,4 +1,4 @@
-"""Named arrays in files: MATLAB .mat, NumPy .npz and netCDF."""
+"""Named arrays in files: MATLAB .mat, NumPy .npz, netCDF and NASTRAN .op4."""
 
 from pathlib import Path
 
@@ -112,6 +112,42 @@ def read_netcdf(path: str | Path, speed: float | str | None = None) -> Read:
     1
     """
     return _read(path, ".nc", speed)
+
+
+def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
+    """Read a system with constant matrices from an OUTPUT4 file of NASTRAN.
+
+    Parameters
+    ----------
+    path : str or Path
+        File (.op4), text or binary, dense or sparse, with mass and stiffness of one set of coordinates, such
+        as MAA and KAA, or M and K, and, if there is viscous damping, BAA or CAA.
+    speed : float or str, optional
+        Speed in rad/s or with unit, used by default for results.
+
+    Returns
+    -------
+    PeriodicSystem
+        System of second order without load.
+
+    Raises
+    ------
+    FileError
+        For a file that cannot be read, or matrices that do not fit.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> file = tempfile.mkdtemp() + "/oscillator.op4"
+    >>> with open(file, "w") as text:
+    ...     for name, value in (("MAA", 1.0), ("KAA", 4.0)):
+    ...         lines = f"{1:8}{1:8}{6:8}{2:8}{name:8}1P,3E23.16", f"{1:8}{1:8}{1:8}", f"{value:23.16E}"
+    ...         end = f"{2:8}{1:8}{1:8}", f"{1:23.16E}"
+    ...         print(*lines, *end, sep="\n", file=text)
+    >>> read_op4(file).coordinates
+    ('q1',)
+    """
+    return _read(path, ".op4", speed)
 
 
 def _read(path: str | Path, ending: str, speed: float | str | None) -> Read:

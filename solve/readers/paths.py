@@ -1,13 +1,16 @@
-"""Systems read from paths of files, which commands accept in place of a model."""
+"""Systems from paths of files, which `solve.load` and commands accept in place of a model."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from solve.readers.arrays import Read
-from solve.readers.formats import read_mat, read_netcdf, read_npz
+from solve.errors import ValueOutOfBoundsError, require_name
+from solve.readers.fmu import read_fmu
+from solve.readers.formats import read_mat, read_netcdf, read_npz, read_op4
 from solve.readers.matrix_market import read_matrix_market
 from solve.readers.openfast import read_openfast
+from solve.readers.python_file import read_python
+from solve.system import PeriodicSystem
 
 READERS: dict[str, Callable[..., Any]] = {
     ".lin": read_openfast,
@@ -15,10 +18,56 @@ READERS: dict[str, Callable[..., Any]] = {
     ".npz": read_npz,
     ".nc": read_netcdf,
     ".mtx": read_matrix_market,
+    ".op4": read_op4,
+    ".fmu": read_fmu,
 }
 """Readers by the ending of a path or pattern."""
 
+_OPTIONS: Mapping[str, Sequence[str]] = {".lin": ("exclude",), ".fmu": ("exclude", "drive")}
+"""Options by ending: states that are left out, and the variable that is set to the speed."""
 
-def read(text: str) -> Read:
-    """Read a system from a path or pattern. Raises FileError, MatricesError."""
-    return READERS[Path(text).suffix.lower()](text)
+
+def read(
+    text: str, options: Mapping[str, Any], parameters: Mapping[str, float | str], **others: Any
+) -> PeriodicSystem:
+    """System read from a path or pattern.
+
+    options: those of its kind. parameters: values of variables of a unit or of arguments of a Python
+    function, and further options. others: arguments of models, which must be None. Raises SolveError
+    subclasses.
+    """
+    ending = Path(text).suffix.lower()
+    allowed = _OPTIONS.get(ending, ())
+    options = {**options, **{name: value for name, value in parameters.items() if name in allowed}}
+    parameters = {name: value for name, value in parameters.items() if name not in allowed}
+    useless = [name for name, value in others.items() if value is not None]
+    useless += [name for name in parameters if ending not in (".fmu", ".py")]
+    useless += [name for name in options if not allowed]
+    if useless:
+        raise ValueOutOfBoundsError(
+            f"'{text}' has no {_ABSENT.get(ending, 'parameters, cases or options')}; leave out {useless[0]}"
+        )
+    for name in options:
+        require_name(f"option of '{text}'", name, allowed)
+    if ending == ".py":
+        return read_python(Path(text), parameters)
+    settings = dict(options)
+    if isinstance(settings.get("exclude"), str):
+        settings["exclude"] = [name.strip() for name in settings["exclude"].split(",")]
+    if ending == ".fmu":
+        settings["values"] = _numbers(text, parameters)
+    return READERS[ending](text, **settings)
+
+
+_ABSENT = {".lin": "parameters or cases", ".fmu": "cases", ".py": "cases or options"}
+"""What files of an ending lack; those of matrices lack all of it."""
+
+
+def _numbers(text: str, parameters: Mapping[str, float | str]) -> dict[str, float]:
+    """Values of variables of a unit. Raises ValueOutOfBoundsError for texts."""
+    for name, value in parameters.items():
+        if isinstance(value, str):
+            raise ValueOutOfBoundsError(
+                f"variable {name} of '{text}' is '{value}'; allowed: numbers, in the unit of the FMU"
+            )
+    return {name: float(value) for name, value in parameters.items()}

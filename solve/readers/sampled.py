@@ -44,8 +44,8 @@ class Source:
     operating_points: Mapping[str, Array] = field(default_factory=dict)
 
 
-class _OfSource:
-    """Mixin that sets the labels of a source, and warns at other speeds."""
+class OfSource:
+    """Mixin that adds the labels of a source, and a warning at other speeds."""
 
     source: Source
 
@@ -70,13 +70,13 @@ class _OfSource:
         return found
 
 
-class SampledSystem(_OfSource, PeriodicSystem):
+class SampledSystem(OfSource, PeriodicSystem):
     """Second-order system from a file."""
 
 
-class SampledStates(_OfSource, FirstOrderSystem):
+class SampledStates(OfSource, FirstOrderSystem):
     """First-order system from a file."""
 
 
-class SampledMixed(_OfSource, MixedSystem):
+class SampledMixed(OfSource, MixedSystem):
     """System with coordinates and states from a file."""

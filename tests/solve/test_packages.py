@@ -46,10 +46,14 @@ def read_back(folder):
     scipy.io.savemat(f"{folder}/a.mat", arrays)
     variables = {name: (("row", "column"), value) for name, value in arrays.items()}
     xarray.Dataset(variables).to_netcdf(f"{folder}/a.nc", engine="h5netcdf")
+    from tests.solve.op4_files import binary
+
+    Path(f"{folder}/a.op4").write_bytes(binary(arrays))
     for name, value in arrays.items():
         scipy.io.mmwrite(f"{folder}/a.{name}.mtx", value)
     return {
         "read_npz": solve.read_npz(f"{folder}/a.npz"),
+        "read_op4": solve.read_op4(f"{folder}/a.op4"),
         "read_mat": solve.read_mat(f"{folder}/a.mat"),
         "read_netcdf": solve.read_netcdf(f"{folder}/a.nc"),
         "read_matrix_market": solve.read_matrix_market(f"{folder}/a.*.mtx"),

@@ -21,6 +21,7 @@ BOTTOM = {
     "errors",
     "labels",
     "matrices",
+    "op4",
     "terminal",
     "threads",
     "units",

@@ -14,9 +14,10 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 from solve.arguments import first_is
-from solve.errors import MissingLibraryError
+from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.loading import load
 from solve.model.model import Model
+from solve.system import PeriodicSystem
 from solve.units import GivenSpeed
 from solve.views.live.controls import first_speed
 from solve.views.live.texts import Origin
@@ -129,10 +130,8 @@ def explore(
     >>> window.close()
     """
     if isinstance(model, str):
-        model, origin = load(model), Origin(model)
-    else:
-        model, origin = _checked(model), Origin.of(model)
-    return LiveWindow(server(model, origin, speed, port))
+        return LiveWindow(server(load(model), Origin(model), speed, port))
+    return LiveWindow(server(model, Origin.of(_checked(model)), speed, port))
 
 
 @first_is(Model, such_as="solve.load('cam')")
@@ -140,8 +139,10 @@ def _checked(model: Model) -> Model:
     return model
 
 
-def server(model: Model, origin: Origin, speed: float | str | None = None, port: int = 0) -> "LiveServer":
-    """Server of a model, started after a check that the first solution exists. Raises the exceptions of
+def server(
+    model: PeriodicSystem, origin: Origin, speed: float | str | None = None, port: int = 0
+) -> "LiveServer":
+    """Server of a model, after a check that the first solution is possible. Raises the exceptions of
     `explore`."""
     try:
         from solve.views.live.server import LiveServer
@@ -149,6 +150,10 @@ def server(model: Model, origin: Origin, speed: float | str | None = None, port:
         if (error.name or "").partition(".")[0] != "tornado":
             raise
         raise MissingLibraryError.of_extra("the live window", "Tornado", "explore") from None
+    if not isinstance(model, Model):
+        raise ValueOutOfBoundsError(
+            f"'{model.name}' has no generated equations; the live window needs a mechanism, such as cam"
+        )
     if model.vibrates:
         model.require_motion()
     omega: GivenSpeed = first_speed(model, speed)

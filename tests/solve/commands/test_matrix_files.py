@@ -30,14 +30,22 @@ def test_matrices_are_solved_and_their_modes_followed(tmp_path, command):
     np.testing.assert_allclose(frequencies, 2.0, rtol=0.01)
 
 
+def test_live_window_refuses_matrices(tmp_path, command):
+    pytest.importorskip("tornado")
+    np.savez(tmp_path / "k.npz", M=np.eye(1), K=np.eye(1), speed=1.0)
+    ran = command("explore", "k.npz", "--no-browser")
+    assert ran.status == 2
+    assert ran.err.strip().endswith("the live window needs a mechanism, such as cam")
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (("none.*.lin",), "no file matches"),
         (("none.mat",), "there is no file"),
-        (("k.npz",), "states no speed"),
-        (("k.npz", "--set", "k=1"), "leave out --set"),
-        (("k.npz", "--case", "1"), "leave out --case"),
+        (("k.npz",), "names no speed"),
+        (("k.npz", "--set", "k=1"), "leave out k"),
+        (("k.npz", "--case", "1"), "no parameters, cases or options; leave out case"),
         (("text.nc",), "cannot be read"),
     ],
 )

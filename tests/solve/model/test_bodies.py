@@ -14,6 +14,7 @@ from derive import Mechanism, rate
 from derive.command import run as derive
 from solve.errors import CaseFileError, MissingValueError, UnknownNameError
 from tests.solve.model.cantilever import LENGTH, MASS, STIFFNESS, cantilever
+from tests.solve.op4_files import binary, text
 
 M, K, ROWS = cantilever()
 TIP, SPRING, DEPTH, SPEED = 0.5, 900.0, 0.4, 21.0
@@ -39,8 +40,8 @@ def write_case(folder, entry, numbers=(TIP, SPRING, DEPTH)):
     rows = [
         f'{name} = {{ value = {value}, unit = "{unit}", source = "test" }}' for name, value, unit in values
     ]
-    text = "\n".join(["[case.one]", "[case.one.parameters]", *rows, f"beam = {{ {entry} }}"])
-    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    case = "\n".join(["[case.one]", "[case.one.parameters]", *rows, f"beam = {{ {entry} }}"])
+    (folder / "rig.toml").write_text(case, encoding="utf-8")
 
 
 def rig(folder, modes=3, damping=False):
@@ -168,6 +169,20 @@ def test_a_stated_hash_is_checked(tmp_path):
         solve.load(file)
 
 
+@pytest.mark.parametrize("content", [binary, text])
+def test_matrices_of_nastran_give_the_same_body(shared_rig, content):
+    folder, file = shared_rig
+    np.savez(folder / "beam.npz", M=M, K=K)
+    write_case(folder, given("beam.npz"))
+    expected = solve.load(file).parameters
+    made = content({"KAA": K, "MAA": M}, "sparse")
+    (folder / "beam.op4").write_bytes(made if isinstance(made, bytes) else made.encode())
+    write_case(folder, given("beam.op4"))
+    found = solve.load(file)
+    assert found.parameters == pytest.approx(expected, rel=1e-9)
+    assert "beam.op4, SHA-256" in found.setup.case.sources["beam_M1_1"]
+
+
 ASYMMETRIC = K + np.triu(K)
 BAD = {
     "missing": ({}, "there is no file"),
@@ -206,7 +221,7 @@ BAD_ENTRIES = {
     "rows": (given("beam.npz").replace(str(ROWS), "[1]"), CaseFileError, "give 2 rows"),
     "range": (given("beam.npz").replace(str(ROWS), "[0, 1]"), CaseFileError, "from 1 to 24"),
     "twice": (given("beam.npz").replace(str(ROWS), "[1, 1]"), CaseFileError, "different"),
-    "ending": (given("beam.op4"), CaseFileError, "allowed: .mat"),
+    "ending": (given("beam.op2"), CaseFileError, "allowed: .mat"),
     "source": ('file = "beam.npz", unit = "m kg s"', CaseFileError, "needs a file"),
     "key": (given("beam.npz", ", modes = 3"), UnknownNameError, "modes"),
 }
@@ -226,8 +241,8 @@ def test_bad_entries_are_refused_in_one_line(shared_rig, entry, kind, expected):
 def test_only_a_declared_body_takes_a_file(shared_rig):
     folder, file = shared_rig
     write_case(folder, given("beam.npz"))
-    text = (folder / "rig.toml").read_text("utf-8").replace("beam =", "plate =")
-    (folder / "rig.toml").write_text(text, encoding="utf-8")
+    case = (folder / "rig.toml").read_text("utf-8").replace("beam =", "plate =")
+    (folder / "rig.toml").write_text(case, encoding="utf-8")
     with pytest.raises(UnknownNameError, match="plate"):
         solve.load(file)
     with pytest.raises(MissingValueError, match="beam_M1_1"):

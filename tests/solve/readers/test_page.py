@@ -1,5 +1,6 @@
 """docs/readers.md: its examples run, and the table lists the functions."""
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -22,16 +23,34 @@ def test_examples_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_set(tmp_path)
     for example in re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL):
-        if not example.startswith(("# fmu", "# rig.py", "# frame.npz")):
+        if not example.startswith(("# fmu", "# rig.py", "# frame.npz", "# pendulum.py")):
             exec(example, {})
     assert capsys.readouterr().out.startswith("asymptotically stable")
 
 
-def test_example_of_an_fmu_runs(tmp_path, monkeypatch):
+def test_example_of_an_fmu_runs(tmp_path, monkeypatch, capsys):
     require_fmu_tools()
     monkeypatch.chdir(tmp_path)
     (example,) = re.findall(r"```python\n(# fmu.*?)```", PAGE, flags=re.DOTALL)
     exec(example, {})
+    (command_of_page,) = re.findall(r"python -m solve (.*\.fmu.*)", PAGE)
+    assert run([*shlex.split(command_of_page), "--json"]) == 0, capsys.readouterr().err
+    for point in json.loads(capsys.readouterr().out)["points"]:
+        expected = solve.nonlinear(solve.load("manipulator"), point["speed"]).spectral_radius
+        assert point["spectral_radius"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_system_in_python_of_the_page_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (example,) = re.findall(r"```python\n(# pendulum\.py.*?)```", PAGE, flags=re.DOTALL)
+    (tmp_path / "pendulum.py").write_text(example, encoding="utf-8")
+    floquet, chart = re.findall(r"python -m solve (.*pendulum.*)", PAGE)
+    assert run([*shlex.split(floquet), "--json"]) == 0, capsys.readouterr().err
+    found = json.loads(capsys.readouterr().out)
+    assert found["parameters"] == {"depth": 0.4, "damping": 0.1}
+    # Liouville: the product of the multipliers is exp(-damping T).
+    assert np.prod([complex(*rho) for rho in found["multipliers"]]) == pytest.approx(np.exp(-0.1 * np.pi))
+    assert run(shlex.split(chart)) == 0, capsys.readouterr().err
 
 
 def test_body_of_the_page_vibrates_as_its_masses_do(tmp_path, monkeypatch, capsys):
@@ -45,7 +64,7 @@ def test_body_of_the_page_vibrates_as_its_masses_do(tmp_path, monkeypatch, capsy
     exec(blocks["frame.npz"], frame)
     for command in re.findall(r"^python -m derive (.*)$", PAGE, flags=re.MULTILINE):
         assert derive(shlex.split(command)) in (0, None)
-    for command in re.findall(r"^python -m solve (.*)$", PAGE, flags=re.MULTILINE):
+    for command in re.findall(r"^python -m solve (.* rig\.py .*)$", PAGE, flags=re.MULTILINE):
         assert run(shlex.split(command)) == 0, capsys.readouterr().err
     speed = 10 * np.pi
     dynamic = frame["stiffness"] - speed**2 * np.diag([3.0, 3.0, 3.0, 7.0])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.certify.mode_vectors import ModeVectors
 from solve.errors import MissingValueError, StepsError, UnknownNameError, ValueOutOfBoundsError
 from tests.solve.studies.planted_modes import Planted, pair
 
@@ -137,6 +138,19 @@ def test_participation_is_that_of_rotating_coordinates():
     main = list(result.harmonics).index(0)
     np.testing.assert_allclose(result.participation[0, :, :, main], 0.25, atol=0.02)
     np.testing.assert_allclose(result.participation.sum(axis=(2, 3)), 1.0, atol=0.01)
+
+
+def test_power_of_harmonics_is_that_of_the_waves():
+    """p = (e^{2iφ} + e^{-iφ}/2, e^{-8iφ}) at 24 nodes; inertia 1 and 3."""
+    nodes = np.arange(24) * 2 * np.pi / 24
+    parts = np.stack((np.exp(2j * nodes) + 0.5 * np.exp(-1j * nodes), np.exp(-8j * nodes)), axis=1)[
+        :, :, None
+    ]
+    modes = ModeVectors(
+        1.0, nodes, np.full(24, 1 / 24), np.zeros(1), np.zeros(1), parts, np.array([1.0, 3.0])
+    )
+    expected = [[[0.0, 0.25, 0.0, 1.0], [3.0, 0.0, 0.0, 0.0]]]
+    np.testing.assert_allclose(modes.power(np.array([-8, -1, 0, 2])), expected, atol=1e-14)
 
 
 def test_modes_are_followed_over_a_parameter():
