@@ -132,9 +132,9 @@ def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], 
 
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
-    """Orbit from a transient that starts near rest, and whether it has settled. The transient ends if
-    successive periods differ little, or if Newton's iteration converges from one of them to an orbit that is
-    not unstable. If the motion does not settle on another orbit, an unstable orbit to which the iteration
+    """Orbit from a transient that starts near rest, and False if the transient does not settle. The transient
+    ends if successive periods differ little, or if Newton's iteration converges from one of them to an orbit
+    that is not unstable: it then settles there. If the motion does not settle on another orbit, an unstable orbit to which the iteration
     converged is returned. Raises NoOrbitError, which states the progress."""
     change, next_trial, unstable = np.inf, _FIRST_TRIAL, None
     with progress.task("turns at most", _MAX_PERIODS) as count:
@@ -149,10 +149,15 @@ def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
             except NoOrbitError:
                 continue
             if settled or orbit.solutions.multipliers.spectral_radius[0] <= 1:
-                return orbit, settled
+                return orbit, True
             unstable = unstable or orbit
     if unstable is not None:
         return unstable, False
+    if change < _SETTLED:
+        raise NoOrbitError(
+            f"after {_MAX_PERIODS} periods from rest, the motion repeats, but Newton's iteration does not converge "
+            f"from it on {grid.steps} steps; give more steps"
+        )
     raise NoOrbitError(
         f"after {_MAX_PERIODS} periods from rest, the motion still changes by {change:.0%} per period"
     )
