@@ -98,7 +98,7 @@ def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tup
     chord = after.place.on(before.grid).plus(-1.0, before.place)
 
     def at(length: float) -> tuple[float, Point]:
-        point, _ = manifold.reached(before, [way], [length])
+        point, _ = manifold.along(before, length)
         return test(point), point
 
     ends = (0.0, manifold.inner(chord, way, sizes)), (test(before), test(after))
