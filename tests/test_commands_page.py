@@ -41,6 +41,7 @@ solve critical cam --speeds "40:50:3 rad/s" --rtol 1e-5
 solve transient cam --speed "300 rpm" --turns 2 --rtol 1e-3
 solve transient cam --speeds "600:610 rpm" --turns 1 --rtol 1e-3
 solve branch cam --speeds "90:120 rpm" --points 3 --rtol 1e-2
+solve branch gear_backlash --speeds "27000:29000 rad/s" --unforced --set e=0 --set E=0 --set c=0 --points 2
 solve modes mathieu --speeds "0.9:1.1:3 rad/s" --set zeta=0.01 --rtol 1e-4
 solve optimise mathieu --speed "1 rad/s" --minimise spectral_radius --free zeta --bounds zeta=0:0.1
 solve tolerances mathieu --speed "1 rad/s" --vary delta=±1% --subject "spectral_radius < 2" --samples 64

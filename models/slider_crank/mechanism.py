@@ -6,8 +6,9 @@ from derive import Abs, Heaviside, Max, Mechanism, Min, cos, rate, sin, sqrt
 def mechanism() -> Mechanism:
     """The bearing of the slider surrounds the pin of the rod with a clearance along the stroke.
 
-    Contact force by K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440–445: k δ (1 + χ δ̇) for a
-    penetration δ > 0, which is continuous. The constant load presses the slider against the pin at q = 0.
+    The contact force is k δ (1 + χ δ̇) for a penetration δ > 0. Its damping is proportional to δ, so that the
+    force is continuous when contact begins and ends. The constant load presses the slider against the pin at
+    q = 0.
     """
     crank = Mechanism("slider_crank", "Slider-crank mechanism with a clearance joint")
     (q,) = crank.coordinates(q=("m", "slider against pin, from the position under the load"))

@@ -72,6 +72,12 @@ class CoordinateScale:
         loads."""
         return _AT_REST * EPS * self._load_terms
 
+    def load_roundoff(self, largest: Array) -> float:
+        """Largest relative error of coordinates with these largest moduli (n,) by the round-off of the loads;
+        coordinates that are zero have none."""
+        error = EPS * self._load_terms
+        return float(np.where(largest > 0, error / np.where(largest > 0, largest, 1.0), 0.0).max())
+
     def rests(self, largest: Array) -> bool:
         """Whether at least one coordinate is zero within the round-off of the loads."""
         return bool((largest <= self.roundoff).any())

@@ -28,6 +28,9 @@ def branch(
     spread: Annotated[
         float, Flag("Half width of the range of initial states, relative to the linear orbit.", "R")
     ] = 4.0,
+    unforced: Annotated[
+        bool, Flag("Nonlinear modes over their frequency: equations without load and damping.")
+    ] = False,
     points: Annotated[int, Flag("Maximum number of points.", "N")] = 200,
     rtol: Annotated[float, Flag("Relative tolerance of the orbits.", "R")] = 1e-3,
     periods: Annotated[int, Flag("Number of periods per orbit.", "K")] = 1,
@@ -36,9 +39,9 @@ def branch(
     """Branch of nonlinear orbits over the speed or a parameter, through its turning points."""
     over, model = over or [], problem.loaded()
     if scatter is not None:
-        if over or speeds or switch or follow or start:
+        if over or speeds or switch or follow or start or unforced:
             raise ValueOutOfBoundsError(
-                "--scatter excludes --over, --speeds, --switch, --follow and --start; give one "
+                "--scatter excludes --over, --speeds, --switch, --follow, --start and --unforced; give one "
                 "speed with --speed or --case"
             )
         scattered = solve.scatter(
@@ -46,9 +49,9 @@ def branch(
         )
         deliver_result(results, scattered, problem.choices)
         return
-    if follow is not None and (switch or speeds is not None):
+    if follow is not None and (switch or unforced or speeds is not None):
         raise ValueOutOfBoundsError(
-            "--follow excludes --switch and --speeds; give two ranges with --over NAME=A:B twice"
+            "--follow excludes --switch, --unforced and --speeds; give two ranges with --over NAME=A:B twice"
         )
     if follow is None and len(over) > 1:
         raise ValueOutOfBoundsError("--over is given twice; give it once, or add --follow fold")
@@ -59,7 +62,8 @@ def branch(
         result = solve.special_curves(model, follow, over, speed.speed, **settings)
     else:
         constant = speed.speed if over else speeds
-        result = solve.branch(model, constant, over[0] if over else None, switch, **settings)
+        over_one = over[0] if over else None
+        result = solve.branch(model, constant, over_one, switch, **settings, unforced=unforced)
     deliver_result(results, result, problem.choices)
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import ContinuationParameters, Point, Unknowns
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Place, Point
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -132,12 +132,13 @@ class _BranchFollower:
         return with_errors
 
     def _step(self, before: Point, length: float) -> tuple[Point, float, int]:
-        """Return the next point, the step length to it, and the number of corrections."""
+        """Next point, the length of the step to it, and its number of corrections."""
+        unforced = DAMPING in self.parameters.names
         while length > _MIN_STEP:
             try:
-                after, corrections = self.manifold.reached(before, [before.direction], [length])
+                after, corrections = self.manifold.along(before, length)
                 self._require_same_branch(before, after)
-                if length > _CROSSING and _orientation(before) != _orientation(after):
+                if length > _CROSSING and _orientation(before) != _orientation(after) and not unforced:
                     raise NoOrbitError("the step may have left the branch")
                 return after, length, corrections
             except SolveError:
@@ -164,15 +165,16 @@ class _BranchFollower:
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
-            at = _crossing(length, change, slopes, edge - before.unknowns.value)
-            near, _ = self.manifold.reached(before, [before.direction], [at])
+            at = _crossing(length, change, slopes, edge - before.place.value)
+            near, _ = self.manifold.along(before, at)
             if self.ends[0] <= near.value <= self.ends[1]:
                 before = near
             else:
                 after = near
-        along = near.unknowns.plus((edge - near.unknowns.value) / near.direction.value, near.direction)
-        near = replace(near, unknowns=replace(along, values=np.array([edge])))
-        return self.manifold.reached(near, [self._parameter_direction(near.grid)], [0.0])[0]
+        along = near.place.plus((edge - near.place.value) / near.direction.value, near.direction)
+        near = replace(near, place=replace(along, values=np.array([edge, *along.values[1:]])))
+        ways = [self._parameter_direction(near.grid), *near.tangents[1:]]
+        return self.manifold.reached(near, ways, [0.0] * len(ways))[0]
 
     def _between(self, before: Point, after: Point) -> tuple[float, float, tuple[float, float]]:
         """Distance between two points along the tangent at the first point, change of the parameter, and
@@ -185,10 +187,10 @@ class _BranchFollower:
             raise NoOrbitError("the branch curves too much within the step")
         return length, direction.value, (before.direction.value, after.direction.value / slope)
 
-    def _parameter_direction(self, grid: Grid) -> Unknowns:
-        """Tangent that changes only the parameter, towards its last value."""
-        first, last = self.parameters.ranges[0]
-        return Unknowns(self.parameters.task.rest(grid), np.array([last - first]))
+    def _parameter_direction(self, grid: Grid) -> Place:
+        """Direction of the parameter towards the last value."""
+        (first, last), *others = self.parameters.ranges
+        return Place(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
 
 
 def _orientation(point: Point) -> float:

@@ -14,6 +14,9 @@ from solve.period.grid import Grid
 SAMPLES = 8
 """Phases per step at which orbits are compared. A choice."""
 
+DAMPING = "artificial damping"
+"""Parameter ε of a term ε Ω M q̇, which is zero on every orbit; see `solve.newton.unforced`."""
+
 _PHASES = 2048
 """Phases per period at which orbits are compared whose events differ. A choice."""
 
@@ -150,12 +153,14 @@ class ContinuationParameters:
     def _task_at(self, values: Array) -> Task:
         given = dict(zip(self.names, map(float, values), strict=True))
         speed = given.pop(SPEED, self.task.speed)
+        # It is zero on every orbit, so that the equations need only its derivative.
+        given.pop(DAMPING, None)
         if not speed > 0:
             raise NoOrbitError("the branch reaches speed 0")
         system = self.task.system.varied(given) if given else self.task.system
         return replace(self.task, system=system, speed=speed)
 
     def text(self, values: Array) -> str:
-        """Format parameter values with their units."""
-        units = (self.task.system.unit_of(name) for name in self.names)
-        return ", ".join(unit.text(float(value), ".4g") for unit, value in zip(units, values, strict=True))
+        """Text of values with their units."""
+        shown = [pair for pair in zip(self.names, values, strict=True) if pair[0] != DAMPING]
+        return ", ".join(self.task.system.unit_of(name).text(float(value), ".4g") for name, value in shown)

@@ -11,13 +11,14 @@ from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED
 from solve.methods.radau import Radau
 from solve.newton.arclength import first_point, follow_branch
-from solve.newton.branch_points import ContinuationParameters, Point
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Point
 from solve.newton.iteration import Task
 from solve.newton.linear_families import JUMPS
 from solve.newton.orbits import nonlinear
 from solve.newton.saltation import forces_jump
 from solve.newton.starts import Start
 from solve.newton.switching import Followed, follow_doublings
+from solve.newton.unforced import energy, follow_modes_of
 from solve.period.curve import Curve
 from solve.results.branch import KINDS, Branch
 from solve.system import PeriodicSystem, of_system
@@ -45,6 +46,7 @@ def branch(
     points: int = 200,
     rtol: float = 1e-3,
     engine: str = "auto",
+    unforced: bool = False,
 ) -> Branch:
     """Continue nonlinear orbits in the speed or a parameter, through folds.
 
@@ -71,11 +73,15 @@ def branch(
         Largest error of the orbits, relative to the scale of each coordinate.
     engine : str
         "auto", "compiled" or "numpy".
+    unforced : bool
+        Whether to follow the nonlinear modes of equations without load and damping over their frequency, the
+        speed, from each frequency of small vibrations between `speeds`. Multipliers of phase and energy are
+        exactly +1; the spectral radius is that of the others.
 
     Returns
     -------
     Branch
-        Orbits in the order of the branch.
+        Orbits in the order of the branch; `energies` if unforced.
 
     Raises
     ------
@@ -96,6 +102,12 @@ def branch(
     require_integer("points", points, 2)
     require_integer("periods", periods)
     parameters, notes = continuation(system, speeds, over, periods, rtol, engine)
+    if unforced:
+        if over is not None or switch or start is not None or periods != 1:
+            raise ValueOutOfBoundsError(
+                "unforced modes are followed over the speed; omit over, switch, start and periods"
+            )
+        return _result(parameters, follow_modes_of(parameters.task, parameters.ranges[0], int(points)), notes)
     task = parameters.task_at(parameters.ranges[:, 0])
     start_rtol = min(parameters.task.rtol, MAX_START_RTOL)
     orbit = nonlinear(task.system, task.speed, start, periods, rtol=start_rtol, engine=engine)
@@ -183,7 +195,20 @@ def _result(parameters: ContinuationParameters, followed: Sequence[Followed], no
         periods=task.periods,
         parameters={} if at_speed else {name: values},
         curves=np.array([_sampled(point) for point in points]),
+        energies=_energies(task, followed),
         **fields,
+    )
+
+
+def _energies(task: Task, followed: Sequence[Followed]) -> Array:
+    """Energies (P,) of unforced orbits; empty for others."""
+    return np.array(
+        [
+            energy(task.system, point.place.curve, point.value)
+            for parameters, found, _ in followed
+            if DAMPING in parameters.names
+            for point in found
+        ]
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction, solved_along
-from solve.contracts import Motion
+from solve.contracts import Matrices, Motion
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
@@ -42,6 +42,9 @@ the condition number of usual systems, far below a useful rtol."""
 _RTOL_FRACTION = 0.01
 """Largest last correction as a fraction of the tolerance of the orbit. A choice: quadratic convergence leaves
 an error far below the correction."""
+
+_FEW_STEPS = 32
+"""Number of steps that resolve the round-off of the loads: its bound varies smoothly. A choice."""
 
 _COARSE = 256
 """Number of steps above which a finer grid is not expected to make the iteration converge. A choice."""
@@ -271,6 +274,22 @@ def _correct(task: Task, curve: Curve, grid: Grid) -> Solutions:
     return solved_along(along, task.speed, task.method, grid, task.engine, task.factors)
 
 
+def _without_roundoff(along: PeriodicSystem, curve: Curve) -> PeriodicSystem:
+    """System linearised along a curve, whose loads on coordinates that are zero are those that keep them zero
+    exactly. Their round-off may vary from phase to phase, which no grid resolves."""
+    is_zero = ~curve.coefficients.any(axis=(1, 2))
+    if not is_zero.any():
+        return along
+
+    def matrices(phase: Array, speed: float) -> Matrices:
+        M, C, K, d = along.at(phase, speed)
+        q, v, a = (speed**order * curve(phase, order).T for order in range(3))
+        balanced = sum(np.einsum("kij,kj->ki", *term) for term in ((M, a), (C, v), (K, q)))
+        return M, C, K, np.where(is_zero, balanced, d)
+
+    return PeriodicSystem(matrices, along.coordinates, along.period, along.breaks)
+
+
 class Newton(Method):
     """Newton's iteration in the form of a method for one point, so that `certified` can compare grids. On
     each grid it starts from the last curve of the finest grid. found: converged iteration by the task's
@@ -305,7 +324,12 @@ class Newton(Method):
     def linearised(self, points: Points, solutions: Solutions) -> Points:
         """Equations linearised along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
-        return OnePoint(self.task.system.along_events(solutions.curve[0], self.task.speed), self.task.speed)
+        curve, speed = solutions.curve[0], self.task.speed
+        return OnePoint(_without_roundoff(self.along(curve), curve), speed)
+
+    def along(self, curve: Motion) -> PeriodicSystem:
+        """System linearised along a curve, with its events."""
+        return self.task.system.along_events(curve, self.task.speed, columns_by(self.task.engine))
 
     @property
     def corrector(self) -> Collocated:
@@ -338,13 +362,15 @@ class Newton(Method):
             raise
         if grid.steps >= self.finest:
             self.start, self.finest = found.curve, grid.steps
-        solutions = replace(found.solutions, defect=np.array([found.last]))
         along, grid = linearised_along(task, found.curve, grid)
+        scale = CoordinateScale(along, found.curve, task.speed, _FEW_STEPS)
+        defect = max(found.last, scale.load_roundoff(np.abs(found.curve.sampled(1)).max(axis=1)))
+        solutions = replace(found.solutions, defect=np.array([defect]))
         steps = steps_with_saltation(along, found.curve, task.speed, task.method, grid)
         if steps is None:
             return solutions
         return replace(solutions, Phi=monodromy(steps), units=None, steps=steps)
 
     def point(self) -> OnePoint:
-        """System linearised along the curve from which the iteration starts."""
-        return OnePoint(self.task.system.along_events(self.start, self.task.speed), self.task.speed)
+        """The system linearised along the curve from which the iteration starts."""
+        return OnePoint(self.along(self.start), self.task.speed)

@@ -17,7 +17,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
-from solve.newton.branch_points import ContinuationParameters, Unknowns
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Place
 from solve.newton.iteration import Task, linearised_along
 from solve.newton.saltation import forces_jump
 from solve.period.curve import Curve
@@ -68,9 +68,9 @@ def linear_family(
     along, grid = linearised_along(task, unknowns.curve, grid)
     equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
     if equations.free:
-        return _by_periodic_solutions(equations, unknowns, grid)
-    if task.engine == COMPILED:
-        family = _if_regular(equations, unknowns, grid)
+        return _by_periodic_solutions(equations, place, grid)
+    if task.engine == COMPILED and DAMPING not in parameters.names:
+        family = _if_regular(equations, place, grid)
         if family is not None:
             return family
     steps = _Steps(equations, grid)
@@ -121,10 +121,15 @@ class _Equations:
     def by_parameters(self, phase: Array) -> Array:
         """Loads -∂r/∂θ (m, n, k) at phases (m,)."""
         compiled: Columns | None = columns_by(self.task.engine)
-        dependence = derivatives_of(self.along).by(list(self.names), compiled)
+        names = [name for name in self.names if name != DAMPING]
+        dependence = derivatives_of(self.along).by(names, compiled)
         curve, beside = self.motion, bool(self.along.events.phases)
         states = np.stack([state.T for state in curve.states(phase, (2, 1, 0), beside)], axis=1)
-        return -dependence.residual(phase, self.task.speed, states)
+        columns = -dependence.residual(phase, self.task.speed, states)
+        if DAMPING in self.names:
+            M = self.along.in_phase(phase, self.task.speed)[0]
+            columns = np.concatenate((columns, -M @ states[:, 1, :, None]), axis=-1)
+        return columns
 
     def under(self, load: int) -> PeriodicSystem:
         """Linear system under one of the loads -∂r/∂θ."""

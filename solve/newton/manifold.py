@@ -102,14 +102,23 @@ class Manifold:
         held = None if any(lengths) else directions
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
 
-    def first(self, unknowns: Unknowns, towards: Unknowns, grid: Grid) -> Point:
-        """Point near given unknowns at the same value of the only parameter, with its tangent towards another
-        value. Raises SolveError subclasses."""
-        scale = self._scale(unknowns, grid)
-        self.resting = scale.rests(unknowns.largest)
-        sizes = self._sizes(scale, unknowns)
-        found, family, _ = self._converged(unknowns, unknowns, [towards], [0.0], sizes, grid)
-        return self.point(found, [towards], grid, family, sizes, [towards])
+    def first(self, place: Place, towards: Place, grid: Grid) -> Point:
+        """Point near a place at the same value of the only parameter, directed towards another value. Raises
+        SolveError subclasses."""
+        self.resting = self._scale(place, grid).rests(place.largest)
+        return self.held(place, [towards], grid)
+
+    def held(self, place: Place, ways: Sequence[Place], grid: Grid) -> Point:
+        """Point near a place with the same components along directions, one per parameter. Raises SolveError
+        subclasses."""
+        sizes = self._sizes(self._scale(place, grid), place)
+        found, family, _ = self._converged(place, place, ways, [0.0] * len(ways), sizes, grid)
+        return self.point(found, ways, grid, family, sizes, ways)
+
+    def along(self, before: Point, length: float) -> tuple[Point, int]:
+        """Point at a length along the first tangent of another, and its number of corrections; see
+        `reached`."""
+        return self.reached(before, before.tangents, [length, *[0.0] * (len(before.tangents) - 1)])
 
     def _converged(
         self,

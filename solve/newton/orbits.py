@@ -218,7 +218,7 @@ class _Search:
             if self.all_multipliers
             else None
         )
-        linearised = task.system.along_events(result.solutions.curve[0], task.speed)
+        linearised = newton.along(result.solutions.curve[0])
         result = replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,

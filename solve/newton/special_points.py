@@ -99,7 +99,7 @@ def _located(manifold: Manifold, before: Point, after: Point, test: Test) -> tup
     chord = after.unknowns.on(before.grid).plus(-1.0, before.unknowns)
 
     def at(length: float) -> tuple[float, Point]:
-        point, _ = manifold.reached(before, [direction], [length])
+        point, _ = manifold.along(before, length)
         return test(point), point
 
     ends = (0.0, manifold.inner(chord, direction, sizes)), (test(before), test(after))

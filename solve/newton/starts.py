@@ -12,7 +12,7 @@ from solve.arrays import Array
 from solve.contracts import Motion
 from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.newton.iteration import Task, joined
-from solve.newton.strategies import linear_sizes
+from solve.newton.strategies import linear_sizes, motion_from
 from solve.period.curve import Curve
 from solve.results.orbit import Orbit
 from solve.results.save import opened
@@ -159,8 +159,4 @@ def _from_state(given: Any, task: Task) -> Curve:
     sizes = np.maximum(
         linear_sizes(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
     )
-    march, turns = task.system.marcher(sizes, _STATES, _RTOL), []
-    for turn in range(task.periods):
-        turns.append(march(state, turn * task.system.period, task.speed))
-        state = turns[-1][:2, :, -1].ravel()
-    return joined(turns, task.period, task.rigid)
+    return motion_from(task, state, sizes, _STATES, _RTOL)

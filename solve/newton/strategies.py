@@ -36,9 +36,17 @@ number doubles after each trial. A choice."""
 _RTOL = 1e-6
 """Relative tolerance of the transient. A choice: far below the change that counts as settled."""
 
+_FULLY_SETTLED, _FINE_RTOL = 1e-5, 1e-8
+"""Change per period below which finer grids are tried if Newton's iteration did not converge from a settled
+motion, and relative tolerance of the motion on these. Choices."""
+
 _SETTLED = 1e-3
 """Change per period, relative to the sizes of the coordinates, below which a transient has settled; Newton's
 iteration corrects the rest. A choice."""
+
+_REFINEMENTS = 4, 16, 64
+"""Ratios of the numbers of steps of the grids that are tried after a transient has settled. Choices: with the
+last one, contacts of a thousandth of the period are resolved."""
 
 _PERTURBATION = 1e-3
 """Initial displacement, relative to the sizes of the coordinates: a transient exactly from rest would remain
@@ -135,30 +143,54 @@ def _secant(previous: tuple[float, Curve] | None, current: tuple[float, Curve], 
 
 
 def by_transient(task: Task, grid: Grid) -> tuple[Converged, bool]:
-    """Orbit from a transient that starts near rest, and whether the transient has settled on it. The
-    transient ends when successive periods differ little, or when Newton's iteration from one of them
-    converges to an orbit that is not unstable. If the iteration converged to an unstable orbit and the
-    motion settles on no other orbit, this unstable orbit is returned. Raises NoOrbitError, whose text
-    states the last change per period."""
-    change, next_trial, unstable = np.inf, _FIRST_TRIAL, None
+    """Orbit from a transient that starts near rest, and False if the transient does not settle.
+
+    The transient ends if successive periods differ little, or if Newton's iteration converges from one of
+    them to an orbit that is not unstable: it then settles there. If the motion does not settle on another
+    orbit, an unstable orbit to which the iteration converged is returned. Raises NoOrbitError, which states
+    the progress."""
+    change, next_trial, unstable, motion = np.inf, _FIRST_TRIAL, None, task.rest(grid)
     with progress.task("turns at most", _MAX_PERIODS) as count:
         for turns, motion, change in _march(task, grid):
             count.add(turns - count.done)
             settled = change < _SETTLED
-            if not (settled or turns >= next_trial):
+            if turns < next_trial and not (settled and next_trial < np.inf):
+                if change < _FULLY_SETTLED:
+                    break
                 continue
-            next_trial = 2 * turns
+            next_trial = np.inf if settled else 2 * turns
             try:
                 orbit = iterate(task, motion, grid)
             except NoOrbitError:
                 continue
             if settled or orbit.solutions.multipliers.spectral_radius[0] <= 1:
-                return orbit, settled
+                return orbit, True
             unstable = unstable or orbit
+    if change < _SETTLED:
+        return _from_settled(task, motion, grid), True
     if unstable is not None:
         return unstable, False
     raise NoOrbitError(
         f"after {_MAX_PERIODS} periods from rest, the motion still changes by {change:.0%} per period"
+    )
+
+
+def _from_settled(task: Task, motion: Curve, grid: Grid) -> Converged:
+    """Orbit on which a motion has settled, on the first finer grid on which Newton's iteration converges.
+    Short contacts with stiff stops need small steps in the motion from which it starts. Raises
+    NoOrbitError."""
+    state = np.concatenate([motion(np.zeros(1), order)[:, 0] for order in range(2)])
+    sizes = linear_sizes(task, grid)
+    for refinement in _REFINEMENTS:
+        finer = task.grid(refinement * grid.steps)
+        try:
+            fine = motion_from(task, state, sizes, finer.steps // task.periods, _FINE_RTOL)
+            return iterate(task, fine, finer, _MAX_CORRECTIONS)
+        except SolveError:
+            continue
+    raise NoOrbitError(
+        "the motion from rest repeats, but Newton's iteration does not converge from it on up to "
+        f"{_REFINEMENTS[-1] * grid.steps} steps"
     )
 
 
@@ -179,6 +211,16 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
             largest = np.maximum(np.abs(q).max(axis=1), 1e-3 * sizes)
             change = float((np.abs(q[:, -1] - q[:, 0]) / largest).max())
             yield turn + 1, joined(latest, task.period, task.rigid), change
+
+
+def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float) -> Curve:
+    """Motion over the period of the orbit from a state (2n,) q and q' at phase 0, by integration with a
+    number of states per period of the system. sizes (n,): of the coordinates."""
+    march, turns = task.system.marcher(sizes, states, rtol), []
+    for turn in range(task.periods):
+        turns.append(march(state, turn * task.system.period, task.speed))
+        state = turns[-1][:2, :, -1].ravel()
+    return joined(turns, task.period, task.rigid)
 
 
 def linear_sizes(task: Task, grid: Grid) -> Array:

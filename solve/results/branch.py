@@ -21,7 +21,7 @@ from solve.results.contents import (
     peak_column,
     varied_column,
 )
-from solve.results.formatting import prefixed
+from solve.results.formatting import headed, prefixed
 from solve.results.result import ResultOver
 from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
@@ -77,6 +77,9 @@ class BranchPoints(ResultOver):
         Values of the parameter that varies instead of the speed.
     curves : (P, n, k) array
         Coordinates at k uniform phases of the period of each orbit; see `curve`.
+    energies : (P,) array
+        Energies of unforced orbits from that at rest, in J if the coordinates are in m or rad; empty for
+        forced orbits.
     """
 
     system: PeriodicSystem
@@ -96,6 +99,7 @@ class BranchPoints(ResultOver):
     periods: int = 1
     parameters: Mapping[str, Array] = field(default_factory=dict)
     curves: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
+    energies: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -272,6 +276,12 @@ class Branch(BranchPoints):
         columns += [(name, varied_column(system, name, values)) for name, values in self.parameters.items()]
         for number, name in enumerate(self.quantities):
             columns += self._columns_of(name, number)
+        if len(self.energies):
+            unit = "J" if set(map(system.units.get, system.coordinates)) <= {"m", "rad"} else ""
+            heading = headed("energy", unit)
+            columns.append(
+                ("energy", Column(self.energies, unit, "energy from rest", heading, digits(".5g")))
+            )
         meaning, several = "estimated error of the spectral radius", "periods" * bool(np.ptp(self.counts))
         columns += [
             ("spectral_radius", Column(self.radius, "1", "spectral radius", "radius", digits(".5g"))),
@@ -307,8 +317,9 @@ class Branch(BranchPoints):
         def texts(points: Sequence[dict[str, Any]]) -> str:
             return ", ".join(unit.text(point[self.over], ".6g") for point in points)
 
+        subject = "The mode" if len(self.energies) else "The branch"
         sentences = [
-            f"The branch goes from {unit.span(values[0], values[-1])}"
+            f"{subject} goes from {unit.span(values[0], values[-1])}"
             + (f" and turns back at {texts(self.folds)}." if self.folds else ".")
         ]
         if self.doublings:

@@ -37,10 +37,11 @@ _SIGNS = "o", "^", "s", "D", "v"
 
 @figure.register(Branch)
 def branch_figure(branch: Branch) -> Figure:
-    """Figure of the largest moduli and the spectral radius over the continuation parameter, dashed where the
-    branch is unstable."""
+    """Largest moduli and spectral radius over the continuation parameter, dashed where the branch is
+    unstable; for unforced modes the energy instead of the spectral radius."""
     names = branch.system.coordinates[: MOST_SHOWN - 1]
-    count, title = len(names) + 1, "branch of nonlinear orbits"
+    count = len(names) + 1
+    title = "unforced nonlinear modes" if len(branch.energies) else "branch of nonlinear orbits"
     with panels_over(branch.system, branch.values, title, 1.4 + 1.5 * count, count, branch.over) as (
         sheet,
         panels,
@@ -48,10 +49,14 @@ def branch_figure(branch: Branch) -> Figure:
         for axes, name, values in zip(panels, names, branch.peaks.T, strict=False):
             factor = label_quantity(axes, branch.system, name, values, "max_abs")
             _draw_branch(axes, branch, factor * values)
-        panels[-1].axhline(1.0, color=BLACK, linewidth=0.9)
         panels[-1].set_yscale("log")
-        panels[-1].set_ylabel("spectral\nradius |ρ|")
-        _draw_branch(panels[-1], branch, branch.radius)
+        if len(branch.energies):
+            panels[-1].set_ylabel("energy")
+            _draw_branch(panels[-1], branch, branch.energies)
+        else:
+            panels[-1].axhline(1.0, color=BLACK, linewidth=0.9)
+            panels[-1].set_ylabel("spectral\nradius |ρ|")
+            _draw_branch(panels[-1], branch, branch.radius)
         sheet.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
     return sheet
 

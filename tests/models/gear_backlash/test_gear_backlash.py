@@ -54,6 +54,7 @@ def test_double_sided_contact():
     found = solve.nonlinear(solve.load("gear_backlash", "rattling"), 26000.0)
     assert largest_difference(found, load=50.0, half=5e-6, error=3e-6) < 1e-8
     assert len(found.events) == 4
+    assert not any("does not settle" in text for text in found.warnings)
     assert fraction(found, "driving_contact") > 0.2
     assert fraction(found, "back_contact") > 0.2
     assert found.statistics("gap").max == pytest.approx(1e-5, rel=1e-9)
@@ -77,6 +78,39 @@ def test_order_through_events(single):
         errors.append(np.abs(by_modulus(found.multipliers) - by_modulus(multipliers)).max())
     assert errors[1] > 1e-13
     assert np.log2(errors[0] / errors[1]) > 4
+
+
+@pytest.mark.parametrize("half", [50e-6, 0.0])
+def test_an_orbit_that_is_zero_under_a_varying_load(half):
+    """At Ω² = e F/(m E), 20000 rad/s, what is left of the load is round-off, which differs at each phase."""
+    found = solve.nonlinear(solve.load("gear_backlash", b=half), 20000.0)
+    assert not found.q.any()
+    assert (found.steps, found.events, found.warnings) == (64, (), [])
+    _, multipliers, _ = reference(found, half=half)
+    np.testing.assert_allclose(by_modulus(found.multipliers), by_modulus(multipliers), atol=1e-10)
+
+
+@pytest.mark.parametrize("change", [1e-12, 1e-9, 1e-6])
+def test_errors_contain_the_round_off_of_loads_that_nearly_cancel(change):
+    """In contact the equation is m q̈ + c q̇ + k (1 + e cos φ) q = (m Ω² E - e F) cos φ. Its right side, as
+    one number, has no cancellation."""
+    speed = 20000.0 * (1 + change)
+    found = solve.nonlinear(solve.load("gear_backlash"), speed)
+    load = 0.5 * 1e-6 * (speed - 20000.0) * (speed + 20000.0)
+    unit = solve.PeriodicSystem(
+        lambda phase, speed: (
+            np.full((len(phase), 1, 1), 0.5),
+            np.full((len(phase), 1, 1), 848.528137423857),
+            4e8 * (1 + 0.1 * np.cos(phase))[:, None, None],
+            np.cos(phase)[:, None],
+        ),
+        ["q"],
+    )
+    exact = load * solve.periodic(unit, speed, rtol=1e-10).at(found.phase)
+    off = np.abs(found.q - exact).max() / np.abs(exact).max()
+    assert off <= found.error_estimate.orbit
+    assert found.error_estimate.orbit < 1e-14 / change
+    assert bool(found.warnings) == (found.error_estimate.orbit > 1e-8)
 
 
 def test_branch_through_the_speed_at_which_nothing_vibrates():

@@ -118,10 +118,15 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         (("branch", "cam", "--speed", "300 rpm"), ("no speeds", "--over NAME=A:B")),
         (("branch", "cam", "--over", "k1=1e4", "--speed", "300 rpm"), ("write NAME=A:B",)),
         (("branch", "cam", "--over", "k1=1e4:2e4", "--over", "k2=1:2"), ("--over is given twice",)),
-        (("branch", "cam", "--follow", "fold", "--switch"), ("--follow excludes --switch and --speeds",)),
+        (
+            ("branch", "cam", "--follow", "fold", "--switch"),
+            ("--follow excludes --switch, --unforced and --speeds",),
+        ),
         (
             ("branch", "cam", "--scatter", "3", "--over", "k1=1:2"),
-            ("--scatter excludes --over, --speeds, --switch, --follow and --start; give one speed",),
+            (
+                "--scatter excludes --over, --speeds, --switch, --follow, --start and --unforced",
+            ),
         ),
         (("sweep", "cam", "--speeds", "300:310:2 rpm", "--nonlinear", "--turn", "q1"), ("--turn",)),
         (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),

@@ -12,10 +12,10 @@ NUMBERS = {"zeta": 0.1, "k": 1.0, "kappa": 10.0, "gap": 0.5, "f": 1.0}
 SPEED = 1.3
 
 
-def integrated(start):
+def integrated(start, numbers=NUMBERS):
     """State after a period, its derivatives with respect to the first one, and the phases of contact and
     release, of a mass at a stop: two linear systems in turn."""
-    zeta, k, kappa, gap, f = NUMBERS.values()
+    zeta, k, kappa, gap, f = numbers.values()
     time, last, x, Phi, events = 0.0, 2 * np.pi / SPEED, np.array(start), np.eye(2), []
     while True:
         touches = x[0] > gap or (x[0] == gap and x[1] > 0)
@@ -100,6 +100,19 @@ def test_an_orbit_that_touches_the_stop_is_undetermined():
 def test_equations_without_switches_have_no_events():
     orbit = solve.nonlinear(model_of(duffing(), zeta=0.05, k=1.0, alpha=1.0, f=0.1), 0.5)
     assert (orbit.events, orbit.grazing) == ((), ())
+
+
+def test_an_orbit_on_a_hard_stop_is_found_from_the_transient():
+    """The contact lasts less than one step of the grids on which orbits are sought."""
+    numbers = NUMBERS | {"zeta": 0.5, "kappa": 1e5}
+    orbit = solve.nonlinear(model_of(stop(), **numbers), SPEED, rtol=1e-6)
+    start = np.array([orbit.q[0, 0], orbit.qd[0, 0]])
+    after, Phi, events = integrated(start, numbers)
+    assert after == pytest.approx(start, abs=1e-6)
+    assert orbit.events == pytest.approx(events, abs=1e-6)
+    assert events[1] - events[0] < 2 * np.pi / 128
+    expected = np.linalg.eigvals(Phi)
+    np.testing.assert_allclose(by_imaginary_part(orbit.multipliers), by_imaginary_part(expected), atol=1e-6)
 
 
 DAMPED = {"z": 0.1, "c": 0.4, "kappa": 5.0, "gap": 0.5, "f": 0.3, "one": 1.0}

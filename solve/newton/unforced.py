@@ -1,0 +1,158 @@
+"""Undamped nonlinear modes: periodic orbits of the equations without load and damping, over their frequency.
+
+Such orbits are no isolated solutions at a frequency: a shift of the phase leads to another one, and energy is
+conserved. With a term ε Ω M q̇ as a second parameter ε, which is zero on every orbit, they are the regular
+solutions of as many equations as unknowns (F. J. Muñoz-Almaraz, E. Freire, J. Galán, E. Doedel, A.
+Vanderbauwhede, Physica D 181 (2003) 1). The surface over both parameters has one tangent along the branch and
+one that shifts the phase."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import eigh
+
+from solve.arrays import Array
+from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
+from solve.newton.arclength import follow_branch
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Place, Point
+from solve.newton.iteration import Task, at_rest
+from solve.newton.manifold import Manifold
+from solve.newton.switching import Followed
+from solve.period.curve import Curve
+from solve.period.grid import Grid
+from solve.period.multipliers import EPS
+from solve.system import PeriodicSystem
+
+_STEPS = 64
+"""Steps per period of the first orbit. A choice: grids are refined."""
+
+_LEAST, _MOST, _GROWTH = 1e-9, 1e6, 2.0
+"""Amplitudes, in units of the coordinates, between which the first orbit is sought; their ratio. Choices."""
+
+_DETUNED, _FAR = 1e-3, 0.05
+"""Smallest and largest difference of the first orbit's frequency from that of small vibrations, relative to
+the range. Choices."""
+
+_IS_ZERO = 1e-9
+"""Size of loads, damping and their variation, relative to the other terms, that counts as zero. A choice:
+above round-off, far below an effect on the modes."""
+
+_PHASES = 64
+"""Phases at which the equations at rest are compared. A choice."""
+
+_PANELS = 512
+"""Panels of the quadrature of the elastic force along a line. A choice: 1e-6 of the energy with kinks."""
+
+
+def follow_modes_of(task: Task, ends: Array, most: int) -> list[Followed]:
+    """Branch of each undamped mode whose frequency of small vibrations is between two speeds (2,). Raises
+    ValueOutOfBoundsError for equations with load or damping, and without such a mode."""
+    frequencies, shapes = _small_vibrations(task)
+    low, high = sorted(ends.tolist())
+    inside = np.flatnonzero((frequencies >= low) & (frequencies <= high)).tolist()
+    if not inside:
+        given = ", ".join(task.speed_text(float(frequency)) for frequency in frequencies)
+        raise ValueOutOfBoundsError(
+            f"the speeds contain no frequency of small vibrations; give a range that contains one of: {given}"
+        )
+    followed = list[Followed]()
+    for mode in inside:
+        ranges = np.array([[low, high], [0.0, 1.0]])
+        parameters = ContinuationParameters(task, ("speed", DAMPING), ranges)
+        start = _first(parameters, float(frequencies[mode]), shapes[:, mode])
+        points, ended = follow_branch(parameters, start, most)
+        followed.append((parameters, [_without_trivial(point) for point in points], ended))
+    return followed
+
+
+def energy(system: PeriodicSystem, curve: Curve, speed: float) -> float:
+    """Energy of an orbit of conservative equations, from that at rest: the kinetic one, and the work against
+    the elastic forces on a straight line to the coordinates at phase 0."""
+    zero = np.zeros(1)
+    q, v = curve(zero)[:, 0], speed * curve(zero, 1)[:, 0]
+    M = system.along(curve).at(zero, speed)[0][0]
+    nodes, weights = np.polynomial.legendre.leggauss(2)
+    places = ((np.arange(_PANELS)[:, None] + (nodes + 1) / 2) / _PANELS).ravel()
+    line = _Line(q, system.period)
+    _, _, K, d = system.along(line).at(places * system.period, speed)
+    forces = np.einsum("kij,kj->ki", K, places[:, None] * q) - d
+    return float(v @ M @ v / 2 + np.tile(weights / 2 / _PANELS, _PANELS) @ forces @ q)
+
+
+class _Line:
+    """Coordinates that grow from zero to q over a period, without velocity and acceleration."""
+
+    def __init__(self, q: Array, period: float):
+        self._q, self.nodes = q, np.array([0.0, period])
+
+    def __call__(self, phase: Array, derivative: int = 0) -> Array:
+        grown = self._q[:, None] * (phase / self.nodes[-1])
+        return grown if derivative == 0 else np.zeros_like(grown)
+
+
+def _small_vibrations(task: Task) -> tuple[Array, Array]:
+    """Frequencies (n,) in rad/s and shapes (n, n) of vibrations about rest. Raises ValueOutOfBoundsError."""
+    system = task.system
+    along = system.along(at_rest(system.n, Grid.uniform(1, system.period)))
+    phase = np.arange(_PHASES) * (system.period / _PHASES)
+    M, C, K, d = along.at(phase, task.speed)
+    limit = _IS_ZERO * np.abs(K).max() + np.zeros(1)
+    loads = EPS * along.roundoff(phase, task.speed)
+    found = [
+        (np.abs(d) > 64 * loads, "a load or an acceleration of the reference motion"),
+        (task.speed * np.abs(C) > limit, "damping or gyroscopic terms"),
+        (np.ptp(K, axis=0) > limit, "coefficients that vary with the phase"),
+        (np.ptp(M, axis=0) * task.speed**2 > limit, "coefficients that vary with the phase"),
+    ]
+    for present, words in found:
+        if present.any():
+            raise ValueOutOfBoundsError(
+                f"the equations of {system.name} at rest contain {words}; unforced orbits need constant "
+                "equations without load and damping: set these to zero, such as --set F=0 --set c=0"
+            )
+    squares, shapes = eigh((K[0] + K[0].T) / 2, M[0])
+    return np.sqrt(np.maximum(squares, 0.0)), shapes / np.abs(shapes).max(axis=0)
+
+
+def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -> Point:
+    """First orbit of a mode, at the smallest amplitude at which its frequency has changed."""
+    grid, manifold = parameters.task.grid(_STEPS), Manifold(parameters)
+    growing, shifting = (_harmonic(parameters.task, grid, shape, way) for way in (np.cos, np.sin))
+    ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST
+    largest = _MOST
+    while amplitude < largest:
+        place = Place(growing.times(amplitude).curve, np.array([frequency, 0.0]))
+        try:
+            point = manifold.held(place, ways, grid)
+        except SolveError:
+            break
+        detuned = abs(point.value - frequency) / span
+        if _DETUNED < detuned < _FAR or (detuned > _FAR and amplitude < (1 + _DETUNED) * below):
+            return point
+        if detuned > _FAR:
+            largest, amplitude = amplitude, (below + amplitude) / 2
+        else:
+            below, amplitude = amplitude, min(_GROWTH * amplitude, (amplitude + largest) / 2)
+    raise NoOrbitError(
+        f"no nonlinear mode was found near {parameters.task.speed_text(frequency)}: its frequency does not "
+        f"change up to an amplitude of {amplitude:.1e}, in units of the coordinates"
+    )
+
+
+def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Place:
+    """Harmonic vibration in a shape (n,), as a direction."""
+    rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
+    values = [shape[:, None] * rate(grid.nodes) for rate in rates]
+    q, v, a = values[0].T, values[1].T, -values[0].T
+    return Place(Curve.quintic(grid.nodes, q, v, a[:-1], a[1:]), np.zeros(2))
+
+
+def _without_trivial(point: Point) -> Point:
+    """Point whose two multipliers nearest to +1, of phase and energy, are exactly +1; the spectral radius is
+    that of the others."""
+    rho = point.orbit.multipliers.copy()
+    order = np.argsort(np.abs(rho - 1))
+    rho[order[:2]] = 1.0
+    others = np.abs(rho[order[2:]])
+    orbit = replace(point.orbit, multipliers=rho, radius=float(others.max(initial=1.0)))
+    return replace(point, orbit=orbit)

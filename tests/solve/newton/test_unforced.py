@@ -1,0 +1,64 @@
+"""Undamped nonlinear modes against closed forms."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import solve
+from solve.errors import ValueOutOfBoundsError
+from tests.solve.newton.mechanisms import absorber, duffing, model_of
+
+
+def test_the_frequency_of_duffing_is_that_of_elliptic_functions():
+    """q̈ + q + q³ = 0 with amplitude A: Ω = π √(1 + A²)/(2 K(m)), m = A²/(2 + 2 A²)."""
+    model = model_of(duffing(), zeta=0.0, k=1.0, alpha=1.0, f=0.0)
+    found = solve.branch(model, "0.9:2.2 rad/s", unforced=True, rtol=1e-9, points=40)
+    A = found.peaks[:, 0]
+    expected = np.pi * np.sqrt(1 + A**2) / 2 / ellipk(A**2 / 2 / (1 + A**2))
+    np.testing.assert_allclose(found.speeds, expected, rtol=1e-9)
+    np.testing.assert_allclose(found.energies, A**2 / 2 + A**4 / 4, rtol=1e-9)
+    assert found.speeds[0] < 1.01
+    assert found.speeds[-1] == pytest.approx(2.2)
+    assert (found.multipliers == 1).all()
+    assert found.warnings == []
+
+
+def test_the_mode_of_a_gear_that_loses_contact():
+    """Contact is harmonic vibration about F/k with amplitude A = max q, and free flight is uniformly
+    accelerated: T = 2 (π - arccos(F/(k A))) √(m/k) + 2 (m/F) √(k/m) √(A² - (F/k)²)."""
+    m, k, F = 0.5, 4e8, 2000.0
+    model = solve.load("gear_backlash", e=0.0, E=0.0, c=0.0)
+    found = solve.branch(model, "20000:29000 rad/s", unforced=True, rtol=1e-8, points=20)
+    A = found.figures[:, 0, 0]
+    contact = 2 * (np.pi - np.arccos(F / k / A)) * np.sqrt(m / k)
+    flight = 2 * m / F * np.sqrt(k / m * (A**2 - (F / k) ** 2))
+    np.testing.assert_allclose(found.speeds, 2 * np.pi / (contact + flight), rtol=1e-8)
+    np.testing.assert_allclose(found.energies, k * A**2 / 2, rtol=1e-5)
+    assert found.speeds.min() == pytest.approx(20000.0)
+
+
+def test_two_modes_begin_at_their_frequencies_of_small_vibrations():
+    numbers = {"m": 1.0, "ma": 0.1, "c": 0.0, "k": 1.0, "k3": 0.5, "ka": 0.1, "F": 0.0}
+    found = solve.branch(model_of(absorber(), **numbers), "0.7:1.3 rad/s", unforced=True, rtol=1e-6, points=8)
+    small = np.sqrt(np.linalg.eigvalsh(np.array([[1.1, -0.1 / 0.1**0.5], [-0.1 / 0.1**0.5, 1.0]])))
+    assert set(found.numbers) == {0, 1}
+    for number, frequency in enumerate(small):
+        first = found.numbers.tolist().index(number)
+        assert found.speeds[first] == pytest.approx(frequency, abs=0.03)
+        assert found.energies[first] < found.energies[first + 1]
+
+
+@pytest.mark.parametrize(
+    ("model", "given", "words"),
+    [
+        (("cam", {}), {}, "contain a load or an acceleration"),
+        (("gear_backlash", {"e": 0.0, "E": 0.0}), {}, "contain damping"),
+        (("gear_backlash", {"e": 0.0, "E": 0.0, "c": 0.0}), {}, "contain no frequency of small vibrations"),
+        (("gear_backlash", {"E": 0.0, "c": 0.0}), {}, "contain a load"),
+        (("gear_backlash", {}), {"switch": True}, "omit over, switch, start and periods"),
+    ],
+)
+def test_other_equations_are_refused(model, given, words):
+    name, numbers = model
+    with pytest.raises(ValueOutOfBoundsError, match=words):
+        solve.branch(solve.load(name, **numbers), "100:200 rad/s", unforced=True, **given)
