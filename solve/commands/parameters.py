@@ -97,7 +97,8 @@ def optimise(
     starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[
-        float | None, Flag("Minimise the mean plus K standard deviations over tolerances.", "K")
+        str | None,
+        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile.", 'K|"95 %"'),
     ] = None,
     vary: Annotated[
         list[str] | None,

@@ -18,7 +18,7 @@ from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
 from solve.studies.minimax import Limited, minimised, restored
 from solve.studies.requirements import Bound, Kept
-from solve.studies.robust import Robust
+from solve.studies.robust import Robust, Statistic
 from solve.studies.tracked import Function, Single, Tracked, tracked
 from solve.terminal import progress
 
@@ -78,7 +78,7 @@ class State:
 class Search:
     """Search of the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, multiple: deviating machines of a robust objective, and its multiple of the standard deviation.
+    machines, statistic: deviating machines of a robust objective, and what it is of their values.
     limit: of the spectral radius. failures: reasons of trials without a solution.
     """
 
@@ -87,7 +87,7 @@ class Search:
     bounds: Sequence[Bound]
     kept: Sequence[Kept]
     machines: Sequence[Design] = ()
-    multiple: float = 0.0
+    statistic: Statistic | None = None
     failures: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -140,7 +140,7 @@ class Search:
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
         """Objective (k,) at each speed, with the deviations of a robust one; points: the solutions at x."""
-        if not self.machines:
+        if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
 
@@ -211,9 +211,9 @@ class Search:
     def _objective(self, x: Array) -> list[Tracked]:
         if not isinstance(self.minimise, Named):
             return [Function(self.design, self.minimise)]
-        if self.machines:
+        if self.statistic:
             return [
-                Robust(self.machines, at, self.minimise, self.multiple)
+                Robust(self.machines, at, self.minimise, self.statistic)
                 for at in range(len(self.design.speeds))
             ]
         return [tracked(self.design, x, at, self.minimise) for at in range(len(self.design.speeds))]

@@ -14,7 +14,7 @@ from solve.errors import SolveError, UnitError, UnknownNameError, ValueOutOfBoun
 from solve.model.spread import spread_of
 from solve.period.named import Named
 from solve.studies.design_points import Design
-from solve.studies.robust import Robust, deviating
+from solve.studies.robust import Robust, Statistic, deviating
 from solve.studies.tracked import Function, tracked
 
 MASS, DAMPING, STIFFNESS = 2.0, 0.3, 9.0
@@ -399,10 +399,38 @@ def test_robust_optimum_equals_a_scan_of_mean_and_deviation(model):
     assert "mean + 2 σ" in found.minimised
 
 
-def test_robust_gradient_equals_differences(model):
+def test_quantile_optimum_equals_a_scan_of_quantiles(model):
+    speeds, half = [1.5, 3.0], 1.5
+    found = solve.optimise(
+        model, "q.max_abs", {"k": (6.5, 16.0)}, speeds, robust="80 %", vary={"k": f"±{half}"}, rtol=1e-6
+    )
+
+    def worst(k):
+        stiffness = np.linspace(k - half, k + half, 4001)
+        return max(np.quantile(abs(response(w, k=stiffness)), 0.8) for w in speeds)
+
+    scan = np.linspace(9.0, 14.0, 501)
+    values = [worst(k) for k in scan]
+    assert found.free["k"] == pytest.approx(scan[np.argmin(values)], abs=0.1)
+    assert found.objective == pytest.approx(min(values), rel=0.02)
+    assert found.minimised == "q.max_abs, 80 % quantile"
+
+
+@pytest.mark.parametrize("percent", [1, 30, 50, 95, 99])
+def test_quantile_of_machines_is_that_of_hazen(percent):
+    statistic = Statistic.of(f"{percent} %")
+    values = np.random.default_rng(percent).standard_normal(statistic.machines)
+    expected = np.quantile(values, percent / 100, method="hazen")
+    assert statistic.weights(values) @ values == pytest.approx(expected, rel=1e-12)
+    assert np.count_nonzero(values > expected) >= 2 or percent < 50
+
+
+@pytest.mark.parametrize("objective", [3.0, "80 %"])
+def test_robust_gradient_equals_differences(model, objective):
     design = Design(model, ["k"], np.array([6.5]), np.array([16.0]), [1.5], "auto", 1e-10, True)
     spreads = {"k": spread_of("k", "±1", STIFFNESS, "N/m"), "c": spread_of("c", "±10 %", DAMPING, "N s/m")}
-    robust = Robust(deviating(design, spreads), 0, Named.of(model, "q.max_abs"), 3.0)
+    machines = deviating(design, spreads, 16)
+    robust = Robust(machines, 0, Named.of(model, "q.max_abs"), Statistic.of(objective))
     x = np.array([0.4])
     np.testing.assert_allclose(robust.slopes(x), differences(robust.values, x), rtol=1e-6)
 
@@ -413,6 +441,8 @@ def test_robust_gradient_equals_differences(model):
         ({"robust": 3.0}, "no parameter has a tolerance"),
         ({"vary": {"k": "±1 %"}}, "without robust"),
         ({"robust": -1.0, "vary": {"k": "±1 %"}}, "robust is -1"),
+        ({"robust": "100 %", "vary": {"k": "±1 %"}}, "from 1 % to 99 %"),
+        ({"robust": "three", "vary": {"k": "±1 %"}}, "robust is three"),
         ({"robust": 1.0, "vary": {"k": "±1 %"}, "speeds": "1:2:3 rad/s"}, "list of speeds"),
         ({"robust": 1.0, "vary": {"k": "±1 %"}, "minimise": lambda orbits: 0.0}, "quantity by name"),
     ],
