@@ -14,6 +14,7 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, UNIT_CIRCLE
 from solve.period.named import RADIUS, Named
 from solve.results.optimum import Requirement
 from solve.results.orbit import Orbit
+from solve.studies.bands import bands
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
 from solve.studies.minimax import Limited, minimised, restored
@@ -118,7 +119,7 @@ class Search:
         for _ in range(_MAX_ADDED):
             added = self._worse_between(state)
             if not added:
-                return state, []
+                return state, self._missed_bands(state)
             for speed in added:
                 at = int(np.searchsorted(self.design.speeds, speed))
                 (start,) = self.design.at(self.design.start, [speed])
@@ -126,11 +127,11 @@ class Search:
                 self.kept_values.insert(at, start)
             self._evaluate_kept()
             state = self._descended(state.x)
-        remaining = self._worse_between(state)
-        if not remaining:
-            return state, []
-        texts = ", ".join(map(self.design.model.speed_unit.text, remaining))
-        return state, [f"at {texts} values are worse than at the optimised speeds; give more speeds"]
+        remaining, doubts = self._worse_between(state), self._missed_bands(state)
+        if remaining:
+            texts = ", ".join(map(self.design.model.speed_unit.text, remaining))
+            doubts.append(f"at {texts} values are worse than at the optimised speeds; give more speeds")
+        return state, doubts
 
     def values(self, points: Sequence[DesignPoint]) -> Array:
         """Minimised quantity (k,) at each speed; the value of a function at each."""
@@ -250,6 +251,20 @@ class Search:
             if -best.fun > _STATIONARY * self.design.rtol:
                 found.append(float(best.x))
         return found
+
+    def _missed_bands(self, state: State) -> list[str]:
+        """Sentence on each unstable band of the range that contains no speed of the design."""
+        speeds, model = self.design.speeds, self.design.varied(state.x)
+        text = model.speed_unit.text
+        try:
+            found = bands(model, speeds, self.design.method, self.design.rtol)
+        except SolveError as reason:
+            return [f"unstable bands between the speeds were not searched: {reason}"]
+        return [
+            f"unstable from {text(band.low)} to {text(band.high)}, between the speeds; give more speeds"
+            for band in found
+            if not any(band.low <= speed <= band.high for speed in speeds)
+        ]
 
 
 def _safe_radius(point: DesignPoint) -> float:

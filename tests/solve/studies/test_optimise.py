@@ -105,6 +105,13 @@ def test_unstable_start_becomes_stable():
     assert solve.floquet(found.system, 1.0).verdict == "asymptotically stable"
 
 
+def test_narrow_unstable_band_between_the_speeds_is_named():
+    # Mathieu's first tongue, about the speed of the natural frequency, has a width of 2 %.
+    pendulum = solve.load("mathieu", delta=1.0, epsilon=0.05, zeta=0.005)
+    found = solve.optimise(pendulum, "spectral_radius", {"delta": (0.99, 1.01)}, "0.7:1.7:2 rad/s", rtol=1e-4)
+    assert any("unstable from 0.9" in text and "give more speeds" in text for text in found.warnings)
+
+
 def test_function_of_orbits_equals_the_named_quantity(model):
     free, speeds = {"k": (5.0, 17.0)}, [1.5, 3.0]
     named = solve.optimise(model, "q.rms", free, 3.0)
