@@ -98,7 +98,7 @@ def optimise(
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[
         str | None,
-        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile.", 'K|"95 %"'),
+        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile, as 95%.", "K"),
     ] = None,
     vary: Annotated[
         list[str] | None,

@@ -218,8 +218,7 @@ def test_cam_vibrates_less_with_its_lift_kept():
     assert after == pytest.approx(before, abs=1e-9)
     assert found.confirmed["objective"] == pytest.approx(found.objective, rel=0.01)
     assert {*found.confirmed["verdicts"]} == {"asymptotically stable"}
-    radii = [solve.floquet(found.system, speed).spectral_radius for speed in ("50 rpm", "300 rpm")]
-    assert max(radii) < 1
+    assert solve.sweep(found.system, "50:300:101 rpm", rtol=1e-6).spectral_radius.max() < 1
 
 
 def test_a_quantity_that_is_zero_at_the_start_is_bounded(model):
@@ -332,6 +331,13 @@ def test_command_prints_the_promised_keys(capsys, tmp_path):
     assert record["constraints"][0].keys() == {"name", "value", "bound"}
     assert run(["floquet", "mathieu", "--cases", str(case), "--speed", "1rad/s", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["parameters"]["zeta"] == pytest.approx(0.1)
+
+
+def test_verdict_of_the_optimum_is_proved_on_request():
+    pytest.importorskip("flint")
+    pendulum = solve.load("mathieu", delta=1.0, epsilon=0.05, zeta=0.05)
+    found = solve.optimise(pendulum, "spectral_radius", {"zeta": (0.0, 0.1)}, 1.0, prove=True)
+    assert found.confirmed["proved"] == ["asymptotically stable"]
 
 
 @pytest.mark.parametrize("missing", ["--minimise", "--free", "--bounds"])
