@@ -207,3 +207,16 @@ def test_documented_keys_are_printed(folder):
             if not any(len(path) == length and matches(pattern, path, value) for path, value in present):
                 missing.append(f"{title}: {pattern}")
     assert not missing
+
+
+def test_no_repeatable_flag_takes_equal_values():
+    flags = [
+        (command, parameter.opts[0])
+        for _, command in page.programs()
+        for parameter in command.params
+        if parameter.param_type_name == "option" and parameter.multiple
+    ]
+    assert len(flags) > 50
+    for command, flag in flags:
+        with pytest.raises(Exception, match=f"{flag} 1 is given 2 times; give it once"):
+            command.make_context("", [flag, "1", flag, "1"])

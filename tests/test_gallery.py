@@ -17,8 +17,8 @@ PICTURES = {picture.file.stem: picture for picture in pictures.pictures() if pic
 SCRIPTS = sorted((pictures.ROOT / "docs" / "gallery").glob("*.py"))
 MOST_LINES = 45
 SLOW = {
-    *("cam_nonlinear", "column", "coupler_campbell", "duffing", "four_bar_reduced"),
-    *("four_bar_stress", "ground_resonance"),
+    *("absorber", "cam_nonlinear", "column", "coupler_campbell", "duffing", "four_bar_reduced"),
+    *("four_bar_stress", "ground_resonance", "impeller"),
     *("multiplier_functions", "operations"),
 }
 
@@ -138,6 +138,70 @@ def operations(script):
     return script["cycles"](0.02), pytest.approx(marched.reached, abs=1)
 
 
+def absorber(script):
+    """Deviations, relative to what is allowed, from Den Hartog's fixed points, from the optimum of O.
+    Nishihara and T. Asami (J. Vib. Acoust. 124 (2002) 576-582), and from equal nonlinear peaks."""
+    e, F, optimum, model = script["e"], script["F"], script["optimum"], script["start"]
+    root = np.sqrt(4 + 3 * e)
+    k2 = (
+        8 * e * (16 + 23 * e + 9 * e**2 + 2 * (2 + e) * root) / (3 * (1 + e) ** 2 * (64 + 80 * e + 27 * e**2))
+    )
+    c = np.sqrt(k2 * e * (8 + 9 * e - 4 * root) / (1 + e)) / 2
+    speed = np.linspace(0.8, 1.2, 400_001)
+    coupling = k2 + 1j * speed * c
+    least = (coupling - e * speed**2) / ((1 + coupling - speed**2) * (coupling - e * speed**2) - coupling**2)
+    equal = model.varied({"n1": 0.0, "k2": e / (1 + e) ** 2})
+    fixed = np.sqrt((1 + np.sqrt(e / (2 + e)) * np.array([-1, 1])) / (1 + e))
+    heights = np.concatenate(
+        [solve.sweep(equal.varied({"c": each}), fixed).figures("x", "max_abs") for each in (0.005, 0.03)]
+    )
+    peaks = script["heights"]["both stiffen"]
+    low, high = (peaks[part].max() for part in np.split(np.arange(len(peaks)), [44]))
+    deviations = {
+        "fixed points": 1e8 * (heights / (F * np.sqrt(1 + 2 / e)) - 1),
+        "parameters": 1e4 * np.array([optimum.free["k2"] / k2 - 1, optimum.free["c"] / c - 1]),
+        "objective": [1e6 * (optimum.objective / (F * np.abs(least).max()) - 1)],
+        "equal peaks": [1e2 * (high / low - 1)],
+    }
+    return np.concatenate([*deviations.values()]), pytest.approx(np.zeros(8), abs=1)
+
+
+def impeller(script):
+    """Matrices by hand give the spectral radius at the highest speed; the unstable band begins just above."""
+    values = script["optimum"].system.parameters
+    mean, half = (values["I1"] + values["I2"]) / 2, (values["I1"] - values["I2"]) / 2
+
+    def radius(speed):
+        def rates(time, flat):
+            twice = 2 * speed * time
+            M = np.array(
+                [
+                    [mean + half * np.cos(twice), half * np.sin(twice)],
+                    [half * np.sin(twice), mean - half * np.cos(twice)],
+                ]
+            )
+            change = (
+                2 * speed * half * np.array([[-np.sin(twice), np.cos(twice)], [np.cos(twice), np.sin(twice)]])
+            )
+            gyroscopic = values["Ip"] * speed * np.array([[0, 1], [-1, 0]])
+            q, qd = flat.reshape(2, 2, 4)
+            force = (change + gyroscopic + values["c"] * np.eye(2)) @ qd + np.diag(
+                [values["kx"], values["ky"]]
+            ) @ q
+            return np.concatenate((qd, -np.linalg.solve(M, force))).ravel()
+
+        end = solve_ivp(rates, (0, 2 * np.pi / speed), np.eye(4).ravel(), rtol=1e-10, atol=1e-12).y[:, -1]
+        return np.abs(np.linalg.eigvals(end.reshape(4, 4))).max()
+
+    top = 2600 * np.pi / 30
+    assert len(solve.bands(script["optimum"].system, "2000:2600:3 rpm")) == 0
+    assert solve.floquet(script["start"], top).verdict == "unstable"
+    assert radius(1.005 * top) > 1
+    (_, limited) = script["optimum"].constraints
+    assert limited.value < 0.99
+    return radius(top), pytest.approx(limited.value, rel=1e-8)
+
+
 def follower_acceleration(script):
     """By differences of the angle from the triangle ABC."""
     t1, step = np.radians(120), 1e-3
@@ -148,6 +212,7 @@ def follower_acceleration(script):
 
 
 HELD = {
+    "absorber": absorber,
     "amplifier": lambda script: (script["gain"][0.9][18], pytest.approx(1 / (1 - 0.9), rel=1e-4)),
     "cam_nonlinear": cam_nonlinear,
     "column": column,
@@ -166,6 +231,7 @@ HELD = {
     "follower_acceleration": follower_acceleration,
     # Ratios of true to estimated errors of the orbit with three modes per link.
     "four_bar_reduced": lambda script: (script["ratios"][3][:, 0], pytest.approx(np.ones(17), rel=0.1)),
+    "impeller": impeller,
     "kapitza": kapitza,
     "manipulator": lambda record: (record["coordinates"]["q1"]["max_abs"], printed("0.03163246")),
     "manipulator_map": manipulator_map,

@@ -8,7 +8,7 @@ import numpy as np
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Accuracy, Flag, Places, Problem, Results, Speed, Speeds, Steps
-from solve.commands.parse import assignments, points
+from solve.commands.parse import assignments, listed, points
 from solve.errors import MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.results.files import checked
 from solve.results.frequencies import Findings
@@ -67,7 +67,7 @@ def fit(
         missing = "--data FILE" if data is None else "--free NAME,NAME"
         raise MissingValueError(f"a fit requires measured data and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = [name.strip() for name in free.split(",") if name.strip()], _bounds(bounds)
+    names, limits = listed("--free", free), _bounds(bounds)
     model = problem.loaded()
     omega = speed.speed or model.case_speed
     result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
@@ -97,7 +97,8 @@ def optimise(
     starts: Annotated[int, Flag("Number of starts, the first from the given parameters.", "N")] = 1,
     prove: Annotated[bool, Flag("Prove the verdicts of the optimum; requires python-flint.")] = False,
     robust: Annotated[
-        float | None, Flag("Minimise the mean plus K standard deviations over tolerances.", "K")
+        str | None,
+        Flag("Minimise the mean plus K standard deviations over tolerances, or a quantile, as 95%.", "K"),
     ] = None,
     vary: Annotated[
         list[str] | None,
@@ -112,7 +113,7 @@ def optimise(
         missing = "--minimise QUANTITY" if minimise is None else "--free NAME,NAME"
         raise MissingValueError(f"an optimum requires a quantity and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = [name.strip() for name in free.split(",") if name.strip()], _bounds(bounds)
+    names, limits = listed("--free", free), _bounds(bounds)
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if not_free := [name for name in limits if name not in names]:

@@ -1,6 +1,7 @@
 """Conversion of command-line texts to values of flags."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -57,6 +58,19 @@ def assignments(flag: str, texts: Sequence[str], form: str = "NAME=VALUE") -> di
             raise ValueOutOfBoundsError(f"{flag} gives {name} twice; give it once")
         values[name] = value
     return values
+
+
+def listed(flag: str, text: str) -> list[str]:
+    """Names from a text that separates them by commas. Raises ValueOutOfBoundsError for a repeated one.
+
+    >>> listed("--free", "a1, a3")
+    ['a1', 'a3']
+    """
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise ValueOutOfBoundsError(f"{flag} {name} is given {count} times; give it once")
+    return names
 
 
 def quantities(flag: str, texts: Sequence[str]) -> dict[str, float | str]:

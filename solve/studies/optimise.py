@@ -1,7 +1,6 @@
 """Optimisation of parameters with guaranteed stability: minimisation of the largest vibration over speeds
 with exact derivatives, where error estimates count to the disadvantage of the design."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -23,7 +22,7 @@ from solve.studies.design_points import Design, DesignPoint
 from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
-from solve.studies.robust import deviating
+from solve.studies.robust import Statistic, deviating
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -46,7 +45,7 @@ def optimise(
     method: str | Rule = "auto",
     rtol: float = 1e-8,
     prove: bool = False,
-    robust: float | None = None,
+    robust: float | str | None = None,
     vary: Mapping[str, str] | None = None,
 ) -> Optimum:
     """Minimise the maximum of a quantity over speeds, subject to bounds and to stability at every speed.
@@ -77,9 +76,10 @@ def optimise(
         Relative tolerance of the orbits and of the optimum.
     prove : bool
         Whether to prove the verdicts of the optimum, as by `solve.prove`.
-    robust : float, optional
-        Minimise the mean plus this many standard deviations of the quantity, over machines whose parameters
-        deviate by the tolerances of the case and those of `vary`. Their widths are those at the start.
+    robust : float or str, optional
+        Minimise the mean plus this many standard deviations of the quantity, or its quantile for a text such
+        as "95 %", over machines whose parameters deviate by the tolerances of the case and those of `vary`.
+        Their widths are those at the start.
     vary : mapping of str to str, optional
         Tolerance or distribution by parameter, as in `tolerances`.
 
@@ -122,8 +122,9 @@ def optimise(
     named = [each.quantity for each in bounds] + ([objective] if isinstance(objective, Named) else [])
     orbits = not isinstance(objective, Named) or bool(kept) or any(each.of_orbit for each in named)
     design = Design(model, names, low, high, sorted(map(float, given)), rule, rtol, orbits)
-    machines = _machines(design, objective, robust, vary, is_range)
-    search = Search(design, objective, bounds, kept, machines, robust or 0.0)
+    statistic = None if robust is None else Statistic.of(robust)
+    machines = _machines(design, objective, statistic, vary, is_range)
+    search = Search(design, objective, bounds, kept, machines, statistic)
     with progress.task(ROUNDS):
         best, doubts = search.best(starts), []
         if is_range:
@@ -134,23 +135,20 @@ def optimise(
 def _machines(
     design: Design,
     objective: object,
-    robust: float | None,
+    statistic: Statistic | None,
     vary: Mapping[str, str] | None,
     is_range: bool,
 ) -> list[Design]:
-    """Sampled machines of a robust objective; empty for an ordinary objective. Raises SolveError
-    subclasses."""
-    if robust is None:
+    """Deviating machines of a robust objective; none without one. Raises SolveError subclasses."""
+    if statistic is None:
         if vary:
             raise ValueOutOfBoundsError("vary is given without robust; give robust=3, or leave vary out")
         return []
-    if not (robust >= 0 and math.isfinite(robust)):
-        raise ValueOutOfBoundsError(f"robust is {robust}; allowed: numbers >= 0, such as 3")
     if is_range or not isinstance(objective, Named):
         raise ValueOutOfBoundsError(
             "a robust optimum takes a quantity by name and a list of speeds, such as '100 200 300 rpm'"
         )
-    return deviating(design, spreads_of(design.model, vary or {}))
+    return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 
 
 def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
@@ -178,7 +176,7 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
     text, unit, curves = "value of the function", "1", None
     if isinstance(objective, Named):
         text, unit = objective.text, objective.unit
-        text += f", mean + {search.multiple:g} σ" if search.machines else ""
+        text += f", {search.statistic.text}" if search.statistic else ""
     if isinstance(objective, Named) and objective.of_orbit:
         worst, phase = int(np.argmax(values)), np.linspace(0.0, design.model.period, _CURVE_PHASES)
         curves = Curves(phase, *(each[worst].signal(objective.subject, phase) for each in (before, points)))

@@ -14,11 +14,12 @@ from solve.period.multipliers import KNOWN_ON_CIRCLE, UNIT_CIRCLE
 from solve.period.named import RADIUS, Named
 from solve.results.optimum import Requirement
 from solve.results.orbit import Orbit
+from solve.studies.bands import bands
 from solve.studies.design_points import Design, DesignPoint
 from solve.studies.kept import KeptValues
 from solve.studies.minimax import Limited, minimised, restored
 from solve.studies.requirements import Bound, Kept
-from solve.studies.robust import Robust
+from solve.studies.robust import Robust, Statistic
 from solve.studies.tracked import Function, Single, Tracked, tracked
 from solve.terminal import progress
 
@@ -78,7 +79,7 @@ class State:
 class Search:
     """Search for the optimum of a quantity, or of a function of the orbits at all speeds.
 
-    machines, multiple: deviating machines of a robust objective, and its multiple of the standard deviation.
+    machines, statistic: deviating machines of a robust objective, and what it is of their values.
     limit: of the spectral radius. failures: reasons of trials without a solution.
     """
 
@@ -87,7 +88,7 @@ class Search:
     bounds: Sequence[Bound]
     kept: Sequence[Kept]
     machines: Sequence[Design] = ()
-    multiple: float = 0.0
+    statistic: Statistic | None = None
     failures: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -121,7 +122,7 @@ class Search:
         for _ in range(_MAX_ADDED):
             added = self._worse_between(state)
             if not added:
-                return state, []
+                return state, self._missed_bands(state)
             for speed in added:
                 at = int(np.searchsorted(self.design.speeds, speed))
                 (start,) = self.design.at(self.design.start, [speed])
@@ -129,11 +130,11 @@ class Search:
                 self.kept_values.insert(at, start)
             self._evaluate_kept()
             state = self._descended(state.x)
-        remaining = self._worse_between(state)
-        if not remaining:
-            return state, []
-        texts = ", ".join(map(self.design.model.speed_unit.text, remaining))
-        return state, [f"at {texts} values are worse than at the optimised speeds; give more speeds"]
+        remaining, doubts = self._worse_between(state), self._missed_bands(state)
+        if remaining:
+            texts = ", ".join(map(self.design.model.speed_unit.text, remaining))
+            doubts.append(f"at {texts} values are worse than at the optimised speeds; give more speeds")
+        return state, doubts
 
     def values(self, points: Sequence[DesignPoint]) -> Array:
         """Value (k,) of the minimised quantity at each speed. If a function is minimised, its single value is
@@ -143,9 +144,8 @@ class Search:
         return np.full(len(points), Function(self.design, self.minimise).of(points))
 
     def values_at(self, x: Array, points: Sequence[DesignPoint]) -> Array:
-        """Objective (k,) at each speed; for a robust objective including its deviations. points: solutions at
-        x."""
-        if not self.machines:
+        """Objective (k,) at each speed, with the deviations of a robust one; points: the solutions at x."""
+        if self.statistic is None:
             return self.values(points)
         return np.concatenate([each.values(x) for each in self._objective(x)])
 
@@ -217,9 +217,9 @@ class Search:
     def _objective(self, x: Array) -> list[Tracked]:
         if not isinstance(self.minimise, Named):
             return [Function(self.design, self.minimise)]
-        if self.machines:
+        if self.statistic:
             return [
-                Robust(self.machines, at, self.minimise, self.multiple)
+                Robust(self.machines, at, self.minimise, self.statistic)
                 for at in range(len(self.design.speeds))
             ]
         return [tracked(self.design, x, at, self.minimise) for at in range(len(self.design.speeds))]
@@ -257,6 +257,20 @@ class Search:
             if -best.fun > _STATIONARY * self.design.rtol:
                 found.append(float(best.x))
         return found
+
+    def _missed_bands(self, state: State) -> list[str]:
+        """Sentence on each unstable band of the range that contains no speed of the design."""
+        speeds, model = self.design.speeds, self.design.varied(state.x)
+        text = model.speed_unit.text
+        try:
+            found = bands(model, speeds, self.design.method, self.design.rtol)
+        except SolveError as reason:
+            return [f"unstable bands between the speeds were not searched: {reason}"]
+        return [
+            f"unstable from {text(band.low)} to {text(band.high)}, between the speeds; give more speeds"
+            for band in found
+            if not any(band.low <= speed <= band.high for speed in speeds)
+        ]
 
 
 def _safe_radius(point: DesignPoint) -> float:

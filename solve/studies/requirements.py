@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
@@ -110,12 +111,12 @@ def real_quantity(system: PeriodicSystem, text: str) -> Named:
 
 def bounds_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Bound]:
     """Bounds from texts; see `Bound.of`."""
-    return [Bound.of(system, text) for text in texts]
+    return [Bound.of(system, text) for text in unique_names(texts)]
 
 
 def kept_of(system: PeriodicSystem, texts: Sequence[str]) -> list[Kept]:
-    """Kept quantities from texts; see `Kept.of`."""
-    return [Kept.of(system, text) for text in texts]
+    """Kept quantities of texts; see `Kept.of`."""
+    return [Kept.of(system, text) for text in unique_names(texts)]
 
 
 def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:

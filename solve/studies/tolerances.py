@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solve.arguments import require_integer
+from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.task import task_of
@@ -188,7 +188,7 @@ def _machines(
     bounds = bounds_of(model, texts[0])
     signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}
     named = [STABILITY.quantity, *(bound.quantity for bound in bounds)]
-    named += [real_quantity(model, text) for text in texts[1]]
+    named += [real_quantity(model, text) for text in unique_names(texts[1])]
     distinct = {each.text: each for each in named}.values()
     quantities = [
         Quantity(each, signs.get(each.text, -1.0 if each.figure == "min" else 1.0)) for each in distinct

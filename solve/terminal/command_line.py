@@ -43,15 +43,20 @@ error the cursor movements of the progress line."""
 
 
 class UniqueOptions:
-    """Mixin for Typer commands that rejects a second value of a single-value option."""
+    """Mixin for Typer commands that refuses a second value for a single-value option, and equal values for a
+    repeatable one."""
 
     def parse_args(self: Any, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments; raise Typer's usage error for a repeated option."""
-        _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+        """Parse the arguments; raise Typer's usage error for a repeated option or value."""
+        values, _, given = self.make_parser(ctx).parse_args(args=list(args))
         for option, count in Counter(given).items():
             repeatable = option.multiple or getattr(option, "is_flag", False) or option.nargs != 1
             if count > 1 and not repeatable and option.param_type_name == "option":
                 ctx.fail(f"{option.opts[0]} is given {count} times; give it once")
+            if count > 1 and option.multiple:
+                (text, most), *_ = Counter(values[option.name]).most_common(1)
+                if most > 1:
+                    ctx.fail(f"{option.opts[0]} {text} is given {most} times; give it once")
         return super().parse_args(ctx, args)  # type: ignore[misc]
 
 

@@ -282,7 +282,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "--minimise": ("spectral_radius", "q1.max_abs", "q9.max", "rho1", ""),
     "--positions": _COUNT,
     "--reduce": ("2", "0", "1.5", "-1"),
-    "--robust": ("3", "0", "-1", "1e300"),
+    "--robust": ("3", "0", "-1", "1e300", "80 %", "100%", "%"),
     "--rtol": ("1e-3", "1e-2", "1e-15", "0.5"),
     "--samples": ("12", "0", "1.5", "100000000"),
     "--save": DATA,

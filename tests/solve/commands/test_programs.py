@@ -137,6 +137,13 @@ def test_a_flag_of_one_value_given_twice_is_refused(program, arguments, flag, in
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("command_line", ["optimise cam --minimise q3.max_abs", "fit cam --data q.csv"])
+def test_a_free_parameter_given_twice_is_refused(inside, command_line):
+    status, _, error = inside("solve", *command_line.split(), "--free", "k1, k2,k1")
+    assert status == 2
+    assert "--free k1 is given 2 times; give it once" in error
+
+
 def test_repeatable_flags_stay_repeatable(command):
     ran = command(
         "floquet", "cam", "--speed", "600 rpm", "--set", "k1=8e4", "--set", "k2=8e7", "--rtol", "1e-3"
