@@ -60,6 +60,14 @@ class Maps(NamedTuple):
         )
 
     @property
+    def period(self) -> "Maps":
+        """The map (1, N, N) of all steps."""
+        maps = self
+        while len(maps.A) > 1:
+            maps = maps.pairs
+        return maps
+
+    @property
     def dual(self) -> "Maps":
         """Maps of the filter, whose solution at the starts, in reverse order, is that at the nodes."""
         return Maps(transposed(self.A)[::-1], self.H[::-1], self.G[::-1])
