@@ -18,7 +18,7 @@ from solve.studies.control.maps import Maps, periodic_solution, step_maps, symme
 _ORDER = 16
 """Order of the Gauss method, the highest available: solutions are as smooth as the coefficients."""
 
-_ADVANCE, _AT = 4.2, 1e-8
+_ADVANCE, _AT = 7.0, 1e-8
 """Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
