@@ -215,10 +215,19 @@ def _terms(
     for (at, u), (place, y), (block, wave, suffix) in product(
         enumerate(system.inputs), enumerate(measured), kinds
     ):
-        unit = system.units.get(u, "") if system.units.get(y, "") in ("", "1", "rad") else ""
+        unit = _unit(system, u, y)
         base = f"{u}_by_{y}"
         terms[base + suffix] = Gain(at, block * len(measured) + place, wave, unit, base)
     return terms
+
+
+def _unit(system: PeriodicSystem, u: str, y: str) -> str:
+    """Unit of a gain, such as N m s/rad; empty if that of the measured quantity is itself a quotient."""
+    state = y.removesuffix("_dot") if y not in system.units else y
+    of_input, of_state = system.units.get(u, ""), system.units.get(state, "")
+    if not of_input or "/" in of_state:
+        return ""
+    return f"{of_input}{'' if state == y else ' s'}{f'/{of_state}' if of_state not in ('', '1') else ''}"
 
 
 class GainDerivatives:
