@@ -1,7 +1,7 @@
 """Norms of the transfer from inputs to outputs of a periodic system: H2, and H-infinity over frequency."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -150,6 +150,7 @@ def hinf_norm(
     """
     transfer = _Transfer.of(system, speed, outputs, inputs, checked_rtol(rtol))
     low = high = transfer.lower_bound()
+    frequency = None
     for _ in range(_MOST):
         if (angle := transfer.angle(high)) is None:
             break
@@ -157,7 +158,9 @@ def hinf_norm(
     else:
         raise ControlError("the H-infinity norm is not found: every gain that was tried is exceeded")
     # A gain of few harmonics may be slightly too large.
-    low, frequency = (low / _GROWTH, transfer.angle(low / _GROWTH)) if low == high else (low, frequency)
+    if frequency is None:
+        low /= _GROWTH
+        frequency = transfer.angle(low)
     while high - low > rtol * low:
         middle = (low + high) / 2
         if (angle := transfer.angle(middle)) is None:
@@ -229,7 +232,7 @@ class _Transfer(NamedTuple):
         grid = Grid.uniform(2 * equation.first_steps(1e-8), system.period, system.breaks)
         A, G, H = (part[0] for part in equation.maps(grid).period)
         zero, one = np.zeros_like(A), np.eye(len(A))
-        multipliers = eigvals(np.block([[A, zero], [-H, one]]), np.block([[one, G], [zero, A.T]]))
+        multipliers: Any = eigvals(np.block([[A, zero], [-H, one]]), np.block([[one, G], [zero, A.T]]))
         on_circle = multipliers[np.abs(np.abs(multipliers) - 1) < _ON_CIRCLE]
         if not len(on_circle):
             return None

@@ -1,6 +1,7 @@
 """Smallest change of parameters that makes a stable system unstable."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -128,7 +129,8 @@ class _Boundary:
             except SolveError:
                 return np.inf
             if growth > 0:
-                return float(brentq(lambda x: self._growth(x * ray), inside, size, xtol=_TOLERANCE * size))
+                root: Any = brentq(lambda x: self._growth(x * ray), inside, size, xtol=_TOLERANCE * size)
+                return float(root)
             inside = size
         return np.inf
 
