@@ -4,6 +4,7 @@ from solve.derivatives.point import sensitivities
 from solve.errors import SolveError
 from solve.exports.export import export
 from solve.exports.harmonic_transfer import HarmonicTransfer, harmonic_transfer
+from solve.exports.norms import h2_norm, hinf_norm
 from solve.exports.state_space import StateSpace, state_space
 from solve.first_order import FirstOrderSystem, MixedSystem
 from solve.loading import case_numbers, load
@@ -51,6 +52,8 @@ from solve.studies.bands import bands
 from solve.studies.chart import chart
 from solve.studies.compare import compare
 from solve.studies.control.design import control, kalman, lqg, lqr
+from solve.studies.control.margin import stability_margin
+from solve.studies.control.output_feedback import OutputFeedback
 from solve.studies.critical_speeds import critical_speeds
 from solve.studies.curves import PeriodicCurves
 from solve.studies.fit import fit
@@ -87,6 +90,7 @@ __all__ = [
     "NonlinearOrbit",
     "Optimum",
     "Orbit",
+    "OutputFeedback",
     "PeriodicCurves",
     "PeriodicSystem",
     "Proof",
@@ -122,7 +126,9 @@ __all__ = [
     "follow_modes",
     "frequencies",
     "frequencies_over",
+    "h2_norm",
     "harmonic_transfer",
+    "hinf_norm",
     "kalman",
     "load",
     "lqg",
@@ -146,6 +152,7 @@ __all__ = [
     "signal_statistics",
     "special_curves",
     "speed_sensitivities",
+    "stability_margin",
     "state_space",
     "sweep",
     "sweeps",

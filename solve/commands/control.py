@@ -20,13 +20,20 @@ def control(
     ] = None,
     feedforward: Annotated[bool, Flag("Add the periodic input that is optimal under the load.")] = False,
     vibration: Annotated[bool, Flag("Add the periodic vibration without and with feedback.")] = False,
+    margin: Annotated[
+        str | None, Flag("Parameters whose smallest change that destabilises is computed.", '"k1, c1"')
+    ] = None,
+    out: Annotated[str | None, Flag("Write the controller: .c with .h, or .mat.", "FILE")] = None,
     rtol: Annotated[float, Flag("Relative tolerance of Riccati equation and multipliers.", "R")] = 1e-8,
 ) -> None:
     """Periodic feedback: optimal regulator and Kalman filter, and the closed loop."""
     weights = None if lqr is None else _numbers("--lqr", lqr)
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()
-    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration)
+    names = [name.strip() for name in (margin or "").split(",") if name.strip()]
+    result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration, names)
+    if out is not None:
+        solve.export(result, out)
     deliver_result(results, result, problem.choices)
 
 

@@ -67,7 +67,7 @@ def fit(
         missing = "--data FILE" if data is None else "--free NAME,NAME"
         raise MissingValueError(f"a fit requires measured data and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = listed("--free", free), _bounds(bounds)
+    names, limits = _listed(free), _bounds(bounds)
     model = problem.loaded()
     omega = speed.speed or model.case_speed
     result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
@@ -105,22 +105,35 @@ def optimise(
         Flag("Tolerance or distribution, instead of the case's; repeatable.", '"NAME=±2 %"'),
     ] = None,
     toml: Annotated[str | None, Flag("Write the optimal model as a case file (.toml).", "FILE")] = None,
+    feedback: Annotated[
+        str | None, Flag("Measured quantities of a feedback, whose gains are free.", '"q1, q1_dot"')
+    ] = None,
+    gain_harmonics: Annotated[int, Flag("Highest harmonic of the gains.", "K")] = 0,
+    delay: Annotated[str | None, Flag("Delay of the feedback.", '"0.5 ms"')] = None,
 ) -> None:
     """Optimum of parameters: least vibration over speeds, stable, within bounds."""
     if speed.speed is not None and speeds.speeds is not None:
         raise ValueOutOfBoundsError("--speed and --speeds are both given; give one of them")
-    if minimise is None or free is None:
+    if minimise is None or (free is None and feedback is None):
         missing = "--minimise QUANTITY" if minimise is None else "--free NAME,NAME"
         raise MissingValueError(f"an optimum requires a quantity and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = listed("--free", free), _bounds(bounds)
+    names, limits = _listed(free or ""), _bounds(bounds)
+    model = problem.loaded()
+    if feedback is not None:
+        if toml is not None or robust is not None:
+            raise ValueOutOfBoundsError("--feedback allows neither --toml nor --robust; leave them out")
+        model = solve.OutputFeedback(model, _listed(feedback), gain_harmonics, delay or 0.0)
+        limits = model.bounds_of_gains(limits)
+        names += model.gains
+    elif gain_harmonics or delay is not None:
+        raise ValueOutOfBoundsError("--gain-harmonics and --delay are of a feedback; add --feedback NAME")
     if missing := [name for name in names if name not in limits]:
         raise MissingValueError(f"{missing[0]} is free without bounds; add --bounds {missing[0]}=A:B")
     if not_free := [name for name in limits if name not in names]:
         raise ValueOutOfBoundsError(
             f"bounds are given for {not_free[0]}, which is not free; add it to --free, or omit its bounds"
         )
-    model = problem.loaded()
     speed_texts = speeds.speeds if speeds.speeds is not None else speed.omega(model)
     ranges = {name: limits[name] for name in names}
     requirements = keep or (), subject or (), starts
@@ -171,6 +184,11 @@ def tolerances(
             model, given, spreads, subject or (), of or (), *sizes, seed=seed, **resources
         )
     deliver_result(results, result, problem.choices)
+
+
+def _listed(text: str) -> list[str]:
+    """Names separated by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:

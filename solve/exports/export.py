@@ -9,16 +9,20 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from solve.arguments import require_integer
+from solve.arguments import first_is, require_integer
 from solve.arrays import Array
+from solve.errors import ValueOutOfBoundsError
 from solve.exports.c_code import c_code
+from solve.exports.controller_code import controller_code, controller_mat
 from solve.exports.fmu import fmu
 from solve.exports.state_space import SAMPLES, StateSpace, state_space
+from solve.labels import require_vibration
 from solve.results.contents import versions
+from solve.results.controller import Controller
 from solve.results.files import AtomicFiles, checked
 from solve.results.stability import Stability
 from solve.single import floquet
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem
 from solve.units import speed_in_si
 
 
@@ -38,16 +42,20 @@ class Exported:
     warnings: tuple[str, ...]
 
 
-@of_system
+@first_is(PeriodicSystem, Controller, such_as="solve.load('cam')")
 def export(
-    system: PeriodicSystem, path: str | Path, speed: float | str | None = None, samples: int = SAMPLES
+    system: PeriodicSystem | Controller,
+    path: str | Path,
+    speed: float | str | None = None,
+    samples: int = SAMPLES,
 ) -> Exported:
     """Write a system to a file for another program, completely or not at all.
 
     Parameters
     ----------
-    system : PeriodicSystem
-        System to export.
+    system : PeriodicSystem or Controller
+        System to export, or feedback: ".c" with a ".h" file, a table over the phase with a function of the
+        inputs and one of the observer; ".mat" with the gains at phases.
     path : str or Path
         File whose ending selects the format. ".mat": state space over `samples` phases with its multipliers,
         for MATLAB. ".c", with a ".h" file: linearised and nonlinear equations as functions of phase, speed,
@@ -78,11 +86,16 @@ def export(
     >>> export(solve.load("cam"), tempfile.mkdtemp() + "/cam.c").files[0].name
     'cam.c'
     """
-    file = checked(path, ENDINGS, "export")
+    is_controller = isinstance(system, Controller)
+    file = checked(path, [".mat", ".c"] if is_controller else ENDINGS, "export")
     require_integer("samples", samples)
-    if speed is not None:
-        speed_in_si(speed)
-    contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)
+    if is_controller:
+        contents, warnings = _controller(system, file, speed, samples)
+    else:
+        require_vibration(system)
+        if speed is not None:
+            speed_in_si(speed)
+        contents, warnings = ENDINGS[file.suffix.lower()](system, file, speed, samples)
     for other in contents.keys() - {file}:
         checked(other, (other.suffix,), "export")
     with AtomicFiles() as files:
@@ -166,6 +179,21 @@ def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples:
     system.require_motion()
     content, warnings = fmu(system, system.speed_or_usual(speed))
     return {file: content}, warnings
+
+
+def _controller(
+    result: Controller, file: Path, speed: float | str | None, samples: int
+) -> tuple[Mapping[Path, bytes], list[str]]:
+    """Contents of the files of a controller. Raises ValueOutOfBoundsError for a filter alone, or a speed."""
+    if result.kind == "kalman" or speed is not None:
+        raise ValueOutOfBoundsError(
+            "a controller is exported for the speed of its design, with a regulator; leave speed out, and "
+            "give lqr weights"
+        )
+    if file.suffix.lower() == ".mat":
+        return {file: controller_mat(result, samples)}, result.warnings
+    source, header, warnings = controller_code(result, file.stem, samples)
+    return {file: source.encode(), file.with_suffix(".h"): header.encode()}, warnings
 
 
 ENDINGS: dict[str, Callable[[PeriodicSystem, Path, float | str | None, int], _Contents]] = {

@@ -167,6 +167,27 @@ class HarmonicTransfer:
         error = float((difference / np.where(largest > 0, largest, 1.0)).max())
         return TransferValues(fine, error, self._warnings(error))
 
+    def gain(self, frequency: float) -> float:
+        """Largest singular value of H at a frequency: the largest ratio of root mean squares of outputs and
+        inputs, both with harmonics -N … N of this frequency.
+
+        Parameters
+        ----------
+        frequency : float
+            Frequency in rad/s.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        ValueOutOfBoundsError
+            As for `at`.
+        """
+        H = self.at(1j * frequency).values
+        return float(np.linalg.norm(H.reshape(H.shape[0] * H.shape[1], -1), 2))
+
     def lifted(self) -> "control.StateSpace":
         """Time-invariant state space of python-control that represents the truncated system.
 

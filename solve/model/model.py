@@ -265,8 +265,12 @@ class Model(PeriodicSystem):
         return ModelIntegrator(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
 
     def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        at_rest = np.zeros((3, len(phase), self.n))
-        entries = self._varying(phase, speed, np.full(len(phase), acceleration), *at_rest)
+        return self.varying_about(phase, speed, acceleration, *np.zeros((2, len(phase), self.n)))
+
+    def varying_about(self, phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
+        """Matrices of `varying`, linearised about states q and q̇ (m, n) without accelerations, at which they
+        are those of the nonlinear equations."""
+        entries = self._varying(phase, speed, np.full(len(phase), acceleration), q, qd, np.zeros_like(q))
         return self.with_damping(phase, entries)
 
     def with_damping(self, phase: Array, entries: Array) -> Matrices:

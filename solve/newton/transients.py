@@ -14,6 +14,7 @@ from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.contracts import Integrator, Matrices, driven
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
+from solve.first_order import MixedSystem
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
@@ -122,11 +123,6 @@ def transient(
     >>> found.turns
     2
     """
-    if system.first_order:
-        raise TransientError(
-            f"transients of systems with first-order states, such as {system.states[0]}, are not computed; "
-            "use periodic or floquet, or integrate the state space of solve.state_space"
-        )
     if (speed is None) == (speeds is None):
         raise ValueOutOfBoundsError("give one speed, or two speeds between which it changes")
     rtol = checked_rtol(rtol)
@@ -356,14 +352,16 @@ class _PeriodSteps:
         discretisation = self._cache.get(steps) or self._discretised(steps)
         if steps * self._system.n**2 <= _MAX_CACHED:
             self._cache[steps] = discretisation
-        x = np.empty((len(discretisation.steps.A[0]) + 1, len(state)))
-        x[0] = state
+        n, N = len(state) // 2, discretisation.steps.A.shape[-1]
+        x = np.empty((len(discretisation.steps.A[0]) + 1, N))
+        # The last coordinates may be states without rates.
+        x[0] = state[:N]
         for k, (A, b) in enumerate(zip(discretisation.steps.A[0], discretisation.steps.b[0], strict=True)):
             x[k + 1] = A @ x[k] + b
         curve = discretisation.curve(x[None])[0]
         # At the period itself the curve restarts.
         inside = np.minimum(nodes, np.nextafter(self._system.period, 0.0))
-        largest = np.abs(x[:, : len(state) // 2]).max(axis=0)
+        largest = np.abs(x[:, :n]).max(axis=0)
         return np.stack([curve(inside, order) for order in range(3)]), largest
 
     def _discretised(self, steps: int) -> Discretisation:
@@ -373,9 +371,11 @@ class _PeriodSteps:
     @cached_property
     def _point(self) -> OnePoint:
         if self.ends[0] == self.ends[1]:
-            return OnePoint(self._system, self._mean_speed)
-        given = self._system.coordinates, self._system.period, self._breaks
-        return OnePoint(PeriodicSystem(self._matrices, *given), self._mean_speed)
+            return OnePoint(self._system, self._mean)
+        system = self._system
+        inertial, states = system.coordinates[: system.n - system.first_order], system.states
+        made = MixedSystem(self._matrices, inertial, states, system.period, self._breaks)
+        return OnePoint(made, self._mean)
 
     @cached_property
     def phase_advance(self) -> float:

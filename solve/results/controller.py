@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array, symmetric_of
+from solve.first_order import FirstOrderSystem
 from solve.period.curve import Curve
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.periodic_motion import require_finite
@@ -33,6 +34,18 @@ class Vibration(NamedTuple):
     without: float
     controlled: float
     rms: float
+
+
+@serializable
+class StabilityMargin(NamedTuple):
+    """Smallest relative change of parameters that makes a system unstable.
+
+    distance: its norm, infinite if there is none up to 1. changes: by name. verdicts: just inside and outside
+    of the boundary."""
+
+    distance: float
+    changes: Mapping[str, float]
+    verdicts: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -69,6 +82,10 @@ class Controller(Result):
         Periodic vibration of coordinates and inputs without and with feedback, if it was requested.
     ahead : Curve or None
         Curve of the feedforward.
+    margin : StabilityMargin or None
+        Smallest relative change of parameters that makes the closed loop unstable, if it was requested.
+    compensator : FirstOrderSystem or None
+        Regulator with its observer, from measured quantities to inputs, of `solve.lqg`.
     """
 
     system: PeriodicSystem
@@ -86,6 +103,8 @@ class Controller(Result):
     observer: "Controller | None" = None
     vibration: Mapping[str, Vibration] = field(default_factory=dict)
     ahead: Curve | None = None
+    margin: StabilityMargin | None = None
+    compensator: FirstOrderSystem | None = None
 
     def riccati(self, phase: Array | float) -> Array:
         """Solution of the Riccati equation.
@@ -214,6 +233,7 @@ class Controller(Result):
             "residual": self.residual,
             "observer": observer,
             "vibration": self.vibration,
+            "margin": None if self.margin is None else self.margin._asdict(),
         }
 
     @property

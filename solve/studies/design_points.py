@@ -12,11 +12,11 @@ from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of
 from solve.errors import NoDerivativeError
 from solve.methods.choice import Rule
 from solve.methods.collocation import Collocated
-from solve.model.model import Model
 from solve.period.named import RADIUS, Named, Solved
 from solve.results.orbit import Orbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
+from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Design:
     orbits: whether quantities of orbits are needed, or only multipliers.
     """
 
-    model: Model
+    model: PeriodicSystem
     names: Sequence[str]
     low: Array
     high: Array
@@ -90,8 +90,8 @@ class Design:
         values = np.clip(self.low + x * (self.high - self.low), self.low, self.high)
         return dict(zip(self.names, values.tolist(), strict=True))
 
-    def varied(self, x: Array) -> Model:
-        """Model with the free parameters at x."""
+    def varied(self, x: Array) -> PeriodicSystem:
+        """Model with the free parameters of x."""
         return self.model.varied(self.parameters(x))
 
     def points(self, x: Array) -> list[DesignPoint]:

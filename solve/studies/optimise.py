@@ -12,7 +12,7 @@ from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method
-from solve.model.model import Model, of_model
+from solve.model.model import Model
 from solve.newton.orbits import nonlinear
 from solve.period.named import Named
 from solve.proof.prove import prove as proof_of
@@ -22,7 +22,8 @@ from solve.studies.design_points import Design, DesignPoint
 from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
-from solve.studies.robust import Statistic, deviating
+from solve.studies.robust import deviating
+from solve.system import PeriodicSystem, derivatives_of, of_system
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -33,9 +34,9 @@ _CURVE_PHASES = 721
 """Number of phases of the stored curves: every half degree of a revolution."""
 
 
-@of_model
+@of_system
 def optimise(
-    model: Model,
+    model: PeriodicSystem,
     minimise: Objective,
     free: Bounds,
     speeds: float | str | Sequence[float | str] | None = None,
@@ -52,8 +53,8 @@ def optimise(
 
     Parameters
     ----------
-    model : Model
-        Model with derivatives with respect to the free parameters.
+    model : Model or OutputFeedback
+        System with derivatives with respect to the free parameters, such as the gains of a feedback.
     minimise : str or callable
         Quantity such as "q3.max_abs", "shaft_torque.rms" or "spectral_radius"; or a function of the sequence
         of orbits at the speeds, which is differentiated by differences.
@@ -148,11 +149,15 @@ def _machines(
         raise ValueOutOfBoundsError(
             "a robust optimum takes a quantity by name and a list of speeds, such as '100 200 300 rpm'"
         )
-    return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
+    if not isinstance(design.model, Model):
+        raise ValueOutOfBoundsError(
+            f"a robust optimum takes a model, not {design.model.name}; leave robust out"
+        )
+    return deviating(design, spreads_of(design.model, vary or {}))
 
 
-def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
-    """Names of the free parameters, and their lower and upper bounds (r,). Raises UnknownNameError,
+def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Array]:
+    """Names, lower and upper bounds (r,) of the free parameters. Raises UnknownNameError,
     ValueOutOfBoundsError, UnitError, NoDerivativeError."""
     names = unique_names(free)
     if not names:
@@ -162,7 +167,7 @@ def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
         ends.append(model.bounds_in_own_unit(name, free[name]))
         for end in ends[-1]:
             model.require_bounds({name: end})
-    model.derivatives.by(names)
+    derivatives_of(model).by(names)
     low, high = np.array(ends).T
     return names, low, high
 

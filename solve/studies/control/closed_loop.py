@@ -1,20 +1,17 @@
 """Closed loop of a system with periodic state feedback, or with an observer and feedback."""
 
-from collections.abc import Mapping
-from copy import copy
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from solve.arrays import Array, Plane
-from solve.contracts import Columns, Matrices, Motion
-from solve.first_order import MixedSystem
-from solve.labels import Labels
+from solve.arrays import Array
+from solve.contracts import Matrices
+from solve.first_order import FirstOrderSystem
 from solve.period.curve import Curve
-from solve.studies.control.plant import Plant, state_names
+from solve.studies.control.feedback import FeedbackLoop
+from solve.studies.control.plant import Plant, state_equations, state_names
 from solve.system import PeriodicSystem
-
-_LABELS = [name for name, value in vars(Labels).items() if not callable(value) and not name.startswith("_")]
 
 
 class Observer(NamedTuple):
@@ -26,12 +23,41 @@ class Observer(NamedTuple):
     measured: tuple[str, ...]
 
 
-class ClosedLoop(MixedSystem):
-    """System with the input u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with an observer's estimates x̂ as
-    additional states.
+class Compensator(FirstOrderSystem):
+    """Regulator with an observer: x̂′ = (A − BK − LC) x̂ + b + B f + L y, with the inputs y and the outputs
+    u = −K x̂, to which the feedforward f is added. Its load is b + B f.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        Closed loop with an observer.
+    """
+
+    def __init__(self, loop: "ClosedLoop"):
+        assert loop.observer is not None
+        system, measured = loop.design, loop.observer.measured
+        states = [f"{name}_hat" for name in state_names(system)]
+        signals = [f"{name}_measured" for name in measured], system.inputs
+        super().__init__(self._equations, states, system.period, system.breaks, *signals)
+        self._loop, self.name, self.speed_unit = loop, f"controller of {system.name}", system.speed_unit
+        self.units = loop.units
+
+    def _equations(self, phase: Array, speed: float) -> tuple[Array, ...]:
+        loop, plant = self._loop, Plant(self._loop.design, speed)
+        assert loop.observer is not None
+        A, B, b = plant.dynamics(phase)
+        K, L = loop.feedback(phase), loop.observer.gain(phase).T.reshape(len(phase), plant.N, -1)
+        if loop.ahead is not None:
+            b = b + np.einsum("knr,rk->kn", B, loop.ahead(phase))
+        A = A - B @ K - L @ plant.rows(loop.observer.measured, phase)
+        return A, b, L, -K, np.zeros((len(phase), K.shape[1], L.shape[2]))
+
+
+class ClosedLoop(FeedbackLoop):
+    """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
 
     The load of the system is known to the observer. The inputs are further outputs. At other speeds than
-    that of the design, the gains keep their values at each phase.
+    that of the design, and with other parameters, the gains keep their values at each phase.
 
     Parameters
     ----------
@@ -52,49 +78,37 @@ class ClosedLoop(MixedSystem):
         observer: Observer | None = None,
         ahead: Curve | None = None,
     ):
-        names = state_names(system)
-        estimates = () if observer is None else tuple(f"{name}_hat" for name in names)
-        inertial = system.coordinates[: system.n - system.first_order]
-        states = (*system.states, *estimates)
-        super().__init__(system.at, inertial, states, system.period, system.breaks)
-        self.open_loop, self.model, self.gain, self.observer = system, system, gain, observer
-        self.ahead = ahead
-        own = ("n", "first_order", "multiplier_count", "coordinates", "inputs", "outputs", "states")
-        vars(self).update({name: getattr(system, name) for name in _LABELS if name not in own})
-        self.name = f"{system.name} with feedback"
-        self.outputs = (*system.outputs, *system.inputs)
-        rates = {name: f"{system.units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
-        units = {**rates, **system.units}
-        self.units = {**system.units, **{f"{name}_hat": units.get(name, "") for name in names}}
-
-    @property
-    def n_open(self) -> int:
-        """Number of coordinates of the open loop, without estimates."""
-        return self.open_loop.n
+        estimates = () if observer is None else [f"{name}_hat" for name in state_names(system)]
+        super().__init__(system, (), estimates)
+        self.gain, self.observer, self.ahead = gain, observer, ahead
 
     def feedback(self, phase: Array) -> Array:
         """Gain K (k, r, N) at phases (k,)."""
         return self.gain(phase).T.reshape(len(phase), len(self.open_loop.inputs), -1)
 
-    def at(self, phase: Array, speed: float) -> Matrices:
-        system, n = self.open_loop, self.n_open
-        p = n - system.first_order
-        M, C, K, d = (np.array(part) for part in system.at(phase, speed))
-        inputs = system.input_matrix(phase, speed)
+    def closed(
+        self,
+        phase: Array,
+        speed: Any,
+        matrices: Matrices,
+        inputs: Array,
+        observed: Callable[[], tuple[Matrices, Array]],
+    ) -> Matrices:
+        n, p = self.n_open, self.n_open - self.open_loop.first_order
+        M, C, K, d = map(np.array, matrices)
         force = inputs @ self.feedback(phase)
         if self.ahead is not None:
             d += np.einsum("knr,rk->kn", inputs, self.ahead(phase))
         if self.observer is None:
             C[..., :p] += force[..., n:]
             return M, C, K + force[..., :n], d
-        # The observer has the equations of the model, also where the system is linearised about a motion.
-        plant = Plant(self.model, speed)
-        A, B, b = plant.dynamics(phase)
+        # The observer has the equations of the design, also where the system is linearised about a motion.
+        A, B, b = state_equations(*observed(), self.design.first_order)
         if self.ahead is not None:
             b = b + np.einsum("knr,rk->kn", B, self.ahead(phase))
-        N = plant.N
+        N = A.shape[-1]
         L = self.observer.gain(phase).T.reshape(len(phase), N, -1)
-        shown = L @ plant.rows(self.observer.measured, phase)
+        shown = L @ Plant(self.design, speed).rows(self.observer.measured, phase)
         mass, damping, stiffness = (np.zeros((len(phase), n + N, n + N)) for _ in range(3))
         mass[:, :n, :n], damping[:, :n, :n], stiffness[:, :n, :n] = M, C, K
         stiffness[:, :n, n:], damping[:, n:, n:] = force, np.eye(N)
@@ -102,62 +116,8 @@ class ClosedLoop(MixedSystem):
         stiffness[:, n:, n:] = B @ self.feedback(phase) + shown - A
         return mass, damping, stiffness, np.concatenate((d, b), axis=1)
 
-    def inputs_of(self, phase: Array, q: Array, qd: Array) -> Array:
-        """Inputs u (r, k) at phases (k,) for states q and q̇ (n, k)."""
+    def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
         n, system = self.n_open, self.open_loop
         x = np.concatenate((q, qd[: n - system.first_order])) if self.observer is None else q[n:]
         u = -np.einsum("krn,nk->rk", self.feedback(phase), x)
         return u if self.ahead is None else u + self.ahead(phase)
-
-    def output_values(
-        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
-    ) -> Mapping[str, Array]:
-        n = self.n_open
-        values = self.model.output_values(phase, speed, q[:n], qd[:n], qdd[:n], acceleration)
-        return {**values, **dict(zip(self.open_loop.inputs, self.inputs_of(phase, q, qd), strict=True))}
-
-    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        return self.model.sketched(phase, speed, q[: self.n_open], fineness)
-
-    def require_desired_motion(self, speeds: Array) -> None:
-        self.model.require_desired_motion(speeds)
-
-    @property
-    def nonlinear(self) -> bool:
-        return self.model.nonlinear
-
-    def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        return self._about(self.model.along(self._without_estimates(motion), compiled))
-
-    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
-        return self._about(self.model.along_events(self._without_estimates(motion), speed, compiled))
-
-    def roundoff(self, phase: Array, speed: float) -> Array:
-        bounds = np.zeros((len(phase), self.n))
-        bounds[:, : self.n_open] = self.open_loop.roundoff(phase, speed)
-        return bounds
-
-    def _about(self, linearised: PeriodicSystem) -> "ClosedLoop":
-        """Closed loop of the equations linearised about a motion. The feedback needs no linearisation."""
-        made = copy(self)
-        made.open_loop, made.events = linearised, linearised.events
-        made.breaks, made.period = linearised.breaks, linearised.period
-        return made
-
-    def _without_estimates(self, motion: Motion) -> Motion:
-        """Motion of the open-loop coordinates."""
-        return motion if self.observer is None else _Leading(motion, self.n_open)
-
-
-class _Leading:
-    """First n coordinates of a motion."""
-
-    def __init__(self, motion: Motion, n: int):
-        self._motion, self._n = motion, n
-
-    @property
-    def nodes(self) -> Array:
-        return self._motion.nodes
-
-    def __call__(self, phase: Array, derivative: int = 0) -> Array:
-        return self._motion(phase, derivative)[: self._n]

@@ -1,15 +1,16 @@
 """Linear-quadratic regulator, Kalman filter, and their combination, for systems with periodic
 coefficients."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
 from solve.period.curve import Curve
 from solve.results.controller import Controller, Vibration
 from solve.single import floquet, periodic
-from solve.studies.control.closed_loop import ClosedLoop, Observer
+from solve.studies.control.closed_loop import ClosedLoop, Compensator, Observer
 from solve.studies.control.equations import error_equations, filter_of, regulator
+from solve.studies.control.margin import stability_margin
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Solved
 from solve.studies.control.weights import Weight
@@ -195,7 +196,7 @@ def lqg(
     observer = _controller("kalman", plant, filtered, observer_gain, measured, errors, rtol)
     closed = ClosedLoop(plant.system, gain, Observer(observer_gain, measured), ahead)
     made = _controller("lqg", plant, solved, gain, plant.system.inputs, closed, rtol)
-    return replace(made, ahead=ahead, observer=observer)
+    return replace(made, ahead=ahead, observer=observer, compensator=Compensator(closed))
 
 
 @of_system
@@ -207,6 +208,7 @@ def control(
     rtol: float = 1e-8,
     feedforward: bool = False,
     vibration: bool = False,
+    margin: Sequence[str] = (),
 ) -> Controller:
     """Compute a regulator, a filter, or both, from weights and noise intensities given by name.
 
@@ -227,6 +229,9 @@ def control(
         As in `lqr`.
     vibration : bool
         Whether to compute the periodic vibration without and with feedback.
+    margin : sequence of str
+        Names of parameters whose smallest change that makes the closed loop unstable is computed, see
+        `stability_margin`.
 
     Returns
     -------
@@ -256,6 +261,8 @@ def control(
         made = _OF["lqr"](system, speed, *weights, rtol, feedforward)
     else:
         made = _OF["lqg"](system, speed, *weights, *noise, rtol, feedforward)
+    if margin:
+        made = replace(made, margin=stability_margin(made.closed, speed, margin))
     return replace(made, vibration=_vibration(made)) if vibration else made
 
 

@@ -60,6 +60,14 @@ class Maps(NamedTuple):
         )
 
     @property
+    def period(self) -> "Maps":
+        """The map (1, N, N) of all steps."""
+        maps = self
+        while len(maps.A) > 1:
+            maps = maps.pairs
+        return maps
+
+    @property
     def dual(self) -> "Maps":
         """Maps of the filter equation. Its solution at the starts of these steps, in reverse order, is that
         of the filter at the nodes."""

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.contracts import Matrices
 from solve.errors import ControlError, ValueOutOfBoundsError, require_name
 from solve.first_order import FirstOrderSystem
 from solve.matrices import leading
@@ -17,7 +18,8 @@ from solve.system import PeriodicSystem, derivatives_of
 
 @dataclass(frozen=True)
 class Plant:
-    """System at a speed in rad/s, with states x = (q, q̇) and derivatives with respect to time."""
+    """A system at a speed in rad/s, with states x = (q, q̇) and derivatives by time. For rows of outputs there
+    may be a speed per phase."""
 
     system: PeriodicSystem
     speed: float
@@ -34,13 +36,8 @@ class Plant:
     def dynamics(self, phase: Array) -> tuple[Array, Array, Array]:
         """Matrices A (k, N, N) and B (k, N, r), and b (k, N), at phases (k,)."""
         system = self.system
-        n, p = system.n, system.n - system.first_order
-        M, C, K, d = system.at(phase, self.speed)
-        rate = rate_of(M, C, K, d, system.first_order)
-        highest = solved(leading(M, C, system.first_order), system.input_matrix(phase, self.speed))
-        B = np.zeros((len(phase), self.N, highest.shape[-1]))
-        B[:, n:], B[:, p:n] = highest[:, :p], highest[:, p:]
-        return rate[..., :-1], B, rate[..., -1]
+        inputs = system.input_matrix(phase, self.speed)
+        return state_equations(system.at(phase, self.speed), inputs, system.first_order)
 
     def require_inputs(self) -> None:
         """Raise ControlError if the system has no inputs."""
@@ -54,10 +51,7 @@ class Plant:
         """Rows C (k, y, N) at phases (k,) of the named states and outputs, y = C x without constant terms.
 
         Raises UnknownNameError, and ValueOutOfBoundsError for an output that depends on accelerations."""
-        system = self.system
-        outputs = system.outputs if isinstance(system, FirstOrderSystem) else linear_outputs(system)
-        for name in names:
-            require_name("state or output", name, [*self.states, *outputs])
+        system, outputs = self.system, self.require_names(names)
         rows = np.zeros((len(phase), len(names), self.N))
         for at, name in enumerate(names):
             if name in self.states:
@@ -69,6 +63,14 @@ class Plant:
                 rows[:, at] = self._output_row(name, phase)
         return rows
 
+    def require_names(self, names: Sequence[str]) -> Sequence[str]:
+        """Outputs with rows. Raises UnknownNameError for names that are neither states nor outputs."""
+        system = self.system
+        outputs = system.outputs if isinstance(system, FirstOrderSystem) else linear_outputs(system)
+        for name in names:
+            require_name("state or output", name, [*self.states, *outputs])
+        return outputs
+
     def _output_row(self, name: str, phase: Array) -> Array:
         """Derivatives (k, N) of a model's output with respect to the states."""
         state = reference_state(self.system, phase, self.speed)
@@ -79,6 +81,18 @@ class Plant:
                 f"outputs without accelerations, such as {self.states[0]}"
             )
         return np.concatenate((slopes[:, 2], slopes[:, 1]), axis=-1)
+
+
+def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tuple[Array, Array, Array]:
+    """A (k, N, N), B (k, N, r) and b (k, N) of x′ = A x + B u + b for M, C, K, d and the matrix of the inputs
+    (k, n, r)."""
+    M, C, K, d = matrices
+    (k, n), p = d.shape, d.shape[1] - first_order
+    rate = rate_of(M, C, K, d, first_order)
+    highest = solved(leading(M, C, first_order), inputs)
+    B = np.zeros((k, n + p, inputs.shape[-1]))
+    B[:, n:], B[:, p:n] = highest[:, :p], highest[:, p:]
+    return rate[..., :-1], B, rate[..., -1]
 
 
 def state_names(system: PeriodicSystem) -> tuple[str, ...]:
@@ -103,8 +117,8 @@ def reference_state(system: PeriodicSystem, phase: Array, speed: float) -> Array
 def output_slopes(
     system: PeriodicSystem, names: Sequence[str], phase: Array, speed: float, state: Array
 ) -> Array:
-    """Derivatives (k, p, 3, n) of outputs with respect to q̈, q̇ and q, at a state (3, n, k)."""
-    rates = speed ** np.array([2.0, 1.0, 0.0])[:, None]
+    """Derivatives (k, p, 3, n) of outputs by q̈, q̇ and q, at a state (3, n, k)."""
+    rates = np.asarray(speed)[..., None, None] ** np.array([2.0, 1.0, 0.0])[:, None]
     # A dependence uses derivatives by the phase.
     dependence, states = derivatives_of(system).by(()), np.moveaxis(state, -1, 0) / rates
-    return np.stack([dependence.output(name, phase, speed, states)[1] for name in names], axis=1) / rates
+    return np.stack([dependence.output(name, phase, speed, states)[1] / rates for name in names], axis=1)

@@ -13,12 +13,12 @@ from solve.errors import ControlError
 from solve.period.curve import Curve
 from solve.period.eigenvalues import balance_matrices, roundoff_growth
 from solve.period.grid import Grid
-from solve.studies.control.maps import periodic_solution, step_maps, symmetric, transposed
+from solve.studies.control.maps import Maps, periodic_solution, step_maps, symmetric, transposed
 
 _ORDER = 16
 """Order of the Gauss method, the highest available: solutions are as smooth as the coefficients."""
 
-_ADVANCE, _AT = 4.2, 1e-8
+_ADVANCE, _AT = 7.0, 1e-8
 """Phase advance per step of the fastest frozen mode on the first grid for a tolerance of 1e-8: the error
 constant 2.2e-19 of order 16 times 4.2^17 is 9e-9."""
 
@@ -78,7 +78,17 @@ class Riccati:
         return int(np.clip(np.ceil(fastest * self.period / self.speed / advance), _LEAST, _MOST))
 
     def at_nodes(self, grid: Grid) -> Array:
-        """Solution X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
+        """X (m+1, N, N) at the nodes. Raises ControlError if there is no stabilising solution."""
+        maps, (unit, size) = self.maps(grid), self._scales
+        X = periodic_solution(maps.dual if self.filters else maps)
+        if X is None or not np.isfinite(X).all():
+            raise ControlError(self._reason)
+        if self.filters:
+            return X[::-1] * (unit * unit[:, None] / size)
+        return X * (size / unit / unit[:, None])
+
+    def maps(self, grid: Grid) -> Maps:
+        """Maps of the steps of a grid, for states in units that balance the equation."""
         unit, size = self._scales
 
         def by_phase(phase: Array) -> tuple[Array, Array, Array]:
@@ -89,13 +99,7 @@ class Riccati:
                 Q * (unit * unit[:, None] / size / self.speed),
             )
 
-        maps = step_maps(by_phase, grid, _ORDER)
-        X = periodic_solution(maps.dual if self.filters else maps)
-        if X is None or not np.isfinite(X).all():
-            raise ControlError(self._reason)
-        if self.filters:
-            return X[::-1] * (unit * unit[:, None] / size)
-        return X * (size / unit / unit[:, None])
+        return step_maps(by_phase, grid, _ORDER)
 
     @cached_property
     def _scales(self) -> tuple[Array, float]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.linalg import solve_continuous_are
+from scipy.linalg import block_diag, solve_continuous_are, solve_discrete_are
 
 import solve
 from solve.errors import ControlError, MissingValueError, UnknownNameError, ValueOutOfBoundsError
@@ -130,6 +130,29 @@ def test_solution_of_pittelkaus_satellite_repeats_after_an_orbit():
     X, period = found.riccati(0.0)[0], 2 * np.pi / RATE
     earlier = riccati_integrated(lambda t: SATELLITE, lambda t: B(RATE * t), Q, R, period, X)
     assert np.abs(earlier - X).max() < 1e-7 * np.abs(X).max()
+
+
+def test_periodic_difference_equation_of_hench_and_laub_is_that_of_a_cyclic_system():
+    """Example 2 of J. J. Hench, A. J. Laub, IEEE Trans. Automat. Contr. 39 (1994) 1197-1210, with R = 1."""
+    A = np.array(
+        [
+            [[-3, 2, 9], [0, 0, -4], [3, -2, 3]],
+            [[6, -3, 0], [4, -2, 2], [2, -1, 4]],
+            [[2, -3, -3], [4, -15, -3], [-2, 9, 1]],
+        ],
+        dtype=float,
+    )
+    B = np.array([[1, 1, 0], [0, 1, 0], [0, 1, 1]], dtype=float)
+    G, H = B[:, :, None] * B[:, None], np.eye(3)[:, :, None] * np.eye(3)[:, None]
+    X = maps.periodic_solution(maps.Maps(A, G, H))
+    cyclic, inputs = np.zeros((9, 9)), np.zeros((9, 3))
+    for k in range(3):
+        after = slice(3 * ((k + 1) % 3), 3 * ((k + 1) % 3) + 3)
+        cyclic[after, 3 * k : 3 * k + 3], inputs[after, k] = A[k], B[k]
+    exact = solve_discrete_are(cyclic, inputs, block_diag(*H), np.eye(3))
+    for k in range(3):
+        block = exact[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        assert np.abs(X[k] - block).max() < 1e-9 * np.abs(exact).max()
 
 
 def test_solution_with_jumps_repeats_after_a_period():

@@ -1,0 +1,315 @@
+"""Output feedback that a drive can compute: constant gains or few harmonics, a delay, and resonators at
+harmonics of the drive, with derivatives with respect to the gains."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from solve.arguments import require_integer, unique_names
+from solve.arrays import Array
+from solve.contracts import Columns, Matrices
+from solve.errors import ControlError, MissingValueError, NoDerivativeError, ValueOutOfBoundsError
+from solve.studies.control.feedback import FeedbackLoop
+from solve.studies.control.plant import Plant
+from solve.system import PeriodicSystem, derivatives_of
+from solve.units import in_unit
+
+_DAMPING = 0.01
+"""Damping ratio of resonators. A choice: the gain at resonance is 50 times that at rest."""
+
+
+class Gain(NamedTuple):
+    """Gain from a signal to an input, times a wave 1, cos φ, sin φ, cos 2φ, …: the positions of all three,
+    its unit, and the name of the constant gain to which it belongs."""
+
+    input: int
+    signal: int
+    wave: int
+    unit: str
+    base: str
+
+
+class OutputFeedback(FeedbackLoop):
+    """System with u = −Σ g(φ) w of measured outputs w, whose gains are parameters of the closed loop.
+
+    Parameters
+    ----------
+    system : PeriodicSystem
+        System with inputs, and with second derivatives of all coordinates.
+    measured : sequence of str
+        Names of states, such as q1 and q1_dot, and of outputs.
+    harmonics : int
+        Highest harmonic of the gains; 0 for constant gains.
+    delay : float or str
+        Delay of the measured outputs in s, or a text with unit. A drive that samples, computes and holds with
+        the period T delays them by 1.5 T.
+    sections : int
+        Number of sections of the delay.
+    resonators : sequence of int
+        Harmonics at which resonators amplify the measured outputs, for repetitive control.
+
+    Raises
+    ------
+    ControlError
+        Without inputs, and for systems with first-order states.
+    SolveError
+        Other subclasses for bad input.
+
+    Notes
+    -----
+    Gains have the names u_by_q1 and, for the harmonics, u_by_q1_cos1 and u_by_q1_sin1. They are zero at
+    first; `varied` and `solve.optimise` change them. A section of the delay is Padé's approximant
+    1 − sτ/(1 + sτ/2 + s²τ²/12) of exp(−sτ), whose error at the frequency ω is (ωτ)⁵/720. A resonator
+    z̈ + 2ζω ż + ω² z = ω² w at a harmonic ω with ζ = 0.01 has a gain of z, u_by_q1_res2, and one of ż/ω,
+    u_by_q1_res2_dot.
+
+    Examples
+    --------
+    >>> import solve
+    >>> loop = OutputFeedback(solve.load("manipulator"), ["q1_dot"], delay="0.5 ms")
+    >>> list(loop.gains)
+    ['u_by_q1_dot']
+    >>> solve.floquet(loop.varied({"u_by_q1_dot": 100.0}), "50 rpm").stable
+    True
+    """
+
+    def __init__(
+        self,
+        system: PeriodicSystem,
+        measured: Sequence[str],
+        harmonics: int = 0,
+        delay: float | str = 0.0,
+        sections: int = 1,
+        resonators: Sequence[int] = (),
+    ):
+        if not isinstance(system, PeriodicSystem) or not system.inputs or system.first_order:
+            raise ControlError(
+                "output feedback requires a system with inputs and without first-order states, such as "
+                f"solve.load('manipulator'), not {system!r}"
+            )
+        require_integer("harmonics", harmonics, 0)
+        require_integer("sections", sections)
+        for order in resonators:
+            require_integer("harmonic of a resonator", order)
+        self.measured, self.resonators = unique_names(measured), tuple(dict.fromkeys(resonators))
+        if not self.measured:
+            raise MissingValueError("measured is empty; name states or outputs, such as q1_dot")
+        Plant(system, 1.0).require_names(self.measured)
+        self.delay = in_unit(delay, "s", "delay")
+        if not 0 <= self.delay < np.inf:
+            raise ValueOutOfBoundsError(f"delay is {delay!r}; allowed: numbers of at least 0")
+        self._sections = range(sections if self.delay else 0)
+        late = [f"{name}_late{k + 1}" for k in self._sections for name in self.measured]
+        added = [f"{name}_res{order}" for order in self.resonators for name in self.measured]
+        self.gain_terms = _terms(system, self.measured, harmonics, self.resonators)
+        self._waves, self.gains = harmonics, dict.fromkeys(self.gain_terms, 0.0)
+        super().__init__(system, [*late, *added])
+
+    def _take(self, system: PeriodicSystem) -> None:
+        super()._take(system)
+        self.parameters = {**system.parameters, **self.gains}
+        gains = {name: (term.unit, "gain of the feedback") for name, term in self.gain_terms.items()}
+        self.parameter_labels = {**system.parameter_labels, **gains}
+        added = {name: system.units.get(name.rpartition("_")[0], "") for name in self.coordinates[system.n :]}
+        self.units = {**self.units, **added}
+
+    def varied(
+        self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
+    ) -> Self:
+        """Closed loop with some gains, and parameters and options of the system, changed."""
+        given = dict(parameters or {})
+        gains = {name: float(given.pop(name)) for name in self.gains if name in given}
+        made = super().varied(given, options)
+        made.gains = {**self.gains, **gains}
+        made.parameters = {**made.parameters, **made.gains}
+        return made
+
+    def require_bounds(self, parameters: Mapping[str, float]) -> None:
+        super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
+
+    def bounds_of_gains(self, bounds: Mapping[str, Any]) -> dict[str, Any]:
+        """Bounds, with those of u_by_q1 for all gains from q1 to u that have none of their own."""
+        own = {name: bounds[gain.base] for name, gain in self.gain_terms.items() if gain.base in bounds}
+        return {**own, **bounds}
+
+    @property
+    def derivatives(self) -> "GainDerivatives | None":  # type: ignore[override]
+        """Derivatives with respect to the gains; None about a motion."""
+        return GainDerivatives(self) if self.open_loop is self.model else None
+
+    def waves(self, phase: Array) -> Array:
+        """1, cos φ, sin φ, cos 2φ, … (k, w) at phases (k,), for the period 2π."""
+        angles = phase[:, None] * (2 * np.pi / self.model.period * np.arange(1, self._waves + 1))
+        waves = np.stack((np.cos(angles), np.sin(angles)), axis=-1).reshape(len(phase), -1)
+        return np.concatenate((np.ones((len(phase), 1)), waves), axis=1)
+
+    def signals(self, phase: Array, speed: Any) -> tuple[Array, Array, Array]:
+        """Rows (k, s, 2, n) of the signals that gains multiply, by velocities and coordinates; and C and K
+        (k, a, n) of the a equations of delays and resonators, whose M is the identity."""
+        k, n, y = len(phase), self.model.n, len(self.measured)
+        rows = np.zeros((k, y, 2, self.n))
+        measured = Plant(self.design, speed).rows(self.measured, phase)
+        rows[:, :, 1, :n], rows[:, :, 0, :n] = measured[..., :n], measured[..., n:]
+        equations, signals = np.zeros((k, self.n - n, 2, self.n)), []
+        at, tau = np.arange(y), self.delay / max(len(self._sections), 1)
+        for _ in self._sections:
+            equations[:, at] -= 12 / tau**2 * rows
+            equations[:, at, 0, n + at] += 6 / tau
+            equations[:, at, 1, n + at] += 12 / tau**2
+            rows[:, range(y), 0, n + at] -= tau
+            at = at + y
+        for order in self.resonators:
+            omega = np.broadcast_to(order * 2 * np.pi / self.model.period * speed, k)[:, None]
+            equations[:, at] -= omega[:, None, None] ** 2 * rows
+            equations[:, at, 0, n + at] += 2 * _DAMPING * omega
+            equations[:, at, 1, n + at] += omega**2
+            resonant = np.zeros((2, k, y, 2, self.n))
+            resonant[0][:, range(y), 1, n + at], resonant[1][:, range(y), 0, n + at] = 1.0, 1 / omega
+            signals += list(resonant)
+            at = at + y
+        return np.concatenate((rows, *signals), axis=1), equations[:, :, 0], equations[:, :, 1]
+
+    def gain_matrix(self, phase: Array) -> Array:
+        """Gains (k, r, s) of the signals at phases (k,)."""
+        waves, last = self.waves(phase), max(term.signal for term in self.gain_terms.values()) + 1
+        gains = np.zeros((len(phase), len(self.model.inputs), last))
+        for name, term in self.gain_terms.items():
+            gains[:, term.input, term.signal] += self.gains[name] * waves[:, term.wave]
+        return gains
+
+    def closed(
+        self,
+        phase: Array,
+        speed: Any,
+        matrices: Matrices,
+        inputs: Array,
+        observed: Callable[[], tuple[Matrices, Array]],
+    ) -> Matrices:
+        n, m, k = self.n_open, self.n, len(phase)
+        signals, damping, stiffness = self.signals(phase, speed)
+        force = np.einsum("knr,krs->kns", inputs, self.gain_matrix(phase))
+        M, C, K = (np.zeros((k, m, m)) for _ in range(3))
+        M[:, :n, :n], C[:, :n, :n], K[:, :n, :n] = matrices[:3]
+        M[:, range(n, m), range(n, m)], C[:, n:], K[:, n:] = 1.0, damping, stiffness
+        C[:, :n] += force @ signals[:, :, 0]
+        K[:, :n] += force @ signals[:, :, 1]
+        return M, C, K, np.concatenate((matrices[3], np.zeros((k, m - n))), axis=1)
+
+    def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
+        signals = self.signals(phase, speed)[0]
+        values = np.einsum("kscn,cnk->ks", signals, np.stack((qd, q)))
+        return -np.einsum("krs,ks->rk", self.gain_matrix(phase), values)
+
+
+def _terms(
+    system: PeriodicSystem, measured: Sequence[str], harmonics: int, resonators: Sequence[int]
+) -> dict[str, Gain]:
+    """Gains by name, in the order of the signals of `OutputFeedback.signals`."""
+    waves = ["", *(f"_{wave}{k}" for k in range(1, harmonics + 1) for wave in ("cos", "sin"))]
+    resonant = [f"_res{order}{rate}" for order in resonators for rate in ("", "_dot")]
+    kinds = [(0, at, wave) for at, wave in enumerate(waves)]
+    kinds += [(at, 0, suffix) for at, suffix in enumerate(resonant, start=1)]
+    terms = {}
+    for (at, u), (place, y), (block, wave, suffix) in product(
+        enumerate(system.inputs), enumerate(measured), kinds
+    ):
+        unit = _unit(system, u, y)
+        base = f"{u}_by_{y}"
+        terms[base + suffix] = Gain(at, block * len(measured) + place, wave, unit, base)
+    return terms
+
+
+def _unit(system: PeriodicSystem, u: str, y: str) -> str:
+    """Unit of a gain, such as N m s/rad; empty if that of the measured quantity is itself a quotient."""
+    state = y.removesuffix("_dot") if y not in system.units else y
+    of_input, of_state = system.units.get(u, ""), system.units.get(state, "")
+    if not of_input or "/" in of_state:
+        return ""
+    return f"{of_input}{'' if state == y else ' s'}{f'/{of_state}' if of_state not in ('', '1') else ''}"
+
+
+class GainDerivatives:
+    """Derivatives of output feedback with respect to its gains; see `ParameterDerivatives`."""
+
+    def __init__(self, loop: OutputFeedback):
+        self._loop = loop
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the gains."""
+        return tuple(self._loop.gains)
+
+    def of_breaks(self, names: Sequence[str]) -> Array:
+        """Zero (b, r): gains move no breaks."""
+        return np.zeros((len(self._loop.breaks), len(names)))
+
+    def by(self, names: Sequence[str], compiled: Columns | None = None) -> "GainDependence":
+        """Derivatives with respect to gains. Raises NoDerivativeError for other parameters."""
+        for name in names:
+            if name not in self._loop.gains:
+                raise NoDerivativeError(
+                    f"derivatives of output feedback with respect to {name} are not available; allowed: "
+                    f"{', '.join(self.names)}"
+                )
+        return GainDependence(self._loop, tuple(names))
+
+
+class GainDependence:
+    """Derivatives of the equations and outputs with respect to gains; see `Dependence`."""
+
+    linear = partial_outputs = True
+
+    def __init__(self, loop: OutputFeedback, names: Sequence[str]):
+        terms = [loop.gain_terms[name] for name in names]
+        self._loop, self._input = loop, [term.input for term in terms]
+        self._signal, self._wave = [term.signal for term in terms], [term.wave for term in terms]
+
+    @property
+    def less_accurate(self) -> "GainDependence":
+        """The object itself: derivatives are exact."""
+        return self
+
+    def residual(self, phase: Array, speed: float, states: Array) -> Array:
+        loop, n = self._loop, self._loop.model.n
+        derivatives = np.zeros((len(phase), loop.n, len(self._input)))
+        B = loop.model.input_matrix(phase, speed)
+        derivatives[:, :n] = B[:, :, self._input] * -self._of_input(phase, speed, states)[:, None]
+        return derivatives
+
+    def weighted_residual(self, phase: Array, speed: float, states: Array, weights: Array) -> Array:
+        return np.einsum("knr,knc->rc", self.residual(phase, speed, states), weights)
+
+    def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
+        loop, n = self._loop, self._loop.model.n
+        B, signals = loop.model.input_matrix(phase, speed), loop.signals(phase, speed)[0]
+        along = np.einsum("kna,kcnm->kacm", B, weights[:, 1:, :n]) * np.array([speed, 1.0])[:, None]
+        sums = np.einsum("kacm,kscm->kas", along, signals)
+        chosen = sums[:, self._input, self._signal] * loop.waves(phase)[:, self._wave]
+        return chosen.sum(axis=0), np.zeros_like(states)
+
+    def output(self, name: str, phase: Array, speed: float, states: Array) -> tuple[Array, Array]:
+        loop, n = self._loop, self._loop.model.n
+        by, by_states = np.zeros((len(phase), len(self._input))), np.zeros((len(phase), 3, loop.n))
+        if name not in loop.model.inputs:
+            own = derivatives_of(loop.model).by(())
+            by_states[..., :n] = own.output(name, phase, speed, states[..., :n])[1]
+            return by, by_states
+        at = loop.model.inputs.index(name)
+        by = np.where(np.array(self._input) == at, self._of_input(phase, speed, states), 0.0)
+        gains = -loop.gain_matrix(phase)[:, at]
+        by_states[:, 1:] = np.einsum("ks,kscn->kcn", gains, loop.signals(phase, speed)[0])
+        by_states[:, 1] *= speed
+        return by, by_states
+
+    def output_with_states(self, name: str, phase: Array, speed: float, states: Array, moved: Array) -> Array:
+        by, by_states = self.output(name, phase, speed, states)
+        return by + np.einsum("kcn,kcnr->kr", by_states, moved)
+
+    def _of_input(self, phase: Array, speed: float, states: Array) -> Array:
+        """Derivatives (k, r) of the inputs that gains act on with respect to these gains."""
+        loop = self._loop
+        rates = np.array([speed, 1.0])[:, None] * states[:, 1:]
+        values = np.einsum("kscn,kcn->ks", loop.signals(phase, speed)[0], rates)
+        return -values[:, self._signal] * loop.waves(phase)[:, self._wave]
