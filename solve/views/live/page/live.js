@@ -21,7 +21,11 @@ const circle = new Circle(by("circle").querySelector(".plot"));
 const mechanism = new Mechanism(by("motion"), (fraction) => {
   if (solution) for (const row of rows) row.mark(fraction * solution.span);
 });
-const survey = new Survey(by("survey"), send, controls, () => request());
+const survey = new Survey(by("survey"), (message) => {
+  // The first calculation starts a process.
+  showProgress(by("surveying"), { text: "starting", fraction: null });
+  send(message);
+}, controls, () => request());
 
 function send(message) {
   if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
@@ -161,18 +165,23 @@ function fault(text) {
 }
 
 function draw() {
-  const { curves, span, period, verdict, errors, warnings, multipliers, small, radius, free } = solution;
+  const { verdict, errors, warnings, radius } = solution;
   by("fault").hidden = true;
   by("views").style.opacity = "";
   by("verdict").textContent = verdict || "rigid motion";
   by("verdict").className = `verdict ${verdict === "unstable" || verdict === "undetermined" ? "bad" : "good"}`;
   by("errors").textContent = [radius !== undefined && radius !== null ? `max|ρ| = ${short(radius)}` : "", errors && `errors: ${errors}`].filter(Boolean).join("; ");
   by("warnings").replaceChildren(...warnings.map((warning) => Object.assign(document.createElement("li"), { textContent: warning })));
+  drawPictures();
+}
+
+function drawPictures() {
+  const { curves, span, period, multipliers, small, free } = solution;
   const host = by("orbit").querySelector(".curves");
   while (rows.length > curves.length) rows.pop().row.remove();
   while (rows.length < curves.length) rows.push(new CurveRow(host));
   curves.forEach((curve, k) => rows[k].draw(curve, span, period));
-  by("orbit").querySelector("small").textContent = free ? "no load: free vibration from 1 at rest" : "";
+  by("orbit").querySelector("small").textContent = free ? "no load: free vibration from rest at 1" : "";
   mechanism.periods = Math.round(span / period);
   if (model.vibrates) circle.draw(multipliers, small);
 }
@@ -246,4 +255,4 @@ by("motion").querySelector(".scale").addEventListener("change", () => request())
 by("quit").addEventListener("click", () => send({ do: "quit" }));
 by("solving").querySelector("button").addEventListener("click", () => send({ do: "stop", number: number + 1 }));
 by("surveying").querySelector("button").addEventListener("click", () => send({ do: "cancel" }));
-new ResizeObserver(() => { if (solution) { draw(); survey.draw(); } }).observe(by("views"));
+new ResizeObserver(() => { if (solution) { drawPictures(); survey.draw(); } }).observe(by("views"));
