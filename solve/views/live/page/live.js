@@ -5,13 +5,14 @@ import { Controls } from "./controls.js";
 import { Mechanism } from "./mechanism.js";
 import { Survey } from "./survey.js";
 
-const PATIENCE = 250; // Milliseconds after which a request under way is replaced by a newer one.
+const PATIENCE = 250; // Least number of milliseconds after which a newer request replaces the one under way.
 const MOST_LATENCIES = 2000;
 
 const by = (id) => document.getElementById(id);
 const socket = new WebSocket(new URL("messages", location.href.replace(/^http/, "ws")));
 socket.binaryType = "arraybuffer";
 
+let patience = PATIENCE; // Grows with the time of solutions, so that slow ones are shown while a slider moves.
 let number = 0, underWay = null, waiting = null, awaitsPoints = null, model = null, solution = null, rows = [];
 const latencies = []; // Milliseconds from the move of a slider to the picture.
 Object.assign(globalThis, { latencies });
@@ -35,7 +36,10 @@ function send(message) {
 function request() {
   survey.mark();
   waiting = performance.now();
-  if (underWay === null || waiting - underWay.since > PATIENCE) ask();
+  if (underWay === null || waiting - underWay.since > patience) {
+    if (underWay !== null) patience *= 2;
+    ask();
+  }
 }
 
 function ask() {
@@ -85,6 +89,7 @@ const receive = {
     afterPaint(() => {
       const delay = performance.now() - answer.moved;
       latencies.push(delay);
+      patience = Math.max(PATIENCE, 2 * delay);
       if (latencies.length > MOST_LATENCIES) latencies.shift();
       by("latency").textContent = `shown after ${delay.toFixed(0)} ms, solved in ${(1000 * message.seconds).toFixed(0)} ms`;
       document.documentElement.dataset.drawn = message.number;

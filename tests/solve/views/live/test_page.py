@@ -227,6 +227,7 @@ def test_memory_and_latency_after_a_thousand_moves(chromium, record_property):
         for name in ("first", "last"):
             tab.evaluate("latencies.length = 0")
             tab.evaluate(f"{MOVES}(450)")
+            tab.wait("latencies.length > 0")
             latencies = sorted(tab.evaluate("latencies"))
             record_property(f"median latency (ms), {name} moves", latencies[len(latencies) // 2])
         growth = heap(tab) - before[0], resident() - before[1]
