@@ -138,8 +138,8 @@ class Browser:
         return await connect(*arguments, **keywords)
 
     def open(self, url: str, width: int = 1280, height: int = 900) -> Tab:
-        """New tab with a page."""
-        target = self._plain("Target.createTarget", url="about:blank")["targetId"]
+        """New window with a page: pages behind others are not painted."""
+        target = self._plain("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
         session = self._plain("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         tab = Tab(self._loop, self._connection, session)
         tab._number = 1000 * (1 + int(time.monotonic() * 1000) % 1_000_000)

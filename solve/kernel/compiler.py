@@ -25,6 +25,10 @@ _FLAGS = ("-O3", "-fno-math-errno", "-std=c11", "-shared", "-fPIC")
 _CONTRACTED = ("-ffp-contract=fast",)
 """Contraction of products and sums to one rounding, except in formulas, whose terms may cancel exactly."""
 
+_WIDE = ("-mprefer-vector-width=512",)
+"""Flag of Clang for AVX-512, whose vectors it otherwise halves for some processors of Intel. Steps for one
+coordinate took 1.23 times as long as by GCC without it, and 1.05 with it (Intel Xeon, Zig 0.17)."""
+
 _ZIG = ("-fno-sanitize=all",)
 """Flags of Zig's C compiler, which otherwise checks for undefined behaviour while the code runs."""
 
@@ -141,9 +145,11 @@ def c_compiler() -> Compiler:
         machine = (*native, *MACHINE)
         try:
             macros = _run([*command, *machine, "-dM", "-E", "-x", "c", os.devnull])
-            return Compiler(command, machine, macros)
         except CompilerError as error:
             failures.append(error)
+            continue
+        wide = _WIDE if "__clang__" in macros and "__AVX512F__" in macros else ()
+        return Compiler(command, (*machine, *wide), macros)
     raise failures[0]
 
 

@@ -1,14 +1,16 @@
 """Separate process for long calculations of the live window. Sliders stay responsive, and calculations can be
 cancelled at any time."""
 
-import multiprocessing
+import os
 import pickle
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any, BinaryIO, Protocol
 
 from solve.errors import SolveError
 from solve.terminal import progress
@@ -36,12 +38,15 @@ class Background:
     after a cancellation.
 
     Reports are delivered from a thread of this object.
+
+    Notes
+    -----
+    The process is a new interpreter, not one of `multiprocessing`, which would run the script that opened the
+    window a second time.
     """
 
     def __init__(self) -> None:
-        self._context = multiprocessing.get_context("spawn")
-        self._process: Any = None
-        self._connection: Any = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
         self._running = False
 
@@ -55,15 +60,15 @@ class Background:
         self.cancel()
         content = pickle.dumps(work)
         with self._lock:
-            if self._process is None or not self._process.is_alive():
-                self._connection, other = self._context.Pipe()
-                self._process = self._context.Process(target=_serve, args=(other,), daemon=True)
-                self._process.start()
-                other.close()
+            if self._process is None or self._process.poll() is not None:
+                self._process = _started()
             self._running = True
-            self._connection.send_bytes(content)
-            listening = threading.Thread(target=self._listen, args=(self._connection, report), daemon=True)
+            process = self._process
+            listening = threading.Thread(target=self._listen, args=(process, report), daemon=True)
         listening.start()
+        # A process that has ended is reported by the thread.
+        with suppress(OSError):
+            _write(process.stdin, content)
 
     def cancel(self) -> None:
         """Cancel the running calculation and end its process."""
@@ -80,21 +85,23 @@ class Background:
 
     def _end_process(self) -> None:
         process, self._process, self._running = self._process, None, False
+        assert process is not None
         process.terminate()
-        process.join(_JOIN)
-        if process.is_alive():
+        try:
+            process.wait(_JOIN)
+        except subprocess.TimeoutExpired:
             process.kill()
-            process.join()
+            process.wait()
 
-    def _listen(self, connection: Any, report: Report) -> None:
+    def _listen(self, process: "subprocess.Popen[bytes]", report: Report) -> None:
         """Deliver the reports of one calculation until it ends."""
         while True:
             try:
-                kind, values = connection.recv()
-            except (EOFError, OSError):
+                kind, values = pickle.load(process.stdout)  # pyright: ignore[reportArgumentType]
+            except (EOFError, OSError, ValueError, pickle.UnpicklingError):
                 with self._lock:
-                    cancelled = connection is not self._connection or not self._running
-                    self._running = self._running and connection is not self._connection
+                    cancelled = process is not self._process or not self._running
+                    self._running = self._running and process is not self._process
                 message = "the process of this work has ended; it may have been short of memory"
                 report("cancelled" if cancelled else "failed", {"message": message})
                 return
@@ -106,17 +113,30 @@ class Background:
                 return
 
 
-def _serve(connection: Any) -> None:
-    """Perform the calculations received from a connection until it is closed."""
+def _started() -> "subprocess.Popen[bytes]":
+    """New interpreter that imports from the same places and calls `serve`."""
+    command = [sys.executable, "-c", f"from {__name__} import serve; serve()"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+
+
+def _write(stream: Any, content: object) -> None:
+    pickle.dump(content, stream)
+    stream.flush()
+
+
+def serve() -> None:
+    """Carry out calculations received on standard input until it is closed."""
     # An interruption of the terminal reaches all its processes; the window ends this one.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    reports = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     with suppress(EOFError, OSError):
         while True:
-            kind, values = _outcome(connection, connection.recv_bytes())
-            connection.send((kind, values))
+            _write(reports, _outcome(reports, pickle.load(sys.stdin.buffer)))
 
 
-def _outcome(connection: Any, content: bytes) -> tuple[str, dict[str, Any]]:
+def _outcome(reports: BinaryIO, content: bytes) -> tuple[str, dict[str, Any]]:
     reported = 0.0
 
     def listener(tracker: progress.Tracker) -> None:
@@ -125,7 +145,7 @@ def _outcome(connection: Any, content: bytes) -> tuple[str, dict[str, Any]]:
         status = tracker.status(now)
         if status is not None and now - reported > _INTERVAL:
             reported = now
-            connection.send(("progress", status._asdict()))
+            _write(reports, ("progress", status._asdict()))
 
     try:
         with progress.listen(listener):

@@ -55,6 +55,16 @@ def test_named_compiler_is_never_replaced(without_compilers, monkeypatch):
         compiler.c_compiler()
 
 
+@pytest.mark.parametrize(
+    ("macros", "wide"),
+    [("__clang__ __AVX512F__", True), ("__GNUC__ __AVX512F__", False), ("__clang__ __ARM_NEON", False)],
+)
+def test_clang_alone_is_asked_for_whole_registers(macros, wide, own_cache, monkeypatch):
+    monkeypatch.setenv("CC", "python")
+    monkeypatch.setattr(compiler, "_run", lambda command: macros)
+    assert ("-mprefer-vector-width=512" in compiler.c_compiler().machine) == wide
+
+
 @pytest.mark.slow
 def test_sweep_compiled_by_zig_matches_numpy(zig):
     assert compiler.c_compiler().command[:1] == compiler.zig()[:1]

@@ -6,10 +6,10 @@ export function rounded(value, digits = 4) {
   return Number(value.toPrecision(digits));
 }
 
-// Text of a number: with an exponent where digits would have to be counted.
+// Text of a number that fits its field: rounded, and with an exponent where digits would have to be counted.
 function written(value) {
-  const size = Math.abs(value);
-  return size >= 1e6 || (size > 0 && size < 1e-3) ? value.toExponential().replace("e+", "e") : String(value);
+  const short = rounded(value, 7), size = Math.abs(short);
+  return size >= 1e6 || (size > 0 && size < 1e-3) ? short.toExponential().replace("e+", "e") : String(short);
 }
 
 // Values of all sliders; `moved` is called after each change, `typed` with the name and text of a field.

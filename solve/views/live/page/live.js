@@ -5,13 +5,14 @@ import { Controls } from "./controls.js";
 import { Mechanism } from "./mechanism.js";
 import { Survey } from "./survey.js";
 
-const PATIENCE = 250; // Milliseconds after which a request under way is replaced by a newer one.
+const PATIENCE = 250; // Least number of milliseconds after which a newer request replaces the one under way.
 const MOST_LATENCIES = 2000;
 
 const by = (id) => document.getElementById(id);
 const socket = new WebSocket(new URL("messages", location.href.replace(/^http/, "ws")));
 socket.binaryType = "arraybuffer";
 
+let patience = PATIENCE; // Grows with the time of solutions, so that slow ones are shown while a slider moves.
 let number = 0, underWay = null, waiting = null, awaitsPoints = null, model = null, solution = null, rows = [];
 const latencies = []; // Milliseconds from the move of a slider to the picture.
 Object.assign(globalThis, { latencies });
@@ -21,7 +22,11 @@ const circle = new Circle(by("circle").querySelector(".plot"));
 const mechanism = new Mechanism(by("motion"), (fraction) => {
   if (solution) for (const row of rows) row.mark(fraction * solution.span);
 });
-const survey = new Survey(by("survey"), send, controls, () => request());
+const survey = new Survey(by("survey"), (message) => {
+  // The first calculation starts a process.
+  showProgress(by("surveying"), { text: "starting", fraction: null });
+  send(message);
+}, controls, () => request());
 
 function send(message) {
   if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
@@ -31,7 +36,10 @@ function send(message) {
 function request() {
   survey.mark();
   waiting = performance.now();
-  if (underWay === null || waiting - underWay.since > PATIENCE) ask();
+  if (underWay === null || waiting - underWay.since > patience) {
+    if (underWay !== null) patience *= 2;
+    ask();
+  }
 }
 
 function ask() {
@@ -81,6 +89,7 @@ const receive = {
     afterPaint(() => {
       const delay = performance.now() - answer.moved;
       latencies.push(delay);
+      patience = Math.max(PATIENCE, 2 * delay);
       if (latencies.length > MOST_LATENCIES) latencies.shift();
       by("latency").textContent = `shown after ${delay.toFixed(0)} ms, solved in ${(1000 * message.seconds).toFixed(0)} ms`;
       document.documentElement.dataset.drawn = message.number;
@@ -161,18 +170,23 @@ function fault(text) {
 }
 
 function draw() {
-  const { curves, span, period, verdict, errors, warnings, multipliers, small, radius, free } = solution;
+  const { verdict, errors, warnings, radius } = solution;
   by("fault").hidden = true;
   by("views").style.opacity = "";
   by("verdict").textContent = verdict || "rigid motion";
   by("verdict").className = `verdict ${verdict === "unstable" || verdict === "undetermined" ? "bad" : "good"}`;
   by("errors").textContent = [radius !== undefined && radius !== null ? `max|ρ| = ${short(radius)}` : "", errors && `errors: ${errors}`].filter(Boolean).join("; ");
   by("warnings").replaceChildren(...warnings.map((warning) => Object.assign(document.createElement("li"), { textContent: warning })));
+  drawPictures();
+}
+
+function drawPictures() {
+  const { curves, span, period, multipliers, small, free } = solution;
   const host = by("orbit").querySelector(".curves");
   while (rows.length > curves.length) rows.pop().row.remove();
   while (rows.length < curves.length) rows.push(new CurveRow(host));
   curves.forEach((curve, k) => rows[k].draw(curve, span, period));
-  by("orbit").querySelector("small").textContent = free ? "no load: free vibration from 1 at rest" : "";
+  by("orbit").querySelector("small").textContent = free ? "no load: free vibration from rest at 1" : "";
   mechanism.periods = Math.round(span / period);
   if (model.vibrates) circle.draw(multipliers, small);
 }
@@ -246,4 +260,4 @@ by("motion").querySelector(".scale").addEventListener("change", () => request())
 by("quit").addEventListener("click", () => send({ do: "quit" }));
 by("solving").querySelector("button").addEventListener("click", () => send({ do: "stop", number: number + 1 }));
 by("surveying").querySelector("button").addEventListener("click", () => send({ do: "cancel" }));
-new ResizeObserver(() => { if (solution) { draw(); survey.draw(); } }).observe(by("views"));
+new ResizeObserver(() => { if (solution) { drawPictures(); survey.draw(); } }).observe(by("views"));

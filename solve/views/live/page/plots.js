@@ -137,6 +137,7 @@ export class CurveRow {
     this.row.querySelector("h3").innerHTML = `<b>${escaped(curve.label)}</b> ${escaped(curve.meaning)} <small>largest ${escaped(curve.largest)}</small>`;
     const { left, right } = this, unit = curve.label.length > 10 ? curve.unit : `${curve.label}${curve.unit && ` (${curve.unit})`}`;
     const count = curve.values.length - 1, xs = curve.values.map((_, k) => (k / count) * span);
+    right.host.hidden = curve.spectrum.length === 0;
     left.scale([0, span], range(curve.values));
     let step = span > 1.5 * period ? period : period / 4;
     while (span / step > left.width / 45) step *= 2;
@@ -145,7 +146,6 @@ export class CurveRow {
     this.cursor.setAttribute("y1", left.box.top);
     this.cursor.setAttribute("y2", left.box.bottom);
     this.span = span;
-    right.host.hidden = curve.spectrum.length === 0;
     if (!right.host.hidden) this.drawSpectrum(curve, 360 / period);
   }
 

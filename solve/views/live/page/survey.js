@@ -85,7 +85,8 @@ export class Survey {
       this.result = message;
       this.result.at = this.at;
       const failed = message.failures.filter(Boolean);
-      const texts = [...message.warnings, ...(failed.length ? [`${failed.length} of ${message.failures.length} points have no result, such as: ${failed[0]}`] : [])];
+      const colours = message.y ? ["Orange: unstable; darker: larger"] : [];
+      const texts = [...colours, ...message.warnings, ...(failed.length ? [`${failed.length} of ${message.failures.length} points have no result, such as: ${failed[0]}`] : [])];
       this.notes = texts.join(". ");
       this.draw();
     } else if (message.outcome === "cancelled") this.say("Cancelled.");

@@ -1,7 +1,9 @@
 """The live page in a real browser: sliders, typed units, refusals, cursors, commands, widths and latency."""
 
 import json
+import os
 import shlex
+from pathlib import Path
 
 import pytest
 
@@ -161,6 +163,10 @@ def test_fault_of_the_model_is_a_sentence_and_the_page_goes_on(chromium):
         tab.type("[data-name=l2] .typed input", "2 m")
         tab.wait("!document.querySelector('#fault').hidden")
         assert "the crank cannot turn fully" in tab.text("#fault")
+        tab.resize(700, 800)
+        tab.evaluate("new Promise((resolve) => setTimeout(resolve, 200))")
+        assert not tab.evaluate("document.querySelector('#fault').hidden")
+        assert tab.text("#verdict") == "no solution"
         after(tab, lambda: tab.click("#reset"))
         assert tab.evaluate("document.querySelector('#fault').hidden")
         assert tab.errors == []
@@ -187,30 +193,59 @@ def test_page_states_that_the_program_has_ended(chromium):
     live.close()
 
 
+def test_two_windows_side_by_side_keep_their_own_values(page, chromium, address):
+    other = chromium.open(address)
+    other.wait(SOLVED)
+    after(page, lambda: slide(page, "k1", 400))
+    after(other, lambda: slide(other, "k1", 600))
+    after(page, lambda: slide(page, "speed", 300))
+    for tab in (page, other):
+        orbit = solve.periodic(solve.load("cam", k1=value(tab, "k1")), f"{value(tab, 'speed')} rpm")
+        assert tab.text("#summary").startswith(orbit.summary)
+    assert value(page, "k1") < value(other, "k1")
+    assert other.errors == []
+
+
+MOVES = """(async (count) => {
+    const slider = document.querySelector('[data-name=delta] input[type=range]');
+    for (let k = 0; k < count; k += 1) {
+        slider.value = 400 + k % 200;
+        slider.dispatchEvent(new Event('input', {bubbles: true}));
+        await new Promise((resolve) => setTimeout(resolve, 10));
+    }
+})"""
+
+
 def test_memory_and_latency_after_a_thousand_moves(chromium, record_property):
     """Latency depends on the machine and is recorded; memory and answers do not."""
     live = solve.explore("mathieu")
     try:
         tab = chromium.open(live.address)
         tab.wait(SOLVED)
-        heap = "performance.memory.usedJSHeapSize"
-        moves = """(async (count) => {
-            const slider = document.querySelector('[data-name=delta] input[type=range]');
-            for (let k = 0; k < count; k += 1) {
-                slider.value = 400 + k % 200;
-                slider.dispatchEvent(new Event('input', {bubbles: true}));
-                await new Promise((resolve) => setTimeout(resolve, 10));
-            }
-        })"""
-        tab.evaluate(f"{moves}(100)")
-        before = tab.evaluate(heap)
-        tab.evaluate("latencies.length = 0")
-        tab.evaluate(f"{moves}(900)")
+        tab.evaluate(f"{MOVES}(100)")
+        before = heap(tab), resident()
+        for name in ("first", "last"):
+            tab.evaluate("latencies.length = 0")
+            tab.evaluate(f"{MOVES}(450)")
+            tab.wait("latencies.length > 0")
+            latencies = sorted(tab.evaluate("latencies"))
+            record_property(f"median latency (ms), {name} moves", latencies[len(latencies) // 2])
+        growth = heap(tab) - before[0], resident() - before[1]
+        record_property("growth of page and program (MB)", [size / 1e6 for size in growth])
+        assert max(growth) < 3e7
         tab.wait(f"{SOLVED} === document.documentElement.dataset.drawn")
-        latencies = sorted(tab.evaluate("latencies"))
-        assert len(latencies) > 50
-        record_property("median latency (ms)", latencies[len(latencies) // 2])
-        assert tab.evaluate(heap) < before + 3e7
         assert tab.errors == []
     finally:
         live.close()
+
+
+def heap(tab):
+    """Memory of the objects of a page in bytes."""
+    tab.command("HeapProfiler.collectGarbage")
+    return tab.evaluate("performance.memory.usedJSHeapSize")
+
+
+def resident():
+    """Resident memory of this process in bytes; 0 where the system has no file that states it."""
+    file = Path("/proc/self/statm")
+    return int(file.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if file.exists() else 0

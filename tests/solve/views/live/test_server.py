@@ -250,3 +250,28 @@ def test_missing_library_is_named(capsys, monkeypatch):
     assert capsys.readouterr().err == (
         'solve: the live window needs Tornado; install it with: pip install "parametric-vibration[explore]"\n'
     )
+
+
+UNGUARDED = """import time
+import solve
+from solve.views.live.background import Background
+from solve.views.live.survey import Axis, Survey
+from solve.units import RPM
+
+print("begins", flush=True)
+survey = Survey(solve.load("mathieu"), 1.0, RPM, Axis("delta", 1.5, 2.0, 2), None, "spectral_radius")
+work, ended = Background(), []
+work.start(survey, lambda kind, values: ended.append(kind) if kind != "progress" else None)
+while not ended:
+    time.sleep(0.05)
+work.close()
+print(*ended)
+"""
+
+
+@pytest.mark.slow
+def test_script_that_opens_a_window_is_not_run_again_for_a_sweep(folder):
+    """Scripts often have no guard against being imported, which processes of `multiprocessing` need."""
+    (folder / "script.py").write_text(UNGUARDED, encoding="utf-8")
+    ran = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, timeout=_SECONDS)
+    assert (ran.stdout, ran.stderr) == ("begins\ndone\n", "")
