@@ -46,6 +46,8 @@ class Comparison(ABC):
         Ratio of their numbers of steps.
     remaining : float
         Error of the better solution as a fraction of the difference.
+    max_steps : int
+        Largest number of steps of the first solution.
     """
 
     step_ratio: int
@@ -53,9 +55,8 @@ class Comparison(ABC):
 
     def __init__(self, solver: PointSolver, better: Method):
         self.solver, self.better = solver, better
-        points = solver.points
-        most = better.most_steps(points.n, points.first_order) // self.step_ratio
-        self.max_steps = min(solver.max_steps, most)
+        # A better solution has as many steps, or stages, at least.
+        self.max_steps = better.most_steps(solver.points.n, solver.points.first_order) // self.step_ratio
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
         """Chunks of the positions, split so that both solutions fit into memory."""

@@ -43,18 +43,20 @@ class PointSolver:
 
     Attributes
     ----------
-    max_steps : int
-        Largest number of steps per period.
     orders : (2,)
         Orders of convergence of orbit and multipliers.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         self.points, self.method, self.request = points, method, request
-        self.max_steps = method.most_steps(points.n, points.first_order)
         # The curve of a first-order coordinate is integrated once less.
         is_lower = bool(points.first_order) and method.stages is not None
         self.orders = np.array([method.curve_order - is_lower, method.order])
+
+    @cached_property
+    def max_steps(self) -> int:
+        """Largest number of steps per period."""
+        return self.method.most_steps(self.points.n, self.points.first_order)
 
     @cached_property
     def modes(self) -> FrozenModes:

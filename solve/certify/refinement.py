@@ -39,10 +39,6 @@ _UNKNOWN = 0.5
 """Estimate above which an error is infinite: it may then be as large as the result. With 0.25 and 1, 65
 results on 14 systems of both populations remain honest with the same verdicts."""
 
-_STALLED = 0.5
-"""Fraction of the previous error above which an error does not decrease. With 0.25 and 0.9, 65 results on 14
-systems of both populations remain honest with the same verdicts."""
-
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
     """Solutions with error estimates, each point once, in groups as they are completed.
@@ -223,7 +219,7 @@ class _Refinement:
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _is_stalled_roundoff(self, pair: _GridComparison) -> Array:
-        """Errors (k, 2) that are round-off: below a limit, and not reduced by this grid.
+        """Errors (k, 2) that are round-off: below a limit, and not halved by this grid.
 
         The limit is a thousand times the estimated round-off; larger errors may not decrease for other
         reasons, such as kinks in the coefficients. Multipliers that underflow have no limit.
@@ -232,7 +228,7 @@ class _Refinement:
         is_small[:, 1] |= pair.underflows
         previous = self.previous_errors[pair.positions]
         self.previous_errors[pair.positions] = pair.errors
-        return is_small & (pair.errors > _STALLED * previous)
+        return is_small & (2 * pair.errors > previous)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
         """Points (k,) with an open verdict that a grid of twice the steps would decide, if errors decrease
