@@ -52,7 +52,8 @@ def _curve_differences(
     """Largest moduli (P, n) of the differences of two curves, and of the better curve, at phases that are
     evenly spaced in the steps of the coarse grid."""
     per_fine_step, rest = divmod(PHASES_PER_STEP * coarse.steps, fine.steps)
-    if rest or not (fine.smooth or coarse.steps == fine.steps):
+    is_shared = not rest and per_fine_step <= PHASES_PER_STEP
+    if not (is_shared and (fine.smooth or coarse.steps == fine.steps)):
         fractions = coarse.h[:, None] * (np.arange(PHASES_PER_STEP) / PHASES_PER_STEP)
         phases = (coarse.nodes[:-1, None] + fractions).ravel()
         return largest_moduli(curve.sampled(PHASES_PER_STEP), better(phases))
