@@ -140,6 +140,11 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
     >>> round(speed_in_si("600 rpm"), 6)
     62.831853
     """
+    return (_text_in_si if isinstance(speed, str) else _in_si)(speed, zero)
+
+
+def _in_si(speed: float | str, zero: bool) -> GivenSpeed:
+    """`speed_in_si`; of texts it is cached."""
     unit = getattr(speed, "unit", None)
     try:
         omega = with_unit(speed, "rad/s") if isinstance(speed, str) else float(speed)
@@ -153,6 +158,9 @@ def speed_in_si(speed: float | str, zero: bool = False) -> GivenSpeed:
         name = apart(speed).partition(" ")[2].strip()
         unit = ShownUnit(name, _RAD_PER_S.get(name) or conversion(name, "rad/s"))
     return GivenSpeed(omega, unit)
+
+
+_text_in_si = lru_cache(_in_si)
 
 
 def require_size_of_number(what: str, value: float) -> None:

@@ -23,7 +23,7 @@ from solve.period.frozen import balanced, frozen
 from solve.period.grid import Grid
 from solve.period.logarithms import UNKNOWN, exponential, log_distances, matched_logarithms
 from solve.period.multipliers import matched
-from solve.period.points import OnePoint, Points, matrices, state_size
+from solve.period.points import OnePoint, Points, state_size
 from solve.period.product_eigenvalues import ProductEigenvalues, eigenvalue_logarithms, product_eigenvalues
 from solve.period.rigid_body import Free, before_rigid
 from solve.terminal import progress
@@ -124,9 +124,7 @@ class Spectrum:
             blocks, eigenvalues = self._factored
             solutions, order = self._solutions, self._order
             assert solutions.steps is not None
-            phases = np.arange(32) * (self.point.period / 32)  # for the mean of M
-            M = matrices(self.point, phases)[0][0].mean(axis=0)
-            mass = None if self.point.first_order else M
+            mass = None if self.point.first_order else self.certified.modes.mean_mass[0]
             maps = solutions.steps.A[0]
             with_harmonics = floquet_modes(maps, solutions.grid, mass, blocks, eigenvalues, rotation)
             change = np.diagonal(log_distances(self.logarithms, eigenvalues.logarithms[0][order]))
@@ -197,7 +195,7 @@ class Spectrum:
             steps = self.refined.steps
         elif steps == certified.steps and not rigid_multipliers(certified):
             return certified.solutions
-        return _solve(self._equations, certified.method, certified.request, steps)
+        return solved_on(self._equations, certified.method, steps, certified.request.engine)
 
     @property
     def _factor_steps(self) -> int:
@@ -359,11 +357,10 @@ def rigid_multipliers(certified: Certified) -> int:
     return 0 if rigid_modes is None else int(rigid_modes.modes.multiplicity[0])
 
 
-def _solve(
-    point: Points, method: Method, request: SolveRequest, steps: int, rigid: Free | None = None
-) -> Solutions:
+def solved_on(point: Points, method: Method, steps: int, engine: str, rigid: Free | None = None) -> Solutions:
+    """Solutions without orbits on a number of steps, with given rigid-body modes. Raises SolveError."""
     grid = Grid.uniform(steps, point.period, point.breaks)
-    solutions = solutions_on(method, point, grid, False, request.engine, rigid)
+    solutions = solutions_on(method, point, grid, False, engine, rigid)
     for reason in solutions.failures.values():
         raise reason
     return solutions
@@ -382,7 +379,7 @@ def _blocks_on_steps(
     chunks = grid.parts(_MEMORY // method.bytes_a_step(point.n) + 1)
     with progress.task(f"parts of {steps} steps, for every multiplier", len(chunks)) as done:
         if len(chunks) == 1:
-            maps = _solve(point, method, request, steps, rigid).steps
+            maps = solved_on(point, method, steps, request.engine, rigid).steps
             assert maps is not None
             return balanced_blocks(maps.A, loss=loss)
         assert isinstance(method, OneStep)

@@ -98,7 +98,7 @@ def _entry_sizes(largest: Array, entries: Array, n: int) -> Array:
     every_entry = np.zeros((len(largest), _entry_count(n)))
     every_entry[:, entries] = largest
     matrices, loads = every_entry[:, :-n].reshape(-1, 3, n, n), every_entry[:, -n:]
-    roots = np.sqrt(np.einsum("pkii->pki", matrices))
+    roots = np.sqrt(matrices.diagonal(axis1=2, axis2=3))
     matrix_sizes = (roots[..., None] * roots[:, :, None]).reshape(len(largest), -1)
     root = roots.max(axis=1)
     is_positive = root > 0
@@ -193,34 +193,35 @@ class SampledPhases:
         )
 
     def relative_difference(self, points: Points) -> Array:
-        """Largest difference (P,) of the entries from their interpolant, relative to the largest value of
-        each entry; 0 within round-off."""
-        differences, largest = self._largest_differences(points)
-        terms = points.tables(self.compared[:1])
+        """Largest difference (P,) of entries from their interpolant, relative to the largest value of the
+        entry; 0 for round-off."""
+        terms, differences, largest = self._largest_differences(points)
         entries, starts = _entries(terms.entry)
         sums = np.add.reduceat(np.abs(terms.coefficients) * differences, starts, axis=-1)
         largest = np.maximum.reduceat(np.abs(terms.coefficients) * largest, starts, axis=-1)
         return _relative(sums[:, None], largest, entries, points.n)[:, 0]
 
-    def _largest_differences(self, points: Points) -> tuple[Array, Array]:
-        """Largest differences and coefficients as from `differences`, computed for half of the steps at a
-        time if memory requires it."""
+    def _largest_differences(self, points: Points) -> tuple[Tables, Array, Array]:
+        """Tables at compared phases, and largest differences and coefficients of `differences`, half of the
+        steps at a time if memory requires it."""
         rows = len(points) if points.bytes_a_phase else 1
         phases = self.lower.size + self.higher.size + len(self.compared)
         if len(self) == 1 or 8 * _entry_count(points.n) * rows * phases <= _MEMORY:
-            return self.differences(points)[1:]
+            terms, differences = self.differences(points)
+            return terms, differences[1], differences[2]
         middle = len(self) // 2
         parts = (self.of_steps(*ends) for ends in ((0, middle), (middle, len(self))))
         halves = [part._largest_differences(points) for part in parts]
-        return np.maximum(halves[0][0], halves[1][0]), np.maximum(halves[0][1], halves[1][1])
+        (terms, *first), (_, *second) = halves
+        return terms, np.maximum(first[0], second[0]), np.maximum(first[1], second[1])
 
-    def differences(self, points: Points) -> tuple[Array, Array, Array]:
-        """Differences (…, Q, R) of the coefficients from their interpolant at the compared phases, the
-        largest differences (…, R), and the largest coefficients (…, R)."""
-        compared, lower, higher = (
-            points.tables(phase.ravel()).table for phase in (self.compared, self.lower, self.higher)
-        )
-        return (_cached_differences if compared.ndim == 2 else _differences)(compared, lower, higher, self)
+    def differences(self, points: Points) -> tuple[Tables, tuple[Array, Array, Array]]:
+        """Tables at the compared phases; differences (…, Q, R) of coefficients from their interpolant there,
+        the largest differences (…, R) and the largest coefficients (…, R)."""
+        terms = points.tables(self.compared)
+        lower, higher = (points.tables(phase.ravel()).table for phase in (self.lower, self.higher))
+        of = _differences if terms.own else _cached_differences
+        return terms, of(terms.table, lower, higher, self)
 
     def increments(self, differences: Array) -> Array:
         """Increments (…, m s, R) of the coefficients at the stages due to the differences (…, Q, R)."""
@@ -279,7 +280,7 @@ class ResampledPoints(DerivedPoints):
         if not np.array_equal(phase, stages[first : first + m].ravel()):
             return tables
         phases = self.phases if m == len(stages) else self.phases.of_steps(first, first + m)
-        table = tables.table + phases.increments(phases.differences(self.points)[0])
+        table = tables.table + phases.increments(phases.differences(self.points)[1][0])
         return replace(tables, table=table)
 
 

@@ -39,33 +39,34 @@ class Comparison(ABC):
 
     Attributes
     ----------
-    solver, better_solver : PointSolver
-        Solvers of both.
+    solver : PointSolver
+        Solver of the points by the method of the first solution.
+    better : Method
+        Method of the better solution.
     step_ratio : int
         Ratio of their numbers of steps.
     remaining : float
         Error of the better solution as a fraction of the difference.
+    max_steps : int
+        Largest number of steps of the first solution.
     """
 
     step_ratio: int
     remaining = 0.0
 
-    def __init__(self, solver: PointSolver, better_solver: PointSolver):
-        self.solver, self.better_solver = solver, better_solver
-
-    @property
-    def max_steps(self) -> int:
-        """Largest number of steps of the first solution."""
-        return min(self.solver.max_steps, self.better_solver.max_steps // self.step_ratio)
+    def __init__(self, solver: PointSolver, better: Method):
+        self.solver, self.better = solver, better
+        # A better solution has as many steps, or stages, at least.
+        self.max_steps = better.most_steps(solver.points.n, solver.points.first_order) // self.step_ratio
 
     def chunks(self, steps: int, positions: Array) -> list[Array]:
-        """Chunks of the positions, small enough for both solutions to fit into memory."""
-        return self.better_solver.chunks(steps * self.step_ratio, positions)
+        """Chunks of the positions, split so that both solutions fit into memory."""
+        return self.solver.chunks(steps * self.step_ratio, positions, self.better)
 
     def solve(self, steps: int, positions: Array) -> tuple[Solutions, Solutions]:
         """Both solutions of points at positions (k,). The first has `steps` steps."""
         first = self.solver.solve(steps, positions)
-        return first, self.better_solver.solve(steps * self.step_ratio, positions)
+        return first, self.solver.solve(steps * self.step_ratio, positions, self.better)
 
     def roundoff(self, steps: int, positions: Array, solutions: Solutions, errors: Array) -> Array:
         """Round-off errors (k, 2) of the solutions of points at positions (k,) with `steps` steps.
@@ -121,10 +122,10 @@ class TwoOrders(Comparison):
         from their interpolant."""
         solver, method = self.solver, self.solver.method
         points = method.linearised(solver.points[positions], solutions)
-        stages = method.stages, self.better_solver.method.stages
+        stages = method.stages, self.better.stages
         phases = _sampled_phases(steps, points.period, points.breaks, *stages)
         errors = np.zeros((len(points), 2))
-        allowed = _COEFFICIENTS * solver.request.rtol * solver.relative_stiffness(positions)
+        allowed = _COEFFICIENTS * solver.request.rtol * solver.relative_stiffness[positions]
         rows = (phases.relative_difference(points) > allowed).nonzero()[0]
         if len(rows):
             equations = method.linearised(solver.equations[positions[rows]], solutions[rows])
@@ -160,8 +161,8 @@ def comparison_of(points: Points, method: Method, request: SolveRequest) -> Comp
     """Comparison by which the errors of a method at points are estimated."""
     solver, higher = PointSolver(points, method, request), method.with_another_stage
     if higher is None:
-        return DoubledSteps(solver, solver)
-    return TwoOrders(solver, solver.with_method(higher))
+        return DoubledSteps(solver, method)
+    return TwoOrders(solver, higher)
 
 
 @cache

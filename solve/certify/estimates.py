@@ -3,8 +3,6 @@
 Errors (P, 2) of orbit and multipliers are relative: to the largest value of each coordinate, and to the
 spectral radius."""
 
-import math
-
 import numpy as np
 
 from solve.arrays import Array
@@ -51,25 +49,22 @@ def differences(coarse: Solutions, fine: Solutions, modes: FrozenModes, engine: 
 def _curve_differences(
     coarse: Grid, curve: PeriodicCurve, fine: Grid, better: PeriodicCurve, engine: str
 ) -> tuple[Array, Array]:
-    """Largest moduli (P, n) of the differences between two curves, and of the more accurate curve.
-
-    Phases are evenly spaced in the steps of both grids, if these are few; otherwise in the steps of the
-    coarse grid."""
-    shared = fine.steps // math.gcd(coarse.steps, fine.steps)
-    per_coarse_step = shared * -(-PHASES_PER_STEP // shared)
-    per_fine_step = per_coarse_step * coarse.steps // fine.steps
-    too_many = max(per_coarse_step, per_fine_step) > kernel.MOST
-    if too_many or not (fine.smooth or coarse.steps == fine.steps):
+    """Largest moduli (P, n) of the differences of two curves, and of the better curve, at phases that are
+    evenly spaced in the steps of the coarse grid."""
+    per_fine_step, rest = divmod(PHASES_PER_STEP * coarse.steps, fine.steps)
+    is_shared = not rest and per_fine_step <= PHASES_PER_STEP
+    if not (is_shared and (fine.smooth or coarse.steps == fine.steps)):
         fractions = coarse.h[:, None] * (np.arange(PHASES_PER_STEP) / PHASES_PER_STEP)
         phases = (coarse.nodes[:-1, None] + fractions).ravel()
         return largest_moduli(curve.sampled(PHASES_PER_STEP), better(phases))
+    per_step = PHASES_PER_STEP, per_fine_step
     if engine == COMPILED and isinstance(curve, Curve) and isinstance(better, Curve):
-        compiled = kernel.differences(
-            curve.coefficients, better.coefficients, (per_coarse_step, per_fine_step)
-        )
+        compiled = kernel.differences(curve.coefficients, better.coefficients, per_step)
         if compiled is not None:
             return compiled
-    return largest_moduli(curve.sampled(per_coarse_step), better.sampled(per_fine_step))
+    return largest_moduli(
+        *(each.sampled(count) for each, count in zip((curve, better), per_step, strict=True))
+    )
 
 
 def largest_moduli(q: Array, better: Array) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array
-from solve.certify.all_multipliers import multiplier_errors
+from solve.certify.all_multipliers import multiplier_errors, solved_on
 from solve.certify.estimates import NO_DIGIT
 from solve.kernel import slicot
 from solve.methods.free import free
@@ -15,20 +15,13 @@ from solve.methods.method import Method
 from solve.period.blocks import Blocks, balanced_blocks
 from solve.period.eigenvalues import EPS
 from solve.period.floquet_modes import ALIASED, periodic_parts
-from solve.period.frozen import balanced, frozen
-from solve.period.grid import Grid
-from solve.period.points import OnePoint, Points, matrices
+from solve.period.frozen import FrozenModes, balanced, frozen
+from solve.period.points import OnePoint
 from solve.period.product_eigenvalues import (
     ProductEigenvalues,
     eigenvalue_logarithms,
     product_eigenvalues,
 )
-
-_PHASES = 32
-"""Phases of the mean of M. A choice."""
-
-_SAME_NODE = 1e-12
-"""Distance of nodes in rad that counts as round-off. A choice: some thousand times the unit round-off."""
 
 SURE = 10.0
 """Ratio of a difference of exponents that counts to their errors, which are estimates: a choice."""
@@ -122,9 +115,12 @@ def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engin
     least `rtol` of the multipliers. Raises SolveError subclasses."""
     finer = method.with_another_stage
     assert finer is not None
-    equations = balanced(point, frozen(point))
-    grid = Grid.uniform(steps, point.period, point.breaks)
-    maps, others = (_step_maps(each, equations, grid, engine) for each in (method, finer))
+    frozen_modes = frozen(point)
+    equations = balanced(point, frozen_modes)
+    solutions, better = (solved_on(equations, each, steps, engine) for each in (method, finer))
+    assert solutions.steps is not None
+    assert better.steps is not None
+    grid, maps, others = solutions.grid, solutions.steps.A[0], better.steps.A[0]
     blocks, eigenvalues = _eigenvalues(maps)
     errors = multiplier_errors(_logarithms(others), eigenvalues)
     is_kept = (errors < NO_DIGIT) & np.isfinite(eigenvalues.logarithms[0])
@@ -140,17 +136,8 @@ def mode_vectors(point: OnePoint, method: Method, steps: int, rtol: float, engin
         eigenvalues.logarithms[0][kept] / period,
         np.fmax(errors[kept], rtol) / period,
         parts,
-        _inertia(point, blocks.units[0]),
+        _inertia(point, frozen_modes, blocks.units[0]),
     )
-
-
-def _step_maps(method: Method, equations: Points, grid: Grid, engine: str) -> Array:
-    """One-step maps (m, N, N)."""
-    solutions = method.solutions(equations, grid, False, engine)
-    for reason in solutions.failures.values():
-        raise reason
-    assert solutions.steps is not None
-    return solutions.steps.A[0]
 
 
 def _rigid(point: OnePoint, logarithms: Array) -> Array:
@@ -160,13 +147,12 @@ def _rigid(point: OnePoint, logarithms: Array) -> Array:
     return np.argsort(np.abs(logarithms), kind="stable")[:count]
 
 
-def _inertia(point: OnePoint, units: Array) -> Array:
-    """Mean of the diagonal of M (n,), relative to its largest entry. First-order states have no inertia; for
-    them the squares of the units (N,) that balance the step maps are returned."""
+def _inertia(point: OnePoint, modes: FrozenModes, units: Array) -> Array:
+    """Mean of the diagonal of M (n,), relative to its largest entry. With states of first order, which have
+    no inertia, the squares of the units (N,) that balance the maps of the steps."""
     if point.first_order:
         return 1 / units[: point.n] ** 2
-    phases = np.arange(_PHASES) * (point.period / _PHASES)
-    mean = np.abs(np.diagonal(matrices(point, phases)[0][0].mean(axis=0)))
+    mean = np.abs(modes.mean_mass[0].diagonal())
     return mean / mean.max()
 
 

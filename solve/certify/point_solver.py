@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from functools import cached_property
 from typing import Any
 
@@ -42,24 +43,20 @@ class PointSolver:
 
     Attributes
     ----------
-    max_steps : int
-        Largest number of steps per period.
     orders : (2,)
         Orders of convergence of orbit and multipliers.
     """
 
     def __init__(self, points: Points, method: Method, request: SolveRequest):
         self.points, self.method, self.request = points, method, request
-        self.max_steps = method.most_steps(points.n, points.first_order)
         # The curve of a first-order coordinate is integrated once less.
         is_lower = bool(points.first_order) and method.stages is not None
         self.orders = np.array([method.curve_order - is_lower, method.order])
 
-    def with_method(self, method: Method) -> "PointSolver":
-        """Solver of the same points by another method, with the same frozen and rigid-body modes."""
-        solver = PointSolver(self.points, method, self.request)
-        solver.__dict__.update(modes=self.modes, free=self.free, equations=self.equations)
-        return solver
+    @cached_property
+    def max_steps(self) -> int:
+        """Largest number of steps per period."""
+        return self.method.most_steps(self.points.n, self.points.first_order)
 
     @cached_property
     def modes(self) -> FrozenModes:
@@ -82,10 +79,10 @@ class PointSolver:
         factors change the modal masses and hence the result of these methods."""
         return balanced(self.points, self.modes) if self.method.converges else self.points
 
-    def relative_stiffness(self, positions: Array) -> Array:
-        """Ratio (k,) of the stiffness of the softest frozen mode to that of the stiffest, for points at
-        positions (k,)."""
-        least, largest = self._extreme_rates(positions)
+    @cached_property
+    def relative_stiffness(self) -> Array:
+        """Stiffness (P,) of the softest frozen mode, relative to the stiffest."""
+        least, largest = self._extreme_rates
         return np.where(largest > 0, least / np.where(largest > 0, largest, 1.0), 1.0) ** 2
 
     def rounding_amplification(self, positions: Array) -> Array:
@@ -97,18 +94,19 @@ class PointSolver:
         stiffness cancel. A coordinate alone has no other one whose round-off it receives."""
         if self.points.n == 1:
             return np.zeros(len(positions))
-        (least, largest), T = self._extreme_rates(positions), self.points.period
+        (least, largest), T = self._extreme_rates[:, positions], self.points.period
         bound = np.minimum(
             largest * T / np.maximum(least * T, 1.0), self.modes[positions].cancellation(least)
         )
         return largest * T * bound / _AMPLIFIED
 
-    def _extreme_rates(self, positions: Array) -> tuple[Array, Array]:
-        """Smallest and largest moduli (k,) of the frozen eigenvalues of points at positions (k,)."""
+    @cached_property
+    def _extreme_rates(self) -> Array:
+        """Smallest and largest moduli (2, P) of the frozen eigenvalues; 1 for a single coordinate."""
         if self.points.n == 1:
-            return np.ones(len(positions)), np.ones(len(positions))
-        rates = np.abs(self.modes[positions].few_eigenvalues)
-        return rates.min(axis=(1, 2)), rates.max(axis=(1, 2))
+            return np.ones((2, len(self.points)))
+        rates = np.abs(self.modes.few_eigenvalues)
+        return np.array((rates.min(axis=(1, 2)), rates.max(axis=(1, 2))))
 
     def differences(self, coarse: Solutions, fine: Solutions, positions: Array) -> Array:
         """Differences (k, 2) between the solutions of points at positions (k,) and more accurate ones."""
@@ -146,37 +144,39 @@ class PointSolver:
             )
             yield Failed(position, reason)
 
-    def chunks(self, steps: int, positions: Array) -> list[Array]:
-        """Chunks of the positions, small enough to fit into memory and to permit an interruption between
-        them."""
+    def chunks(self, steps: int, positions: Array, method: Method | None = None) -> list[Array]:
+        """Chunks of the positions, split so that each chunk fits into memory and can be interrupted after
+        it."""
         if len(positions) < 2:
             return [positions] if len(positions) else []
-        n, stages = self.points.n, self.method.stages
-        size = self.method.bytes_a_step(n, self.request.orbit, self.request.engine)
+        method = method or self.method
+        n, stages = self.points.n, method.stages
+        size = method.bytes_a_step(n, self.request.orbit, self.request.engine)
         size = (size + 8 * self.points.bytes_a_phase) * steps
         rows = n * (1 if stages is None else len(stages.c))
         work = steps * rows**2 * (rows / 3 + 2 * n + 1)
         count = math.ceil(len(positions) * max(size / _MEMORY, work / _WORK))
         return np.array_split(positions, min(len(positions), count))
 
-    def solve(self, steps: int, positions: Array) -> Solutions:
-        """Solutions of points at positions (k,) with `steps` steps."""
+    def solve(self, steps: int, positions: Array, method: Method | None = None) -> Solutions:
+        """Solutions of points at positions (k,) on this number of steps, by another method if it is given."""
         equations = self.equations[positions]
-        return self.solve_points(self.method, equations, steps, self.rigid_body_modes(positions))
+        return self.solve_points(method or self.method, equations, steps, self.rigid_body_modes(positions))
 
     def solve_points(self, method: Method, points: Points, steps: int, rigid: Free | None) -> Solutions:
         """Solutions of points with these rigid-body modes by a method with `steps` steps."""
         grid = Grid.uniform(steps, points.period, points.breaks)
-        with progress.task(f"{self.method.name} on {steps} steps"):
-            return solutions_on(method, points, grid, self.request.orbit, self.request.engine, rigid)
+        return solutions_on(method, points, grid, self.request.orbit, self.request.engine, rigid)
+
+    def solving(self, steps: int) -> AbstractContextManager[progress.Task]:
+        """Progress of the solution on this number of steps."""
+        return progress.task(f"{self.method.name} on {steps} steps")
 
     def certify(
         self, positions: Array, solutions: Solutions, errors: Array, absolute: Array
     ) -> Iterator[Certified | Failed]:
-        """Certified points with their errors (k, 2). Points whose load drives a rigid-body mode fail.
-
-        absolute (k,): lower bounds of the absolute errors of the multipliers.
-        """
+        """Points with their errors (k, 2), and absolute errors (k,) of the multipliers; those whose load
+        drives a rigid-body mode fail."""
         errors[:, 0] += solutions.defect
         if solutions.free is not None and solutions.driven is not None and self.request.orbit:
             is_driven = solutions.driven > _DRIVEN + 10 * errors[:, 0]
@@ -188,9 +188,6 @@ class PointSolver:
                 return
             positions, solutions = positions[rows], solutions[rows]
             errors, absolute = errors[rows], absolute[rows]
-        radius = solutions.multipliers.spectral_radius
-        with np.errstate(over="ignore"):
-            absolute = np.maximum(absolute, np.where(radius > 0, errors[:, 1], 0.0) * radius)
         modes = self.modes[positions]
         yield Certified(positions, self.method, solutions, errors, absolute, self.request, modes)
 

@@ -39,10 +39,6 @@ _UNKNOWN = 0.5
 """Estimate above which an error is infinite: it may then be as large as the result. With 0.25 and 1, 65
 results on 14 systems of both populations remain honest with the same verdicts."""
 
-_STALLED = 0.5
-"""Fraction of the previous error above which an error does not decrease. With 0.25 and 0.9, 65 results on 14
-systems of both populations remain honest with the same verdicts."""
-
 
 def certified(points: Points, method: Method, request: SolveRequest) -> Iterator[Certified | Failed]:
     """Solutions with error estimates. Each point is yielded once, in groups as they are completed.
@@ -129,16 +125,13 @@ class _GridComparison:
 class _Refinement:
     """Solution of the points of a comparison with given steps, or with as many steps as each point requires.
 
-    previous_errors (P, 2), stalled_grids (P, 2) and grids (P,): errors of the last grid of each point, number
-    of successive grids on which they did not decrease, and number of grids."""
+    previous_errors (P, 2): errors of the last grid of each point."""
 
     def __init__(self, comparison: Comparison):
         self.comparison, self.solver = comparison, comparison.solver
         self.request, self.method = self.solver.request, self.solver.method
-        self.max_steps, count = comparison.max_steps, len(self.solver.points)
-        self.previous_errors = np.full((count, 2), np.inf)
-        self.stalled_grids = np.zeros((count, 2), dtype=int)
-        self.grids = np.zeros(count, dtype=int)
+        self.max_steps = comparison.max_steps
+        self.previous_errors = np.full((len(self.solver.points), 2), np.inf)
 
     def refine(self, positions: Array) -> Iterator[Certified | Failed]:
         pending: dict[int, list[Array]] = {}
@@ -168,26 +161,27 @@ class _Refinement:
         """Solve points on one grid. Points that are not accepted are added to `pending`, under the size of
         their next grid."""
         is_given = self.request.steps is not None
-        solutions, better = self.comparison.solve(steps, chunk)
-        failures = {**better.failures, **solutions.failures}
-        rows = others(len(chunk), list(failures))
+        with np.errstate(all="ignore"), self.solver.solving(steps):
+            solutions, better = self.comparison.solve(steps, chunk)
+            failures = {**better.failures, **solutions.failures}
+            rows = others(len(chunk), list(failures))
+            results: list[Certified | Failed] = []
+            rest = next_steps = rows[:0]
+            if len(rows):
+                pair = self._compare(steps, chunk[rows], solutions[rows], better[rows])
+                next_steps = self._next_steps(steps, pair)
+                accepted = self._accept(steps, pair, is_last=is_given or steps >= self.max_steps)
+                results += self._certify(pair[accepted.nonzero()[0]])
+                rest, next_steps = pair.positions[~accepted], next_steps[~accepted]
         if failures and not is_given and 2 * steps <= self.max_steps:
             overflows = [row for row, reason in failures.items() if isinstance(reason, StepsError)]
             failures = {row: reason for row, reason in failures.items() if row not in overflows}
             if overflows:
                 pending.setdefault(2 * steps, []).append(chunk[overflows])
         yield from _failed(failures, chunk)
-        if not len(rows):
-            return
-        pair = self._compare(steps, chunk[rows], solutions[rows], better[rows])
-        growth = self._step_growth(pair)
-        is_last = is_given or steps >= self.max_steps
-        accepted = self._accept(steps, pair, is_last)
-        progress.set_total(STEPS, steps, lambda: min(int(growth.max() * steps), self.max_steps))
-        yield from self._certify(pair[accepted.nonzero()[0]])
-        if not accepted.all():
-            next_steps = np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
-            _add(pending, next_steps[~accepted], pair.positions[~accepted])
+        yield from results
+        progress.set_total(STEPS, steps, lambda: int(next_steps.max(initial=steps)))
+        _add(pending, next_steps, rest)
 
     def _compare(
         self, steps: int, positions: Array, solutions: Solutions, better: Solutions
@@ -200,9 +194,8 @@ class _Refinement:
         tolerances[:, 0] = np.maximum(tolerances[:, 0], 2 * solutions.defect)
         radius, modes = better.multipliers.spectral_radius, self.solver.modes[positions]
         finest = steps * self.comparison.step_ratio
-        with np.errstate(all="ignore"):
-            remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
-            relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
+        remainder = unresolved_remainder(self.method, modes, finest, self.request.rtol * radius)
+        relative = np.minimum(remainder / np.maximum(radius, NEGLIGIBLE), 1.0)
         errors[:, 1] = np.maximum(errors[:, 1], np.where(np.isfinite(remainder), relative, np.inf))
         return _GridComparison(positions, solutions, better, errors, roundoff, tolerances, remainder)
 
@@ -227,28 +220,22 @@ class _Refinement:
         return accepted if is_last else accepted & ~self._finer_grid_decides(pair)
 
     def _is_stalled_roundoff(self, pair: _GridComparison) -> Array:
-        """Whether (k, 2) errors are round-off: below a limit, and not reduced by the last two refinements or
-        increased by the last one.
+        """Errors (k, 2) that are round-off: below a limit, and not halved by this grid.
 
         The limit is a thousand times the estimated round-off; larger errors may not decrease for other
         reasons, such as kinks in the coefficients. Multipliers that underflow have no limit.
         """
-        positions, errors = pair.positions, pair.errors
-        is_small = errors < 1e3 * pair.roundoff
+        is_small = pair.errors < 1e3 * pair.roundoff
         is_small[:, 1] |= pair.underflows
-        previous = self.previous_errors[positions]
-        decreases, increases = errors < _STALLED * previous, errors > previous
-        self.stalled_grids[positions] = np.where(decreases, 0, self.stalled_grids[positions] + 1 + increases)
-        # With kinks in the coefficients, errors decrease irregularly: the smallest one may be a coincidence.
-        self.previous_errors[positions] = errors
-        return is_small & (self.stalled_grids[positions] > 1)
+        previous = self.previous_errors[pair.positions]
+        self.previous_errors[pair.positions] = pair.errors
+        return is_small & (2 * pair.errors > previous)
 
     def _finer_grid_decides(self, pair: _GridComparison) -> Array:
         """Whether (k,) a grid of twice the steps would decide the open verdict of a point. It does if errors
         decrease with the order of the method and are not round-off."""
         order = min(self.method.order, 20)
-        with np.errstate(over="ignore", invalid="ignore"):
-            errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
+        errors = pair.errors[:, 1] * pair.solutions.multipliers.spectral_radius
         decides = np.isfinite(errors) & (errors > KNOWN_ON_CIRCLE / 2)
         decides &= pair.errors[:, 1] > 4 * pair.roundoff[:, 1]
         for fraction, is_open in ((1.0, True), (0.5**order, False)):
@@ -259,20 +246,18 @@ class _Refinement:
                 decides[rows] = (verdicts == UNDETERMINED) == is_open
         return decides
 
-    def _step_growth(self, pair: _GridComparison) -> Array:
-        """Ratio (k,) of the steps of the next grid to those of this one, for which errors that decrease with
-        the method's order reach the aim.
+    def _next_steps(self, steps: int, pair: _GridComparison) -> Array:
+        """Steps (k,) of the next grid, on which errors reach the aim with the order of the method.
 
-        It is 2 if the errors are small enough, but another condition fails. On the second grid of a point it
-        is at least 4/3, later at least 2, because errors then decrease more slowly than with the order of the
-        method."""
-        orders = np.minimum(self.solver.orders, 20)
-        errors, tolerances, grids = pair.errors, pair.tolerances, self.grids[pair.positions]
-        self.grids[pair.positions] = grids + 1
-        with np.errstate(all="ignore"):
-            growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
+        They are doubled if the errors are small enough, but another condition fails. On the second grid of a
+        point they grow by 4/3 at least, later by 2, because errors then decrease more slowly than with the
+        order of the method."""
+        orders, errors, tolerances = np.minimum(self.solver.orders, 20), pair.errors, pair.tolerances
+        growth = np.where(errors <= tolerances, 1.0, (errors / (AIM * tolerances)) ** (1 / orders))
         growth = np.where(np.isfinite(errors), growth, 2.0).max(axis=1)
-        return np.clip(np.where(growth > 1, growth, 2.0), np.where(grids, 2.0, 4 / 3), _MAX_GROWTH)
+        is_first = np.isinf(self.previous_errors[pair.positions, 0])
+        growth = np.clip(np.where(growth > 1, growth, 2.0), np.where(is_first, 4 / 3, 2.0), _MAX_GROWTH)
+        return np.minimum(grid_sizes(np.maximum(growth * steps, steps + 1)), self.max_steps)
 
     def _certify(self, pair: _GridComparison) -> Iterator[Certified | Failed]:
         """Certify points; those with a multiplier +1 fail if an orbit is requested."""
@@ -280,8 +265,7 @@ class _Refinement:
         rho, better = solutions.multipliers, pair.better.multipliers
         resonant = self._is_resonant(pair) if self.request.orbit else np.zeros(len(pair), dtype=bool)
         yield from (Failed(position, no_orbit()) for position in pair.positions[resonant].tolist())
-        with np.errstate(over="ignore", invalid="ignore"):
-            absolute = np.fmax(pair.errors[:, 1] * better.spectral_radius, pair.remainder)
+        absolute = np.fmax(pair.errors[:, 1] * better.spectral_radius, pair.remainder)
         errors = np.where(pair.errors < _UNKNOWN, pair.errors, np.inf)
         if underflows.any():
             # The difference of two multipliers is at most the sum of the radii.
@@ -296,10 +280,10 @@ class _Refinement:
             )
 
     def _is_resonant(self, pair: _GridComparison) -> Array:
-        """Whether (k,) a point has a multiplier +1, within a tenth of the change between both solutions."""
-        rho, better = pair.solutions.multipliers, pair.better.multipliers
-        change = better.nearest_one - rho.nearest_one
-        distance = np.abs(better.nearest_one + self.comparison.remaining * change - 1)
+        """Points (k,) with a multiplier +1, within a tenth of the change between both solutions."""
+        nearest = pair.better.multipliers.nearest_one
+        change = nearest - pair.solutions.multipliers.nearest_one
+        distance = np.abs(nearest + self.comparison.remaining * change - 1)
         # Multipliers of modes that the steps do not resolve may be anywhere.
         is_accurate = (pair.errors[:, 1] < _UNKNOWN) & (np.abs(change) < NO_DIGIT)
         roundoff = EPS * max(8, pair.better.grid.steps)
@@ -313,8 +297,8 @@ class _Refinement:
 
 
 def _add(pending: dict[int, list[Array]], steps: Array, positions: Array) -> None:
-    """Add points at positions (k,) to the pending points, under the sizes (k,) of their grids."""
-    for size in unique_integers(steps):
+    """Add points at positions (k,) to the pending ones of grids with these steps (k,)."""
+    for size in unique_integers(steps) if len(steps) else ():
         pending.setdefault(size, []).append(positions[steps == size])
 
 

@@ -1,13 +1,12 @@
 """Collocation over one period in compiled code. The lanes of vector registers contain many points, or
 segments of one period."""
 
-from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.kernel.library import Size, lanes, run
+from solve.kernel.library import Constants, Size, lanes, run
 
 _POINT_TABLES, _SEGMENTS = 1, 2
 """Values of `own` in lanes.c: tables per lane, and lanes that are segments of one period."""
@@ -67,7 +66,7 @@ def bytes_a_step(n: int, powers: int, orbit: bool) -> int:
 
 def solved(
     size: Size,
-    weights: Mapping[str, Array],
+    weights: Constants,
     h: Array,
     jumps: bool,
     stages: Samples,
@@ -101,7 +100,6 @@ def solved(
         "nodes": np.zeros(1) if nodes is None else _laid_out(nodes, groups, width, segments),
         "coefficients": _grouped(stages.coefficients, groups, width),
         "h": np.ascontiguousarray(h),
-        **weights,
         "Phi": Phi,
         "condition": condition,
         "curves": curves,
@@ -112,7 +110,7 @@ def solved(
         arrays["maps"] = np.empty((width, steps, N, N + 1))
     own = _SEGMENTS if segments else _POINT_TABLES if stages.own else 0
     numbers = {"groups": groups, "steps": steps, "jumps": jumps, "terms": len(stages.entry), "own": own}
-    run("segments" if segments else "level", size, arrays, stages.entry, **numbers)
+    run("segments" if segments else "level", size, weights, arrays, stages.entry, **numbers)
     units = arrays["units"][:points] if N > 2 else None
     if not size.orbit:
         return Periods(Phi[:points], units, None, None, None)
@@ -135,6 +133,8 @@ def _laid_out(samples: Samples, groups: int, width: int, segments: bool) -> Arra
 
 
 def _grouped(values: Array, groups: int, width: int) -> Array:
-    """Values (P, …) rearranged to (groups, …, width); the last point fills the remaining lanes."""
+    """Values (P, …) as (groups, …, width); the last point fills the remaining lanes."""
+    if len(values) == 1:
+        return np.repeat(values, width)
     filled = values[np.minimum(np.arange(groups * width), len(values) - 1)]
     return np.ascontiguousarray(filled.reshape(groups, width, -1).swapaxes(1, 2))

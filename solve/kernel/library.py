@@ -3,7 +3,7 @@
 import ctypes
 import logging
 from collections.abc import Callable, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -110,16 +110,25 @@ def addresses(arrays: Mapping[str, Array]) -> dict[str, int]:
         return {name: address(numbers) for name, numbers in arrays.items()}
 
 
+class Constants(dict[str, Array]):
+    """Contiguous arrays by name that do not change."""
+
+    @cached_property
+    def addresses(self) -> dict[str, int]:
+        """Addresses by name."""
+        return addresses(self)
+
+
 def run(
-    kernel: str, size: Size, arrays: Mapping[str, Array], entry: Array | None = None, **numbers: float
+    kernel: str, size: Size, constants: Constants, arrays: Mapping[str, Array], entry: Array, **numbers: float
 ) -> None:
     """Call a kernel with arrays and numbers, which are passed by the names in `problem`. Results are written
     into the arrays.
 
     Raises CompilerError, MemoryError.
     """
-    indices = np.ascontiguousarray(np.zeros(1) if entry is None else entry, dtype=np.intc)
-    problem = _Problem(entry=address(indices), **addresses(arrays), **numbers)
+    indices = np.ascontiguousarray(entry, dtype=np.intc)
+    problem = _Problem(entry=address(indices), **constants.addresses, **addresses(arrays), **numbers)
     if getattr(library(size), kernel)(ctypes.byref(problem)):
         raise MemoryError(f"not enough memory for {numbers['steps']} steps of {size.n} coordinates")
 
@@ -127,6 +136,7 @@ def run(
 __all__ = [
     "INSTEAD",
     "CompilerError",
+    "Constants",
     "Size",
     "address",
     "addresses",

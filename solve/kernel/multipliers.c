@@ -21,7 +21,7 @@ typedef struct {
     double *values;                /* (count, NX) complex, falling in modulus, of a conjugate pair the one with + imaginary
                                       part first; NaN where they are not found */
     double *sizes;                 /* (count): Frobenius' norms of the balanced matrices, of two rows the least in any units */
-    double *norms;                 /* (count): spectral norms of the balanced matrices; or null, and then no conditions */
+    double *norms;                 /* (count): spectral norms of the balanced matrices */
     double *conditions;            /* (count, NX): condition numbers of the eigenvalues of these */
 } problem;
 
@@ -84,9 +84,8 @@ static lane norm_and_condition(lane a, lane b, lane c, lane d, lane *condition) 
     return root(square / 2.0 + root(where(rest > 0.0, rest)));
 }
 
-static void solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
+static void solve(lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
     both(A[0][0], A[0][1], A[1][0], A[1][1], values);
-    if (!p->norms) return;
     *norm = norm_and_condition(A[0][0], A[0][1], A[1][0], A[1][1], conditions);
     conditions[1] = conditions[0];
 }
@@ -129,15 +128,13 @@ static void conditioned(complex_lane T[NX][NX], lane conditions[NX]) {
     }
 }
 
-static void solve(const problem *p, lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
+static void solve(lane A[NX][NX], complex_lane values[NX], lane *norm, lane conditions[NX]) {
     complex_lane T[NX][NX];
-    if (p->norms) {
-        lane z[NX * NX];
-        memcpy(z, A, sizeof(z));
-        *norm = singular_value(z, NX, 1);
-    }
-    const mask missed = p->norms ? triangular(A, T, 1) : triangular(A, T, 0);
-    if (p->norms) conditioned(T, conditions);
+    lane z[NX * NX];
+    memcpy(z, A, sizeof(z));
+    *norm = singular_value(z, NX, 1);
+    const mask missed = triangular(A, T, 1);
+    conditioned(T, conditions);
     const lane none = {0};
     for (int i = 0; i < NX; i++) values[i] = (complex_lane){chosen(missed, none + NAN, T[i][i].re), T[i][i].im};
 }
@@ -187,12 +184,11 @@ static void sort(double *values, double *conditions) {
 
 void multipliers(const problem *p) {
     for (long first = 0; first < p->count; first += LANES) {
-        lane A[NX][NX], norm = {0}, conditions[NX];
+        lane A[NX][NX], norm, conditions[NX];
         complex_lane found[NX];
-        memset(conditions, 0, sizeof(conditions));
         const lane unit = taken(p, first, A);
         const lane size = size_of(A) * unit;
-        solve(p, A, found, &norm, conditions);
+        solve(A, found, &norm, conditions);
         for (int l = 0; l < LANES && first + l < p->count; l++) {
             double values[2 * NX], own[NX];
             for (int i = 0; i < NX; i++) {
@@ -205,7 +201,6 @@ void multipliers(const problem *p) {
             }
             memcpy(p->values + (first + l) * 2 * NX, values, sizeof(values));
             p->sizes[first + l] = size[l];
-            if (!p->norms) continue;
             p->norms[first + l] = norm[l] * unit[l];
             memcpy(p->conditions + (first + l) * NX, own, sizeof(own));
         }

@@ -22,21 +22,12 @@ class _Problem(ctypes.Structure):
     )
 
 
-class Eigenvalues(NamedTuple):
-    """Eigenvalues of matrices.
-
-    values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
-    (P,): Frobenius norms of the balanced matrices, for two rows the smallest in any units."""
-
-    values: Array
-    sizes: Array
-
-
-class EigenvaluesWithConditions(NamedTuple):
+class Conditioned(NamedTuple):
     """Eigenvalues and condition numbers of matrices.
 
-    values and sizes as in `Eigenvalues`. norms (P,): spectral norms of the balanced matrices. conditions
-    (P, N): condition numbers of their eigenvalues."""
+    values (P, N): in order of decreasing modulus, + imaginary part first; NaN without convergence. sizes
+    (P,): Frobenius norms of the balanced matrices, for two rows the smallest in any units. norms (P,):
+    spectral norms of the balanced matrices. conditions (P, N): condition numbers of their eigenvalues."""
 
     values: Array
     sizes: Array
@@ -44,35 +35,20 @@ class EigenvaluesWithConditions(NamedTuple):
     conditions: Array
 
 
-def eigenvalues(matrices: Array, units: Array | None) -> Eigenvalues | None:
-    """Eigenvalues of finite matrices (P, N, N).
+def conditioned(matrices: Array, units: Array | None) -> Conditioned | None:
+    """Eigenvalues of finite matrices (P, N, N), and their condition numbers.
 
     units (P, N): powers of 2 that balance matrices of more than two rows. None without compiled code, for
     large N and without units."""
     P, N, _ = matrices.shape
-    made = Eigenvalues(np.empty((P, N), dtype=complex), np.empty(P))
-    return made if _written(matrices, units, made._asdict()) else None
-
-
-def eigenvalues_with_conditions(matrices: Array, units: Array | None) -> EigenvaluesWithConditions | None:
-    """Eigenvalues of finite matrices (P, N, N), and condition numbers of the eigenvalues."""
-    P, N, _ = matrices.shape
-    made = EigenvaluesWithConditions(
-        np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N))
-    )
-    return made if _written(matrices, units, made._asdict()) else None
-
-
-def _written(matrices: Array, units: Array | None, results: dict[str, Array]) -> bool:
-    """Compute the results if a library is available. Returns whether they were written."""
-    N = matrices.shape[-1]
     if N > 2 * SMALL or (N > 2 and units is None):
-        return False
+        return None
     library = loaded("multipliers.c", (("NX", N),))
     if library is None:
-        return False
-    given = {"matrices": np.ascontiguousarray(matrices), **results}
+        return None
+    given = {"matrices": np.ascontiguousarray(matrices)}
     if units is not None and N > 2:
         given["units"] = np.ascontiguousarray(units)
-    library.multipliers(ctypes.byref(_Problem(len(matrices), **addresses(given))))
-    return True
+    made = Conditioned(np.empty((P, N), dtype=complex), np.empty(P), np.empty(P), np.empty((P, N)))
+    library.multipliers(ctypes.byref(_Problem(P, **addresses({**given, **made._asdict()}))))
+    return made

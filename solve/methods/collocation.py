@@ -18,7 +18,7 @@ from solve.arrays import Array, solved
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel import collocation as kernel
 from solve.kernel.engines import COMPILED, NUMPY
-from solve.kernel.library import Size, available
+from solve.kernel.library import Constants, Size, available
 from solve.matrices import by_rates, leading
 from solve.methods.method import Discretisation, OneStep, Solutions
 from solve.period.curve import Curve
@@ -86,11 +86,11 @@ class Collocation:
         return (0.0, *self.c) if self.stiffly_accurate or len(self.c) < 3 else (0.0, *self.c, 1.0)
 
     @cached_property
-    def weights(self) -> dict[str, Array]:
+    def weights(self) -> Constants:
         """Coefficients of the method by their names in the compiled kernels."""
         A, b = self.A, self.b
         found = {"A": A, "A2": A @ A, "b": b, "bA": b @ A, "c": np.array(self.c), "powers": self.curve_powers}
-        return {name: np.ascontiguousarray(part) for name, part in found.items()}
+        return Constants((name, np.ascontiguousarray(part)) for name, part in found.items())
 
     def bytes_a_step(self, n: int) -> int:
         """Memory in bytes per step for n coordinates: stage accelerations, maps with their products, and the

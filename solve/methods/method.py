@@ -13,9 +13,10 @@ from solve.arguments import most_numbers, require_steps
 from solve.arrays import Array, across, covers_all
 from solve.errors import MatricesError, ResonanceError, SolveError, StepsError, ValueOutOfBoundsError
 from solve.kernel.engines import NUMPY
+from solve.kernel.multipliers import Conditioned
 from solve.matrices import leading
 from solve.period.curve import Curve, PeriodicCurve
-from solve.period.eigenvalues import multiplier_roundoff
+from solve.period.eigenvalues import conditioned, multiplier_roundoff
 from solve.period.frozen import FrozenModes
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
@@ -63,10 +64,11 @@ class Solutions:
     driven: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("defect", "rounding"):
-            given = getattr(self, name)
-            if len(given) != len(self):
-                object.__setattr__(self, name, np.broadcast_to(given, len(self)))
+        count = len(self.Phi)
+        if len(self.defect) != count:
+            object.__setattr__(self, "defect", np.broadcast_to(self.defect, count))
+        if len(self.rounding) != count:
+            object.__setattr__(self, "rounding", np.broadcast_to(self.rounding, count))
 
     def __len__(self) -> int:
         return len(self.Phi)
@@ -107,14 +109,19 @@ class Solutions:
         return changed
 
     @cached_property
+    def _conditioned(self) -> Conditioned | None:
+        """Eigenvalues of Φ and their condition numbers, if compiled code provides them."""
+        return conditioned(self.Phi, self.units, self.engine)
+
+    @cached_property
     def multipliers(self) -> Multipliers:
         """Floquet multipliers, the eigenvalues of Φ."""
-        return Multipliers.of(self.Phi, self.units, self.engine)
+        return Multipliers.of(self.Phi, self.units, self._conditioned)
 
     @cached_property
     def multiplier_rounding(self) -> Array:
-        """Round-off errors (P,) of the multipliers relative to the spectral radius."""
-        roundoff = multiplier_roundoff(self.Phi, self.units, self.engine, self.grid.steps)
+        """Round-off errors of the multipliers (P,), relative to the spectral radius."""
+        roundoff = multiplier_roundoff(self.Phi, self.units, self.grid.steps, self._conditioned)
         return np.maximum(roundoff, 8 * self.rounding)
 
 
@@ -302,7 +309,7 @@ class OneStep(Method):
             is_unique = is_finite & (condition < 1 / SINGULAR)
             succeeds = is_unique & curve.finite
         failures: dict[int, SolveError] = {}
-        for point in np.flatnonzero(~succeeds).tolist() if not succeeds.all() else ():
+        for point in (~succeeds).nonzero()[0].tolist() if not succeeds.all() else ():
             if not is_finite[point]:
                 failures[point] = self._no_map(points[np.array([point])], grid)
             else:

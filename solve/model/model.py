@@ -128,7 +128,7 @@ class Model(PeriodicSystem):
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
 
-    @property
+    @cached_property
     def sampler(self) -> MatrixSampler | None:
         """Sampler of the generated matrices; None if the matrices are assembled."""
         return self._matrices if isinstance(self._matrices, MatrixSampler) else None

@@ -9,7 +9,8 @@ import numpy as np
 
 from solve.arrays import Array, across, solved
 from solve.kernel import multipliers as kernel
-from solve.kernel.engines import COMPILED, NUMPY
+from solve.kernel.engines import COMPILED
+from solve.kernel.multipliers import Conditioned
 
 EPS = float(np.finfo(float).eps)
 
@@ -24,19 +25,28 @@ _ILL_CONDITIONED = 0.1
 """Fraction of the error of a defective pair above which an eigenvalue is ill-conditioned: a choice."""
 
 
-def sorted_eigenvalues(Phi: Array, units: Array | None, engine: str) -> tuple[Array, Array]:
-    """Eigenvalues (…, N) in order of decreasing modulus, in pairs the one with positive imaginary part first,
-    and Frobenius norms (…).
+def conditioned(Phi: Array, units: Array | None, engine: str) -> Conditioned | None:
+    """Eigenvalues of matrices (P, N, N) and their condition numbers in compiled code.
+
+    None for another engine, without compiled code, and for large N. units (P, N): as in `balance_matrices`,
+    if known."""
+    found = kernel.conditioned(Phi, units) if engine == COMPILED else None
+    if found is not None and (is_missing := np.isnan(found.values[:, 0])).any():
+        matrices, known_units = Phi[is_missing], None if units is None else units[is_missing]
+        values, unit, norms, conditions = _conditioned(matrices, known_units)
+        order = np.lexsort((-np.imag(values), -np.abs(values)))
+        found.values[is_missing] = np.take_along_axis(values * unit[:, None], order, axis=-1)
+        found.conditions[is_missing] = np.take_along_axis(conditions, order, axis=-1)
+        found.norms[is_missing] = norms * unit
+        found.sizes[is_missing] = sorted_eigenvalues(matrices, known_units)[1]
+    return found
+
+
+def sorted_eigenvalues(Phi: Array, units: Array | None = None) -> tuple[Array, Array]:
+    """Eigenvalues (…, N) in order of decreasing modulus, + imaginary part first, and Frobenius norms (…).
 
     The norms are those of the balanced matrices: for two rows the smallest in any units; otherwise they may
     be larger if that leaves the same digits. units (…, N): as in `balance_matrices`, if known."""
-    if engine == COMPILED and Phi.ndim == 3:
-        compiled = kernel.eigenvalues(Phi, units)
-        if compiled is not None:
-            rows, matrices, known_units = _without_eigenvalues(compiled.values, Phi, units)
-            if len(rows):
-                compiled.values[rows], compiled.sizes[rows] = sorted_eigenvalues(matrices, known_units, NUMPY)
-            return compiled.values, compiled.sizes
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         norm = np.asarray(unit * _least_pair_norm(*scaled))
@@ -52,13 +62,19 @@ def sorted_eigenvalues(Phi: Array, units: Array | None, engine: str) -> tuple[Ar
     return values, norm
 
 
-def multiplier_roundoff(Phi: Array, units: Array | None = None, engine: str = NUMPY, steps: int = 1) -> Array:
-    """Round-off errors (…) of the multipliers relative to the spectral radius, due to the error of Φ.
+def multiplier_roundoff(
+    Phi: Array, units: Array | None = None, steps: int = 1, known: Conditioned | None = None
+) -> Array:
+    """Round-off errors of the multipliers (…) relative to the spectral radius, from the error of Φ.
 
     The round-off of this number of steps is multiplied by the condition number of the eigenvalue; in a
     defective block of k eigenvalues, its k-th root counts. units (…, N): as in `balance_matrices`, if known.
+    known: the eigenvalues, if these are known.
     """
-    values, unit, norm, conditions = _eigenvalues_with_conditions(Phi, units, engine)
+    if known is None:
+        values, unit, norm, conditions = _conditioned(Phi, units)
+    else:
+        values, unit, norm, conditions = known.values, 1.0, known.norms, known.conditions
     radius = across(np.maximum, np.abs(values))
     is_resolved = unit * radius > NEGLIGIBLE
     scale = np.where(is_resolved, radius, 1.0)
@@ -112,13 +128,6 @@ def _in_units(matrices: Array, units: Array) -> Array:
     return matrices * units[..., None, :] / units[..., :, None]
 
 
-def _without_eigenvalues(values: Array, Phi: Array, units: Array | None) -> tuple[Array, Array, Array | None]:
-    """Indices (k,) of the matrices whose eigenvalues (P, N) were not computed, these matrices and their
-    units."""
-    rows = np.flatnonzero(np.isnan(values).any(axis=1))
-    return rows, Phi[rows], None if units is None else units[rows]
-
-
 def _by_modulus(values: Array) -> Array:
     """Eigenvalues (…, N) in order of decreasing modulus."""
     modulus = np.abs(values)
@@ -135,19 +144,9 @@ def _put_positive_first(values: Array) -> None:
         values[swap, k : k + 2] = values[swap, k : k + 2][..., ::-1]
 
 
-def _eigenvalues_with_conditions(
-    Phi: Array, units: Array | None, engine: str
-) -> tuple[Array, Array, Array, Array]:
-    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…),
-    and condition numbers (…, N) of the eigenvalues."""
-    if engine == COMPILED and Phi.ndim == 3:
-        compiled, unit = kernel.eigenvalues_with_conditions(Phi, units), np.ones(len(Phi))
-        if compiled is not None:
-            rows, matrices, known_units = _without_eigenvalues(compiled.values, Phi, units)
-            if len(rows):
-                by_numpy = _eigenvalues_with_conditions(matrices, known_units, NUMPY)
-                compiled.values[rows], unit[rows], compiled.norms[rows], compiled.conditions[rows] = by_numpy
-            return compiled.values, unit, compiled.norms, compiled.conditions
+def _conditioned(Phi: Array, units: Array | None) -> tuple[Array, Array, Array, Array]:
+    """Eigenvalues (…, N) of balanced matrices divided by powers of two (…), these powers, spectral norms (…)
+    and condition numbers (…, N)."""
     scaled, unit = _scaled_entries(Phi)
     if len(scaled) == 4:
         entries = _balanced_pair(*scaled)

@@ -196,11 +196,11 @@ class FrozenModes:
         Relative changes of the entries of a positive definite A are amplified by the inverse of the least
         eigenvalue of A with the diagonal 1 (J. Demmel, K. Veselić, SIAM J. Matrix Anal. Appl. 13 (1992)
         1204), which is at most e times this factor: its other eigenvalues have a product below e."""
-        M, C, K = np.moveaxis(self._matrices_at(_FEW), (1, 2), (3, 4))
+        M, C, K = self._matrices_at(_FEW).transpose(0, 3, 4, 1, 2)
         rate = rates[:, None, None, None]
         A = rate**2 * M + rate * C + K
         with np.errstate(all="ignore"):
-            unit = 1 / np.sqrt(np.abs(np.einsum("pkii->pki", A)))
+            unit = 1 / np.sqrt(np.abs(A.diagonal(axis1=-2, axis2=-1)))
             factors = 1 / np.abs(np.linalg.det(A * unit[..., None] * unit[..., None, :]))
         return np.where(np.isfinite(factors), factors, np.inf).max(axis=1)
 
@@ -211,9 +211,9 @@ class FrozenModes:
             few = replace(self._tables, table=self._tables.table[..., _FEW, :])
             moduli, real_parts = quadratic_moduli(*few.fields()[:3])
         else:
-            values = self.few_eigenvalues
-            order = np.argsort(np.abs(values), axis=-1)
-            values = np.take_along_axis(values, order, axis=-1)
+            values = self.few_eigenvalues.reshape(-1, self.few_eigenvalues.shape[-1])
+            order = np.abs(values).argsort(axis=-1)
+            values = values[np.arange(len(values))[:, None], order].reshape(self.few_eigenvalues.shape)
             moduli, real_parts = np.abs(values), np.real(values)
         with np.errstate(invalid="ignore"):
             exponents = real_parts.mean(axis=1) * self.period

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from solve.arrays import Array, across
-from solve.kernel.engines import NUMPY
+from solve.kernel.multipliers import Conditioned
 from solve.period.eigenvalues import EPS, LOST, NEGLIGIBLE, balanced, pair_distance, sorted_eigenvalues
 
 UNIT_CIRCLE = 1e-9
@@ -57,12 +57,12 @@ class Multipliers:
     bound: Array
 
     @classmethod
-    def of(cls, Phi: Array, units: Array | None = None, engine: str = NUMPY) -> "Multipliers":
+    def of(cls, Phi: Array, units: Array | None = None, known: Conditioned | None = None) -> "Multipliers":
         """Eigenvalues of finite monodromy matrices (…, N, N).
 
         The bound is 8 eps‖Φ‖ of the balanced matrix, so that it does not depend on the units of Φ, or 1e-100.
-        units: as in `balance_matrices`, if known."""
-        values, norm = sorted_eigenvalues(Phi, units, engine)
+        units: as in `balance_matrices`, if known. known: the eigenvalues, if these are known."""
+        values, norm = sorted_eigenvalues(Phi, units) if known is None else (known.values, known.sizes)
         bound = np.maximum(LOST * norm, NEGLIGIBLE)
         is_resolved = np.abs(values) > bound[..., None]
         if is_resolved.all():

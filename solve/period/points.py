@@ -160,23 +160,15 @@ class _OfSystem:
     """Base class of points that belong to one system."""
 
     system: PeriodicSystem
+    n: int = field(init=False)
+    first_order: int = field(init=False)
+    period: float = field(init=False)
+    breaks: tuple[float, ...] = field(init=False)
     bytes_a_phase: int = field(default=0, init=False)
 
-    @property
-    def n(self) -> int:
-        return self.system.n
-
-    @property
-    def first_order(self) -> int:
-        return self.system.first_order
-
-    @property
-    def period(self) -> float:
-        return self.system.period
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        return self.system.breaks
+    def __post_init__(self) -> None:
+        for name in ("n", "first_order", "period", "breaks"):
+            object.__setattr__(self, name, getattr(self.system, name))
 
 
 @dataclass(frozen=True)

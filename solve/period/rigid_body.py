@@ -243,11 +243,11 @@ def may_be_singular(K: Array, noise: Array) -> Array:
     """Whether (P,) matrices (P, n, n) may be singular within relative changes of their entries by `BOUND`.
     Such changes alter the determinant by at most n BOUND times the product of the row sums."""
     with np.errstate(invalid="ignore", over="ignore"):
-        sums = np.abs(K).sum(axis=-1)
-        weak = (sums <= noise.sum(axis=-1)).any(axis=-1)
+        sums, noises = np.add.reduce((np.abs(K), noise), axis=-1)
         scale = np.where(sums > 0, sums, 1.0)
         determinant = np.abs(np.linalg.det(K / scale[..., None]))
         largest = noise.max(axis=(-2, -1)) / scale.min(axis=-1)
+        weak = (sums <= noises).any(axis=-1)
         return np.asarray(weak | (determinant <= 2 * K.shape[-1] * (BOUND + largest)))
 
 

@@ -14,7 +14,7 @@ from tests.solve.certificates.trials import TRIALS, outcomes, rates
 
 MODULES = coefficients, comparison, estimates, point_solver, refinement, resolution
 CONSTANTS = {
-    "refinement": ("_MAX_GROWTH", "_UNKNOWN", "_STALLED"),
+    "refinement": ("_MAX_GROWTH", "_UNKNOWN"),
     "resolution": ("MIN_STEPS", "_UNRESOLVED", "AIM"),
     "comparison": ("_COEFFICIENTS", "_PERTURBATION", "_AMPLIFICATION"),
     "point_solver": ("_AMPLIFIED",),

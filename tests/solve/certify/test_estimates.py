@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from solve import Newmark, Radau, floquet, periodic
+from solve.certify.estimates import differences
 from solve.errors import StepsError
 from solve.methods.choice import chosen
 from solve.methods.gauss import Gauss
+from solve.period.frozen import frozen
+from solve.period.grid import Grid
+from solve.period.points import OnePoint
 from tests.solve.references import Shooting, multiplier_error, relative_error
 from tests.solve.systems import cam, constant, random_system
 
@@ -42,6 +46,18 @@ def honest(error, estimate):
     assert error <= 10 * estimate + FLOOR, f"true error {error:.2e}, estimated {estimate:.2e}"
     if error > FLOOR:
         assert estimate <= 1000 * error, f"true error {error:.2e}, estimated {estimate:.2e}"
+
+
+@pytest.mark.parametrize("steps", [30, 60, 64, 100, 128])
+def test_differences_do_not_depend_on_the_steps_of_the_better_orbit(steps):
+    """The better one has fewer steps than the other, in some cases a fraction of them."""
+    point = OnePoint(random_system(2, 2), 1.0)
+    coarse, fine, finer = (
+        method.solutions(point, Grid.uniform(count, point.period), True, "compiled")
+        for method, count in ((Radau(3), steps), (Radau(13), 16), (Radau(13), steps))
+    )
+    one, other = (differences(coarse, each, frozen(point), "compiled") for each in (fine, finer))
+    np.testing.assert_allclose(one, other, rtol=1e-3)
 
 
 def judge(orbit, q, multipliers):

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from solve import floquet
 from solve.arguments import SMALL
-from solve.kernel.multipliers import eigenvalues, eigenvalues_with_conditions
-from solve.period.eigenvalues import balance_matrices, multiplier_roundoff
+from solve.kernel import multipliers as kernel
+from solve.kernel.engines import COMPILED
+from solve.period.eigenvalues import balance_matrices, conditioned, multiplier_roundoff
 from solve.period.multipliers import Multipliers
 from tests.solve.kernel.test_eigenvalues import apart
 from tests.solve.kernel.test_lanes import needs_compiler
@@ -21,7 +22,7 @@ SIZES = [2, 4, 6, 10, 2 * SMALL]
 
 def solved(matrices):
     """Those of matrices (P, N, N), their units found in NumPy."""
-    made = eigenvalues_with_conditions(matrices, balance_matrices(matrices)[1])
+    made = kernel.conditioned(matrices, balance_matrices(matrices)[1])
     assert made is not None
     return made
 
@@ -93,7 +94,10 @@ def test_multipliers_match_prescribed_spectra(pairs, seed):
     matrix = made_of(values, numbers) * units / units[:, None]
     if np.abs(values).max() > 1e-3:
         computed = solved(matrix[None])
-        (rounding,) = multiplier_roundoff(matrix[None], balance_matrices(matrix[None])[1], "compiled")
+        units = balance_matrices(matrix[None])[1]
+        (rounding,) = multiplier_roundoff(
+            matrix[None], units, known=conditioned(matrix[None], units, COMPILED)
+        )
         assert apart(computed.values[0], values) < 1e-12 + 10 * rounding
         gaps = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
         # Those of equal ones are a matter of rounding.
@@ -106,7 +110,8 @@ def test_multipliers_match_prescribed_spectra(pairs, seed):
 def test_defective_pair_has_roundoff_near_the_square_root(engine, size):
     matrix = np.diag([0.5, 0.5, 0.1, -0.2][:size])
     matrix[0, 1] = 1.0
-    errors = multiplier_roundoff(matrix[None], np.ones((1, size)), engine)
+    units = np.ones((1, size))
+    errors = multiplier_roundoff(matrix[None], units, known=conditioned(matrix[None], units, engine))
     assert 1e-8 < errors[0] < 1e-6
 
 
@@ -136,20 +141,40 @@ def test_each_is_as_it_is_alone(width):
 
 
 def test_large_matrices_are_not_solved_by_the_kernel():
-    assert eigenvalues(np.zeros((1, 2 * SMALL + 2, 2 * SMALL + 2)), np.ones((1, 2 * SMALL + 2))) is None
-    assert eigenvalues(np.zeros((1, 4, 4)), None) is None
-    assert eigenvalues(np.zeros((1, 2, 2)), None) is not None
+    assert (
+        kernel.conditioned(np.zeros((1, 2 * SMALL + 2, 2 * SMALL + 2)), np.ones((1, 2 * SMALL + 2))) is None
+    )
+    assert kernel.conditioned(np.zeros((1, 4, 4)), None) is None
+    assert kernel.conditioned(np.zeros((1, 2, 2)), None) is not None
+
+
+def test_matrices_without_convergence_are_solved_by_numpy(monkeypatch):
+    Phi = np.random.default_rng(4).standard_normal((3, 4, 4))
+    units = balance_matrices(Phi)[1]
+    expected, compiled = conditioned(Phi, units, COMPILED), kernel.conditioned(Phi, units)
+    assert expected is not None
+    assert compiled is not None
+    for part in compiled:
+        part[1] = np.nan
+    monkeypatch.setattr(kernel, "conditioned", lambda Phi, units: compiled)
+    completed = conditioned(Phi, units, COMPILED)
+    assert completed is not None
+    # NumPy does not balance the matrices if that leaves the same digits.
+    assert (completed.sizes >= 0.999 * expected.sizes).all()
+    for part, known in zip(completed[:1] + completed[2:], expected[:1] + expected[2:], strict=True):
+        np.testing.assert_allclose(part, known, rtol=1e-10)
 
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_multipliers_and_their_errors_are_alike_by_both_engines(n):
     Phi = np.random.default_rng(n).standard_normal((40, 2 * n, 2 * n))
     units = balance_matrices(Phi)[1]
-    compiled, numpy = (Multipliers.of(Phi, units, engine) for engine in ("compiled", "numpy"))
+    known = conditioned(Phi, units, COMPILED)
+    compiled, numpy = Multipliers.of(Phi, units, known), Multipliers.of(Phi, units)
     assert (compiled.distance(numpy) < 1e-12 * numpy.spectral_radius).all()
     np.testing.assert_array_equal(compiled.resolved, numpy.resolved)
     np.testing.assert_allclose(
-        *(multiplier_roundoff(Phi, units, engine) for engine in ("compiled", "numpy")), rtol=1e-6
+        multiplier_roundoff(Phi, units, known=known), multiplier_roundoff(Phi, units), rtol=1e-6
     )
     one, other = (floquet(random_system(n, n), 1.0, engine=engine) for engine in ("compiled", "numpy"))
     np.testing.assert_allclose(one.multipliers, other.multipliers, atol=1e-12 * one.spectral_radius)
