@@ -23,6 +23,9 @@ from solve.period.product_eigenvalues import (
     product_eigenvalues,
 )
 
+_SAME_NODE = 1e-12
+"""Distance of nodes in rad that counts as round-off. A choice: some thousand times the unit round-off."""
+
 SURE = 10.0
 """Ratio of a difference of exponents that counts to their errors, which are estimates: a choice."""
 

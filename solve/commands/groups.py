@@ -25,6 +25,7 @@ from solve.model.setup import Setup
 from solve.readers.files import is_system_file
 from solve.results.files import PICTURES, checked
 from solve.results.save import checked_data
+from solve.system import PeriodicSystem
 from solve.units import speeds_in_si
 
 if TYPE_CHECKING:
@@ -196,7 +197,7 @@ class Speed:
         str | None, Flag("Speed with unit (rpm, rad/s, Hz); by default that of the case.", '"600 rpm"')
     ] = None
 
-    def omega(self, model: Model) -> float:
+    def omega(self, model: PeriodicSystem) -> float:
         """Ω in rad/s from the flag, or from the case by default. Raises MissingValueError."""
         return model.speed_or_usual(self.speed)
 

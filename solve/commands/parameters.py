@@ -67,7 +67,7 @@ def fit(
         missing = "--data FILE" if data is None else "--free NAME,NAME"
         raise MissingValueError(f"a fit requires measured data and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = _listed(free), _bounds(bounds)
+    names, limits = listed("--free", free), _bounds(bounds)
     model = problem.loaded()
     omega = speed.speed or model.case_speed
     result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
@@ -118,12 +118,12 @@ def optimise(
         missing = "--minimise QUANTITY" if minimise is None else "--free NAME,NAME"
         raise MissingValueError(f"an optimum requires a quantity and free parameters; add {missing}")
     case = None if toml is None else checked(toml, [".toml"], "case")
-    names, limits = _listed(free or ""), _bounds(bounds)
+    names, limits = listed("--free", free or ""), _bounds(bounds)
     model = problem.loaded()
     if feedback is not None:
         if toml is not None or robust is not None:
             raise ValueOutOfBoundsError("--feedback allows neither --toml nor --robust; leave them out")
-        model = solve.OutputFeedback(model, _listed(feedback), gain_harmonics, delay or 0.0)
+        model = solve.OutputFeedback(model, listed("--feedback", feedback), gain_harmonics, delay or 0.0)
         limits = model.bounds_of_gains(limits)
         names += model.gains
     elif gain_harmonics or delay is not None:
@@ -184,11 +184,6 @@ def tolerances(
             model, given, spreads, subject or (), of or (), *sizes, seed=seed, **resources
         )
     deliver_result(results, result, problem.choices)
-
-
-def _listed(text: str) -> list[str]:
-    """Names separated by commas."""
-    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _bounds(texts: list[str] | None) -> dict[str, tuple[float | str, float | str]]:

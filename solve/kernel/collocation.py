@@ -1,6 +1,7 @@
 """Collocation over one period in compiled code. The lanes of vector registers contain many points, or
 segments of one period."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np

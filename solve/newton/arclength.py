@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from solve.errors import NoOrbitError, SolveError
-from solve.newton.branch_points import DAMPING, ContinuationParameters, Place, Point
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.iteration import on
 from solve.newton.manifold import Manifold
 from solve.newton.special_points import special_points
@@ -165,14 +165,14 @@ class _BranchFollower:
         edge, near = self.ends[int(after.value > self.ends[1])], before
         for _ in range(_REFINEMENTS):
             length, change, slopes = self._between(before, after)
-            at = _crossing(length, change, slopes, edge - before.place.value)
+            at = _crossing(length, change, slopes, edge - before.unknowns.value)
             near, _ = self.manifold.along(before, at)
             if self.ends[0] <= near.value <= self.ends[1]:
                 before = near
             else:
                 after = near
-        along = near.place.plus((edge - near.place.value) / near.direction.value, near.direction)
-        near = replace(near, place=replace(along, values=np.array([edge, *along.values[1:]])))
+        along = near.unknowns.plus((edge - near.unknowns.value) / near.direction.value, near.direction)
+        near = replace(near, unknowns=replace(along, values=np.array([edge, *along.values[1:]])))
         ways = [self._parameter_direction(near.grid), *near.tangents[1:]]
         return self.manifold.reached(near, ways, [0.0] * len(ways))[0]
 
@@ -187,10 +187,10 @@ class _BranchFollower:
             raise NoOrbitError("the branch curves too much within the step")
         return length, direction.value, (before.direction.value, after.direction.value / slope)
 
-    def _parameter_direction(self, grid: Grid) -> Place:
+    def _parameter_direction(self, grid: Grid) -> Unknowns:
         """Direction of the parameter towards the last value."""
         (first, last), *others = self.parameters.ranges
-        return Place(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
+        return Unknowns(self.parameters.task.rest(grid), np.array([last - first, *[0.0] * len(others)]))
 
 
 def _orientation(point: Point) -> float:

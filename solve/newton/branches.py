@@ -204,7 +204,7 @@ def _energies(task: Task, followed: Sequence[Followed]) -> Array:
     """Energies (P,) of unforced orbits; empty for others."""
     return np.array(
         [
-            energy(task.system, point.place.curve, point.value)
+            energy(task.system, point.unknowns.curve, point.value)
             for parameters, found, _ in followed
             if DAMPING in parameters.names
             for point in found

@@ -17,7 +17,7 @@ from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocation
 from solve.methods.free import free, solutions_on
-from solve.newton.branch_points import DAMPING, ContinuationParameters, Place
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Unknowns
 from solve.newton.iteration import Task, linearised_along
 from solve.newton.saltation import forces_jump
 from solve.period.curve import Curve
@@ -68,9 +68,9 @@ def linear_family(
     along, grid = linearised_along(task, unknowns.curve, grid)
     equations = _Equations(along, task, unknowns.curve, parameters.names, parameters.task.rigid is not None)
     if equations.free:
-        return _by_periodic_solutions(equations, place, grid)
+        return _by_periodic_solutions(equations, unknowns, grid)
     if task.engine == COMPILED and DAMPING not in parameters.names:
-        family = _if_regular(equations, place, grid)
+        family = _if_regular(equations, unknowns, grid)
         if family is not None:
             return family
     steps = _Steps(equations, grid)

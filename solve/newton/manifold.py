@@ -102,17 +102,17 @@ class Manifold:
         held = None if any(lengths) else directions
         return self.point(unknowns, before.tangents, before.grid, family, sizes, held), corrections
 
-    def first(self, place: Place, towards: Place, grid: Grid) -> Point:
+    def first(self, unknowns: Unknowns, towards: Unknowns, grid: Grid) -> Point:
         """Point near a place at the same value of the only parameter, directed towards another value. Raises
         SolveError subclasses."""
-        self.resting = self._scale(place, grid).rests(place.largest)
-        return self.held(place, [towards], grid)
+        self.resting = self._scale(unknowns, grid).rests(unknowns.largest)
+        return self.held(unknowns, [towards], grid)
 
-    def held(self, place: Place, ways: Sequence[Place], grid: Grid) -> Point:
+    def held(self, unknowns: Unknowns, ways: Sequence[Unknowns], grid: Grid) -> Point:
         """Point near a place with the same components along directions, one per parameter. Raises SolveError
         subclasses."""
-        sizes = self._sizes(self._scale(place, grid), place)
-        found, family, _ = self._converged(place, place, ways, [0.0] * len(ways), sizes, grid)
+        sizes = self._sizes(self._scale(unknowns, grid), unknowns)
+        found, family, _ = self._converged(unknowns, unknowns, ways, [0.0] * len(ways), sizes, grid)
         return self.point(found, ways, grid, family, sizes, ways)
 
     def along(self, before: Point, length: float) -> tuple[Point, int]:

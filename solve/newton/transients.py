@@ -371,11 +371,11 @@ class _PeriodSteps:
     @cached_property
     def _point(self) -> OnePoint:
         if self.ends[0] == self.ends[1]:
-            return OnePoint(self._system, self._mean)
+            return OnePoint(self._system, self._mean_speed)
         system = self._system
         inertial, states = system.coordinates[: system.n - system.first_order], system.states
         made = MixedSystem(self._matrices, inertial, states, system.period, self._breaks)
-        return OnePoint(made, self._mean)
+        return OnePoint(made, self._mean_speed)
 
     @cached_property
     def phase_advance(self) -> float:

@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 from solve.arrays import Array
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
-from solve.newton.branch_points import DAMPING, ContinuationParameters, Place, Point
+from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.iteration import Task, at_rest
 from solve.newton.manifold import Manifold
 from solve.newton.switching import Followed
@@ -121,9 +121,9 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
     ways, span, below, amplitude = [growing, shifting], parameters.spans[0], 0.0, _LEAST
     largest = _MOST
     while amplitude < largest:
-        place = Place(growing.times(amplitude).curve, np.array([frequency, 0.0]))
+        unknowns = Unknowns(growing.times(amplitude).curve, np.array([frequency, 0.0]))
         try:
-            point = manifold.held(place, ways, grid)
+            point = manifold.held(unknowns, ways, grid)
         except SolveError:
             break
         detuned = abs(point.value - frequency) / span
@@ -139,12 +139,12 @@ def _first(parameters: ContinuationParameters, frequency: float, shape: Array) -
     )
 
 
-def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Place:
+def _harmonic(task: Task, grid: Grid, shape: Array, function: np.ufunc) -> Unknowns:
     """Harmonic vibration in a shape (n,), as a direction."""
     rates = {np.cos: (np.cos, lambda x: -np.sin(x)), np.sin: (np.sin, np.cos)}[function]
     values = [shape[:, None] * rate(grid.nodes) for rate in rates]
     q, v, a = values[0].T, values[1].T, -values[0].T
-    return Place(Curve.quintic(grid.nodes, q, v, a[:-1], a[1:]), np.zeros(2))
+    return Unknowns(Curve.quintic(grid.nodes, q, v, a[:-1], a[1:]), np.zeros(2))
 
 
 def _without_trivial(point: Point) -> Point:

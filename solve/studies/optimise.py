@@ -22,7 +22,7 @@ from solve.studies.design_points import Design, DesignPoint
 from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
-from solve.studies.robust import deviating
+from solve.studies.robust import Statistic, deviating
 from solve.system import PeriodicSystem, derivatives_of, of_system
 from solve.terminal import progress
 from solve.units import speeds_given
@@ -153,7 +153,7 @@ def _machines(
         raise ValueOutOfBoundsError(
             f"a robust optimum takes a model, not {design.model.name}; leave robust out"
         )
-    return deviating(design, spreads_of(design.model, vary or {}))
+    return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 
 
 def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Array]:

@@ -124,9 +124,7 @@ def test_run_down_to_rest_prints_and_plots_its_outputs(command, tmp_path):
         ),
         (
             ("branch", "cam", "--scatter", "3", "--over", "k1=1:2"),
-            (
-                "--scatter excludes --over, --speeds, --switch, --follow, --start and --unforced",
-            ),
+            ("--scatter excludes --over, --speeds, --switch, --follow, --start and --unforced",),
         ),
         (("sweep", "cam", "--speeds", "300:310:2 rpm", "--nonlinear", "--turn", "q1"), ("--turn",)),
         (("branch", "four_bar", "--speeds", "10:20 rad/s"), ("linear by construction",)),
