@@ -52,8 +52,8 @@ class FirstOrderSystem(PeriodicSystem):
     >>> def filtered(phase, speed):
     ...     A = np.full((len(phase), 1, 1), -2.0)
     ...     return A, np.cos(phase)[:, None]
-    >>> FirstOrderSystem(filtered, ["x"]).multiplier_count
-    1
+    >>> FirstOrderSystem(filtered, ["x"]).states
+    ('x',)
     """
 
     def __init__(
@@ -198,8 +198,8 @@ class MixedSystem(PeriodicSystem):
     ...     M[:, 0, 0], K[:, 0, 0], K[:, 0, 1] = one, 4.0, -one
     ...     C[:, 1, 1], K[:, 1, 1], K[:, 1, 0] = 0.5, one, 0.2
     ...     return M, C, K, np.stack((np.cos(phase), 0 * phase), axis=1)
-    >>> MixedSystem(lagged, ["q"], ["x"]).multiplier_count
-    3
+    >>> MixedSystem(lagged, ["q"], ["x"]).coordinates
+    ('q', 'x')
     """
 
     def __init__(
@@ -251,7 +251,7 @@ class MixedSystem(PeriodicSystem):
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
         entries, numbers = super().used_entries(phase, speed)
         n = self.n
-        used = (numbers >= n**2) | (numbers % n < n - self.first_order)
+        used = (numbers >= n**2) | (numbers % n < n - len(self.states))
         return entries[:, used], numbers[used]
 
     def checked(self, speed: float) -> None:
@@ -261,10 +261,10 @@ class MixedSystem(PeriodicSystem):
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
         require_shapes(matrices, shapes, f"{n} coordinates and states ({', '.join(self.coordinates)})")
-        if self.states and matrices["M"][..., n - self.first_order :].any():
+        if self.states and matrices["M"][..., n - len(self.states) :].any():
             raise MatricesError(
                 f"M has entries in the columns of the states {', '.join(self.states)}; set them to "
                 "zero, or list quantities with inertia among the coordinates"
             )
         self._require_periodicity(phase, speed, "MCKd")
-        require_inertia(leading(matrices["M"], matrices["C"], self.first_order), self.states)
+        require_inertia(leading(matrices["M"], matrices["C"], len(self.states)), self.states)

@@ -3,7 +3,9 @@
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from typing import Any, Self
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -45,12 +47,13 @@ from solve.matrices import (
     with_neighbours,
 )
 from solve.samples import Samples, checked_period, sampled
+from solve.units import unit_given
 
 _LOAD_PHASES = 128
 """Phases per period at which a load is sampled to determine whether it is zero. A choice."""
 
 
-class PeriodicSystem(Labels):
+class PeriodicSystem:
     """Linear system with periodic coefficients and named coordinates.
 
     Parameters
@@ -87,6 +90,19 @@ class PeriodicSystem(Labels):
     1
     """
 
+    _FEWEST = 1
+    """Smallest number of coordinates."""
+
+    labels: Labels = Labels()
+    """Names, parameter values, units and meanings."""
+
+    states: tuple[str, ...] = ()
+    """Coordinates without second derivatives, which are the last ones."""
+    inputs: tuple[str, ...] = ()
+    """Names of the inputs u, such as forces of drives, which are zero unless a controller sets them."""
+    outputs: tuple[str, ...] = ()
+    """Names of the quantities computed from the state."""
+
     events: Events = Events()
     """Phases at which the motion passes switches, for systems linearised about a motion."""
 
@@ -111,7 +127,7 @@ class PeriodicSystem(Labels):
     ):
         self.period = checked_period(period)
         texts = all(isinstance(name, str) for name in coordinates)
-        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self.vibrates:
+        if not texts or len(set(coordinates)) != len(coordinates) or len(coordinates) < self._FEWEST:
             raise ValueOutOfBoundsError(
                 f"coordinates are {list(coordinates)}; give each of the n coordinates a different name"
             )
@@ -173,6 +189,11 @@ class PeriodicSystem(Labels):
         made = copy(self)
         made._matrices, made.samples = samples.function, samples
         return made
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.coordinates)
 
     def at(self, phase: Array, speed: float) -> Matrices:
         """M, C, K (m, n, n) and d (m, n) at phases (m,), for derivatives with respect to time.
@@ -236,7 +257,7 @@ class PeriodicSystem(Labels):
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
         """Warnings about the equations at a speed (rad/s), for any solution. linear: whether the linearised
         equations are solved."""
-        return list(self.equation_warnings)
+        return list(self.labels.equation_warnings)
 
     @property
     def judged_quantities(self) -> tuple[str, ...]:
@@ -259,7 +280,7 @@ class PeriodicSystem(Labels):
     ) -> Self:
         """System with some parameters and options changed. Raises UnknownNameError."""
         for name in (*(parameters or {}), *(options or {})):
-            require_name(f"parameter or option of {self.name}", name, [])
+            require_name(f"parameter or option of {self.labels.name}", name, [])
         return self
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
@@ -273,7 +294,7 @@ class PeriodicSystem(Labels):
         """Lines of the sketch by name: points x + iy (points, k) for q (n, k) at phases (k,). fineness:
         fraction of the usual points of curves. Raises NoSketchError without a sketch."""
         raise NoSketchError(
-            f"{self.name} declares no lines to draw; add mechanism.sketch(name, points) to its file "
+            f"{self.labels.name} declares no lines to draw; add mechanism.sketch(name, points) to its file "
             "and derive it again, see docs/motion.md"
         )
 
@@ -314,8 +335,8 @@ class PeriodicSystem(Labels):
         Raises LinearModelError for linear systems.
         """
         raise LinearModelError(
-            f"{self.name} is linear by construction and has no nonlinear equations; use the study of its "
-            "linear equations"
+            f"{self.labels.name} is linear by construction and has no nonlinear equations; use the study of "
+            "its linear equations"
         )
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> "PeriodicSystem":
@@ -341,7 +362,7 @@ class PeriodicSystem(Labels):
         """M, C, K (m, n, n) and d (m, n), for derivatives with respect to time, at speeds (m,) in rad/s that
         change by an acceleration in rad/s². Raises TransientError if these are unavailable."""
         raise TransientError(
-            f"{self.name} is stated for constant speeds only; for varying speeds, state it as a "
+            f"{self.labels.name} is stated for constant speeds only; for varying speeds, state it as a "
             "mechanism and derive it"
         )
 
@@ -350,7 +371,7 @@ class PeriodicSystem(Labels):
         period. sizes (n,): sizes of the coordinates, to which rtol is relative. Raises TransientError for
         systems without generated code."""
         raise TransientError(
-            f"{self.name} has no generated equations of motion that can be integrated in time; state "
+            f"{self.labels.name} has no generated equations of motion that can be integrated in time; state "
             "it as a mechanism and derive it"
         )
 
@@ -407,12 +428,50 @@ def require_own_names(kind: str, names: Sequence[str], others: Sequence[str]) ->
         raise ValueOutOfBoundsError(f"{kind} are {names!r}; give each a name of its own")
 
 
+def multiplier_count(system: PeriodicSystem) -> int:
+    """Number of Floquet multipliers: one per coordinate without second derivatives, two per other
+    coordinate."""
+    return 2 * system.n - len(system.states)
+
+
+System = TypeVar("System", bound=PeriodicSystem)
+
+
+def relabelled(system: System, **labels: Any) -> System:
+    """Copy of a system with some labels changed."""
+    made = copy(system)
+    made.labels = replace(system.labels, **labels)
+    return made
+
+
+def shown_in(system: System, speed: float) -> System:
+    """Copy of a system whose display unit is the unit of a given speed, if it has one."""
+    unit = unit_given(speed, system.labels.speed_unit)
+    if unit == system.labels.speed_unit:
+        return system
+    copies = vars(system).setdefault("_by_speed_unit", {system.labels.speed_unit: system})
+    copied = copies.get(unit)
+    if copied is None or not _agree(copied, system):
+        copied = copies[unit] = object.__new__(type(system))
+        vars(copied).update(vars(system), labels=replace(system.labels, speed_unit=unit))
+    return copied
+
+
+def _agree(copied: PeriodicSystem, system: PeriodicSystem) -> bool:
+    """Whether the attributes equal those of another system, except the unit and cached values."""
+    return replace(copied.labels, speed_unit=system.labels.speed_unit) == system.labels and all(
+        vars(copied).get(name) is value
+        for name, value in vars(system).items()
+        if name != "labels" and not isinstance(getattr(type(system), name, None), cached_property)
+    )
+
+
 def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
     """Derivatives of the equations with respect to parameters. Raises NoDerivativeError without generated
     equations."""
     if system.derivatives is None:
         raise NoDerivativeError(
-            f"{system.name} has no generated equations that can be differentiated; state it as a "
+            f"{system.labels.name} has no generated equations that can be differentiated; state it as a "
             "mechanism and derive it"
         )
     return system.derivatives
@@ -422,7 +481,7 @@ def structure_of(system: PeriodicSystem) -> Structure:
     """Beam structure of a system. Raises ValueOutOfBoundsError for systems without one."""
     if system.structure is None:
         raise ValueOutOfBoundsError(
-            f"{system.name} has no links to draw; mode shapes require a structure of beams"
+            f"{system.labels.name} has no links to draw; mode shapes require a structure of beams"
         )
     return system.structure
 
@@ -431,7 +490,7 @@ def require_load(system: PeriodicSystem, speed: float) -> None:
     """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
     phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
     if not system.at(phase, speed)[3].any():
-        raise NoLoadError(f"{system.name} has no load: its periodic vibration is zero at every speed")
+        raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")
 
 
 of_any_system = first_is(PeriodicSystem, such_as="solve.load('cam')")

@@ -24,6 +24,7 @@ from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel
 from solve.contracts import Matrices
 from solve.errors import UnknownNameError
+from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 LOADS = ("consistent", "nodal")
@@ -47,18 +48,24 @@ class Corrected(PeriodicSystem):
         if load not in LOADS:
             raise UnknownNameError("load of the corrected model", load, LOADS)
         for option, value in _FIXED.items():
-            if model.options[option] != value:
+            if model.labels.options[option] != value:
                 raise UnknownNameError(
-                    f"value of option {option} of the corrected model", str(model.options[option]), [value]
+                    f"value of option {option} of the corrected model",
+                    str(model.labels.options[option]),
+                    [value],
                 )
         cubic, exact = (model.varied(options={"element": kind}) for kind in ("cubic", EXACT))
         super().__init__(self._equations, cubic.coordinates, cubic.period)
         self.model, self.load = model, load
         self._cubic, self._exact = cubic, exact
-        self.name = f"{model.name}, {load} load"
         self._observed = {name: place for name, place in cubic.observed.items() if place[0] in _KINDS}
         self.outputs = tuple(self._observed)
-        self.units, self.meanings, self.largest_of = cubic.units, cubic.meanings, cubic.largest_of
+        self.labels = Labels(
+            name=f"{model.labels.name}, {load} load",
+            units=cubic.labels.units,
+            meanings=cubic.labels.meanings,
+            largest_of=cubic.labels.largest_of,
+        )
 
     @cached_property
     def lowest(self) -> Callable[[Array], Array]:

@@ -16,6 +16,7 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
+from solve.system import multiplier_count
 from solve.terminal import progress
 from solve.threads import one_thread
 
@@ -68,7 +69,7 @@ class Batch:
 
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failures."""
-        values = np.zeros((len(points), self.family.example.multiplier_count), dtype=complex)
+        values = np.zeros((len(points), multiplier_count(self.family.example)), dtype=complex)
         with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
                 values[positions] = solutions.multipliers.values
@@ -100,7 +101,7 @@ class Batch:
         if at_speeds is not None:
             yield all_positions[valid], at_speeds
             return all_positions[~valid]
-        if system.model_hash is None:
+        if system.labels.model_hash is None:
             valid &= [not isinstance(self._single(points, at), Failed) for at in all_positions.tolist()]
         left = [all_positions[~valid]]
         for breaks, group in family.by_breaks(points):

@@ -105,9 +105,9 @@ class SystemFamily(Family):
 
     def __init__(self, system: PeriodicSystem, names: Sequence[str], speed: float | None = None):
         """speed (rad/s): unless among the names. Raises UnknownNameError, ValueOutOfBoundsError."""
-        quantities = [SPEED, *system.parameters]
+        quantities = [SPEED, *system.labels.parameters]
         for name in names:
-            require_name(f"quantity of {system.name}", name, quantities)
+            require_name(f"quantity of {system.labels.name}", name, quantities)
         if len(set(names)) < len(names):
             raise ValueOutOfBoundsError(f"{names[0]} is given twice; vary different quantities")
         self.names, self.speed = tuple(names), speed

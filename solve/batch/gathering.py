@@ -17,7 +17,7 @@ from solve.period.frozen import PHASES
 from solve.period.multipliers import UNDETERMINED, verdicts_by_moduli
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, multiplier_count
 from solve.terminal import progress
 from solve.threads import one_thread
 
@@ -31,7 +31,7 @@ _CHUNK_BYTES = 2**25
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
     """Results of points (P, v)."""
     n = batch.family.example.n
-    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept or Kept())
+    results = PointResults.blank(len(points), multiplier_count(batch.family.example), kept or Kept())
     size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
@@ -44,7 +44,7 @@ def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResult
     """Multipliers and statistics of points (P, v) on one grid, without error estimates and with the verdict
     "undetermined"."""
     n = batch.family.example.n
-    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept)
+    results = PointResults.blank(len(points), multiplier_count(batch.family.example), kept)
     size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):

@@ -10,7 +10,7 @@ phase.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Self
 
@@ -26,6 +26,7 @@ from solve.beams.reduction import Basis, basis
 from solve.beams.structure import StructureModel, with_rates
 from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.model.bounds import REDUCE
 from solve.model.modes import lowest_frequencies, modes
 from solve.model.setup import Setup
@@ -177,7 +178,8 @@ class ReducedStructure(StructureModel):
         self.reduced, self.reduction = reduced, self
         self.modes_a_link: int = setup.options[REDUCE]
         if not self.static:
-            self.equation_warnings = (*self.equation_warnings, self.sentence)
+            sentences = (*self.labels.equation_warnings, self.sentence)
+            self.labels = replace(self.labels, equation_warnings=sentences)
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
@@ -235,7 +237,7 @@ class ReducedStructure(StructureModel):
         )
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
-        return [*self.equation_warnings, *super().warnings(speed, linear)]
+        return [*self.labels.equation_warnings, *super().warnings(speed, linear)]
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
         positions = Positions(self.beams, phase)
@@ -251,7 +253,7 @@ class ReducedStructure(StructureModel):
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
     def varying(self, phase: Array, speed: Array, acceleration: float) -> tuple[Array, Array, Array, Array]:
-        self.require_motion()
+        require_motion(self)
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:

@@ -176,7 +176,7 @@ def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions)
     nodes, weights = np.polynomial.legendre.leggauss(3)
     phases = solutions.grid.stages((nodes + 1) / 2)
     M, C, K, _ = system.in_phase(phases.ravel(), speed)
-    M, C, _ = by_rates(M, C, K, system.first_order)
+    M, C, _ = by_rates(M, C, K, len(system.states))
     rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
     volume = -float(solutions.grid.h @ rates @ weights) / 2
     return float(np.linalg.slogdet(solutions.steps.A[0])[1].sum()) - volume

@@ -15,7 +15,7 @@ import typer
 
 from solve.commands.parse import assignments, integer, number, quantities, spread
 from solve.errors import DesiredMotionError, MissingValueError, ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, require_motion, speed_or_usual
 from solve.loading import case_numbers, missing_parameters, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import REDUCE, measured
@@ -108,8 +108,8 @@ class Numbers(CaseNumbers):
         """Model of that name. Raises NoMotionError for a model without equations of motion and
         NoVibrationError for a rigid one, unless the study allows them."""
         model = self._first_model(name, varied)
-        if not still and (model.vibrates or not rigid):
-            model.require_motion()
+        if not still and (model.labels.vibrates or not rigid):
+            require_motion(model)
         return model
 
     def _first_model(self, name: str, varied: Varied) -> Model:
@@ -204,7 +204,7 @@ class Speed:
 
     def omega(self, model: Model) -> float:
         """Ω in rad/s, by default that of the case. Raises MissingValueError."""
-        return model.speed_or_usual(self.speed)
+        return speed_or_usual(model, self.speed)
 
 
 @dataclass(frozen=True)

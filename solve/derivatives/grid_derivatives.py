@@ -110,7 +110,7 @@ class GridDerivatives:
             except ValueOutOfBoundsError:
                 return mean_weights(OnePoint(system, speed), free.modes)
 
-        values = [speed if name == SPEED else system.parameters[name] for name in self.names]
+        values = [speed if name == SPEED else system.labels.parameters[name] for name in self.names]
         levels = np.zeros((free.modes.references.shape[1], len(values)))
         for at, (name, value) in enumerate(zip(self.names, values, strict=True)):
             step = _STEP * (abs(value) or 1.0)

@@ -156,7 +156,7 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
     with one_thread(system.n):
         slopes = list(zip(by_method.slopes(quantities), better.slopes(quantities), strict=True))
         found = _with_errors(quantities, slopes, by_method, coarse)
-    values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
+    values = [solved.speed if name == SPEED else system.labels.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, notes)

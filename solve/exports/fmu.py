@@ -116,7 +116,7 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
     """Variables with their start values, and warnings about these."""
     n, names = model.n, signals(model)
     state, sizes, warnings = _start(model, speed)
-    meanings = [model.meanings.get(name, "") for name in model.coordinates]
+    meanings = [model.labels.meanings.get(name, "") for name in model.coordinates]
     rate_meanings = [f"rate of {name}" for name in model.coordinates]
     force_meanings = [f"force along {name}" for name in model.coordinates]
     columns = names.states, names.state_units, [*meanings, *rate_meanings], state.tolist(), sizes.tolist()
@@ -129,9 +129,12 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
     ]
     acceleration = _Variable("acceleration", "rad/s^2", "acceleration of the drive", 0.0)
     parameters = [
-        _Variable(name, *model.parameter_labels[name], value) for name, value in model.parameters.items()
+        _Variable(name, *model.labels.parameter_labels[name], value)
+        for name, value in model.parameters.items()
     ]
-    outputs = [_Variable(name, model.units[name], model.meanings[name], None) for name in model.outputs]
+    outputs = [
+        _Variable(name, model.labels.units[name], model.labels.meanings[name], None) for name in model.outputs
+    ]
     variables = _Variables(drive, states[:n], states[n:], [acceleration, *forces], parameters, outputs)
     return variables, warnings
 
@@ -231,7 +234,7 @@ def _explicit(model: Model) -> "casadi.Function":
 def _described(content: bytes, model: Model, variables: _Variables, speed: float) -> bytes:
     """Model description written by CasADi, with units, start values of the states and the period added."""
     root = ET.fromstring(content)
-    root.set("description", model.title)
+    root.set("description", model.labels.title)
     root.set("generationTool", "parametric-vibration, CasADi")
     scalars = [variable for group in variables for variable in group]
     units = ET.Element("UnitDefinitions")

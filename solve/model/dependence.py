@@ -363,7 +363,7 @@ class AssembledDependence:
         return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
     def _value(self, name: str, speed: float) -> float:
-        return speed if name == SPEED else self._system.parameters[name]
+        return speed if name == SPEED else self._system.labels.parameters[name]
 
     def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
         """Function that returns the system and the speed for a value of the parameter of this name, or of the

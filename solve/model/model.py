@@ -1,6 +1,7 @@
 """Periodic systems whose matrices, outputs and bounds come from a generated module."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from html import escape
 from pathlib import Path
@@ -12,7 +13,7 @@ from solve.arguments import first_is
 from solve.arrays import Array, Plane
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
-from solve.labels import require_vibration
+from solve.labels import Labels, require_vibration
 from solve.matrices import by_the_phase, split_entries
 from solve.model.bounds import checked_parameters, stated_limits
 from solve.model.cases import Case
@@ -23,7 +24,7 @@ from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
 from solve.model.sampling import MatrixSampler, Sampler, folded, tangent
 from solve.model.setup import Setup, stated_lines
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, shown_in
 
 if TYPE_CHECKING:
     import casadi
@@ -63,22 +64,11 @@ class Model(PeriodicSystem):
         self.setup, self.module = setup, module
         self._formulas: dict[tuple[str, ...], Formulas | None] = {}
         self.slopes: SlopesCache = {}
-        self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
-        self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
-        self.parameter_sources = setup.case.sources
-        self.equations = getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),))
-        self.options = setup.options
-        self.sketch_unit = next((unit for _, unit, _ in getattr(module, "SKETCH", ())), self.sketch_unit)
-        self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         inputs = getattr(module, "INPUTS", ())
         self.inputs = tuple(name for name, *_ in inputs)
         self.fits = setup.case.fits
-        fitted = (fit.sentence for fit in self.fits.values())
-        self.equation_warnings = (*self.left_out, *fitted)
-        described = (*coordinates, *module.OUTPUTS, *inputs)
-        self.units = {name: unit for name, unit, _ in described}
-        self.meanings = {name: meaning for name, _, meaning in described}
+        self.labels = _labels(setup, (*coordinates, *module.OUTPUTS, *inputs), self.left_out)
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
 
     @classmethod
@@ -90,14 +80,14 @@ class Model(PeriodicSystem):
 
     def _repr_html_(self) -> str:
         """Title and linearised equations, in a notebook."""
-        return "".join(f"<p>{line}</p>" for line in (escape(self.title), *self.equations))
+        return "".join(f"<p>{line}</p>" for line in (escape(self.labels.title), *self.labels.equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Rebuild the model when it is copied or pickled, because CasADi's memory belongs to one thread of
         one process."""
         origin = getattr(self.module, "CODE", None) or Path(self.module.__file__ or "")
-        arguments = type(self), origin, self.setup.case, self.options
-        return _rebuilt, arguments, {"speed_unit": self.speed_unit}
+        arguments = type(self), origin, self.setup.case, self.labels.options
+        return _rebuilt, arguments, {"labels": self.labels}
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
@@ -120,10 +110,15 @@ class Model(PeriodicSystem):
         UnknownNameError, ValueOutOfBoundsError
         """
         model = self.of(self.setup.varied(parameters or {}, options or {}))
-        model.speed_unit = self.speed_unit
+        model.labels = replace(model.labels, speed_unit=self.labels.speed_unit)
         if not options:
             model.slopes = self.slopes
         return model
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Parameters of the case, with changes, in the units declared by the model."""
+        return self.labels.parameters
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
@@ -157,7 +152,7 @@ class Model(PeriodicSystem):
 
     def require_desired_motion(self, speeds: Array) -> None:
         if len(missing := speeds[~self.setup.exist(speeds)]) and self.setup.domain:
-            self.setup.domain.require(float(missing[0]), self.speed_unit.text(float(missing[0])))
+            self.setup.domain.require(float(missing[0]), self.labels.speed_unit.text(float(missing[0])))
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
@@ -165,7 +160,7 @@ class Model(PeriodicSystem):
     def checked(self, speed: float) -> None:
         """Check, in addition, that the fundamental motion exists, that generated matrices are periodic and
         jump at the breaks only, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
-        self.shown_in(speed).require_desired_motion(np.array([speed]))
+        shown_in(self, speed).require_desired_motion(np.array([speed]))
         if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
             super().checked(speed)
@@ -198,7 +193,7 @@ class Model(PeriodicSystem):
         """
         fields = [field for field, *_ in getattr(self.module, "FIELDS", ())]
         if name not in fields:
-            raise UnknownNameError(f"field of {self.name}", name, fields)
+            raise UnknownNameError(f"field of {self.labels.name}", name, fields)
         fraction = np.asarray(position, dtype=float)
         if not ((fraction >= 0) & (fraction <= 1)).all():
             raise ValueOutOfBoundsError(f"position is {position}; allowed: fractions of the length, 0 to 1")
@@ -339,7 +334,29 @@ class Model(PeriodicSystem):
         names = list(quantities)
         rows = [row for row in self.module.LIMITS if row[0] in names]
         validity = {name: bound for name, bound in self.validity.items() if linear and name in names}
-        return [*super().limits(names, linear), *stated_limits(rows, validity, self.units)]
+        return [*super().limits(names, linear), *stated_limits(rows, validity, self.labels.units)]
+
+
+def _labels(setup: Setup, described: Iterable[tuple[str, str, str]], left_out: Sequence[str]) -> Labels:
+    """Labels of a model. described: name, unit and meaning of coordinates, outputs and inputs. left_out:
+    sentences on neglected terms."""
+    module, case, described = setup.module, setup.case, list(described)
+    return Labels(
+        name=module.NAME,
+        title=module.TITLE,
+        case=case.name,
+        case_speed=case.speed,
+        model_hash=module.FILE_SHA256,
+        options=setup.options,
+        parameters=case.parameters,
+        parameter_labels={name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS},
+        parameter_sources=case.sources,
+        equations=getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),)),
+        sketch_unit=next((unit for _, unit, _ in getattr(module, "SKETCH", ())), "m"),
+        equation_warnings=(*left_out, *(fit.sentence for fit in case.fits.values())),
+        units={name: unit for name, unit, _ in described},
+        meanings={name: meaning for name, _, meaning in described},
+    )
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
@@ -367,7 +384,7 @@ class LinearisedModel(Model):
         starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
         self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
-        self.speed_unit = model.speed_unit
+        self.labels = replace(self.labels, speed_unit=model.labels.speed_unit)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model, self.motion), {"breaks": self.breaks, "events": self.events}

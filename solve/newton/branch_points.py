@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import NoOrbitError
-from solve.labels import SPEED
+from solve.labels import SPEED, unit_of
 from solve.newton.iteration import Task, add, on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -156,5 +156,5 @@ class ContinuationParameters:
 
     def text(self, values: Array) -> str:
         """Text of values with their units."""
-        units = (self.task.system.unit_of(name) for name in self.names)
+        units = (unit_of(self.task.system, name) for name in self.names)
         return ", ".join(unit.text(float(value), ".4g") for unit, value in zip(units, values, strict=True))

@@ -62,7 +62,7 @@ class Task:
 
     def speed_text(self, speed: float) -> str:
         """Text of a speed (rad/s) with its unit."""
-        return self.system.speed_unit.text(speed, ".4g")
+        return self.system.labels.speed_unit.text(speed, ".4g")
 
     @property
     def period(self) -> float:

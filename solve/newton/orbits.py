@@ -26,7 +26,7 @@ from solve.period.grid import Grid
 from solve.period.points import OnePoint
 from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speed_in_si
 
@@ -107,7 +107,7 @@ def nonlinear(
     require_integer("periods", periods)
     solve_request = request(steps, rtol, used, True)
     system.checked(omega)
-    system = system.shown_in(omega)
+    system = shown_in(system, omega)
     task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, solve_request.rtol)
     search = _Search(task, steps, notes, all_multipliers)
     return search.find() if start is None else search.certified(search.iterate(start), "start")
@@ -164,7 +164,7 @@ class _Search:
         if unstable is not None:
             return replace(unstable, settled=False)
         raise NoOrbitError(
-            f"no periodic orbit of {self.task.system.name} was reached at "
+            f"no periodic orbit of {self.task.system.labels.name} was reached at "
             f"{self.task.speed_text(self.task.speed)}; {'; '.join(failed)}; there may be no stable "
             "orbit of this period: try more periods or another speed, or give an orbit or a transient "
             "as the start"

@@ -8,13 +8,14 @@ from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
+from solve.labels import speed_or_usual
 from solve.methods.radau import Radau
 from solve.newton.iteration import Task, joined
 from solve.newton.orbits import nonlinear
 from solve.newton.strategies import linear_sizes
 from solve.results.scatter import Scatter
 from solve.results.special_orbits import NonlinearOrbit
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol
 
@@ -81,11 +82,13 @@ def scatter(
         raise ValueOutOfBoundsError(f"seed is {seed!r}; allowed: an integer from 0 on")
     if not 0 < spread < np.inf:
         raise ValueOutOfBoundsError(f"spread is {spread}; allowed: a number above 0")
-    omega, (used, _) = system.speed_or_usual(speed), chosen_engine(engine)
+    omega, (used, _) = speed_or_usual(system, speed), chosen_engine(engine)
     if not system.nonlinear:
-        raise LinearModelError(f"{system.name} is linear by construction; all motions lead to one orbit")
+        raise LinearModelError(
+            f"{system.labels.name} is linear by construction; all motions lead to one orbit"
+        )
     system.checked(omega)
-    system = system.shown_in(omega)
+    system = shown_in(system, omega)
     task = Task(system, omega, 1, Radau(), used, checked_rtol(rtol))
     sizes = linear_sizes(task, task.grid(_STATES))
     scales = np.concatenate((sizes, omega * sizes))

@@ -73,7 +73,8 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
     system = task.system
     if names != system.coordinates:
         raise ValueOutOfBoundsError(
-            f"the start has coordinates {', '.join(names)}; {system.name} has {', '.join(system.coordinates)}"
+            f"the start has coordinates {', '.join(names)}; {system.labels.name} has "
+            f"{', '.join(system.coordinates)}"
         )
 
 
@@ -81,7 +82,9 @@ def _checked(motion: Any, task: Task) -> Motion:
     """Motion with nodes, if its number of coordinates is correct."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
-        raise ValueOutOfBoundsError(f"start has {count} coordinates; {task.system.name} has {task.system.n}")
+        raise ValueOutOfBoundsError(
+            f"start has {count} coordinates; {task.system.labels.name} has {task.system.n}"
+        )
     return motion
 
 

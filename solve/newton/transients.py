@@ -13,6 +13,7 @@ from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.contracts import Integrator, Matrices, driven
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
@@ -25,7 +26,7 @@ from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
@@ -121,7 +122,7 @@ def transient(
     >>> found.turns
     2
     """
-    if system.first_order:
+    if len(system.states):
         raise TransientError(
             f"transients of systems with first-order states, such as {system.states[0]}, are not computed; "
             "use periodic or floquet, or integrate the state space of solve.state_space"
@@ -136,10 +137,10 @@ def transient(
         given = _read(Path(start), system)
     if speeds is not None:
         ramp = ramp_in_si(speeds)
-        return _run_up(system.shown_in(max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
+        return _run_up(shown_in(system, max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
     assert speed is not None
     omega, march_rtol = speed_in_si(speed), max(_MARCH_RTOL * rtol, _MIN_MARCH_RTOL)
-    system = system.shown_in(omega)
+    system = shown_in(system, omega)
     linear = _linear(system, omega, min(1e-6, march_rtol), engine, nonlinear and given != ORBIT)
     ends, integration = np.full(turns + 1, omega), _Integration(system, linear, nonlinear, rtol)
     nodes, motion, error, notes = integration.run(_state(given, system, linear), ends)
@@ -168,7 +169,7 @@ def _run_up(
     engine: str,
 ) -> Transient:
     """Motion while the speed changes linearly in time, so that its square changes linearly with the phase."""
-    system.require_motion()
+    require_motion(system)
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
     system.require_desired_motion(ends)
     if start == ORBIT and ramp[0] == 0:
@@ -284,11 +285,11 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
         ) from None
     if names != system.coordinates:
         raise FileError(
-            f"start '{file}' has coordinates {', '.join(names)}; {system.name} has "
+            f"start '{file}' has coordinates {', '.join(names)}; {system.labels.name} has "
             f"{', '.join(system.coordinates)}"
         )
-    if model != system.name:
-        raise FileError(f"start '{file}' belongs to {model}; give a state of {system.name}")
+    if model != system.labels.name:
+        raise FileError(f"start '{file}' belongs to {model}; give a state of {system.labels.name}")
     return q, qd
 
 

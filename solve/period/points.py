@@ -167,7 +167,7 @@ class _OfSystem:
 
     @property
     def first_order(self) -> int:
-        return self.system.first_order
+        return len(self.system.states)
 
     @property
     def period(self) -> float:

@@ -1,13 +1,14 @@
 """Systems that were sampled by another tool at one speed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solve.arrays import Array
 from solve.errors import FileError
 from solve.first_order import FirstOrderSystem, MixedSystem
+from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 _SAME_SPEED = 1e-3
@@ -48,13 +49,15 @@ class _OfSource:
     """Mixin that adds the labels of a source, and a warning at other speeds."""
 
     source: Source
+    labels: Labels
 
     def of_source(self, source: Source) -> None:
         """Take the labels of the source."""
         if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
             raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")
-        vars(self).update(
-            source=source,
+        self.source = source
+        self.labels = replace(
+            self.labels,
             name=source.name,
             title=source.title,
             case_speed=None if source.speed is None else f"{source.speed!r} rad/s",

@@ -96,7 +96,7 @@ class Bands(Sequence[Band], Result):
     @property
     def columns(self) -> Columns:
         """Columns of the table, with one row per band."""
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         low, high = [band.low for band in self], [band.high for band in self]
         lows = [f"{'< ' * band.open_low}{unit.of(band.low):.3f}" for band in self]
         highs = [f"{'< ' * band.open_high}{unit.of(band.high):.3f}" for band in self]
@@ -116,7 +116,7 @@ class Bands(Sequence[Band], Result):
     @property
     def summary(self) -> str:
         """Sentence on the number of bands and their ranges."""
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         if not self:
             return f"No unstable band found from {unit.span(*self.range)}."
         bands = listed([unit.span(band.low, band.high, form=".5g") for band in self])

@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics
-from solve.labels import SPEED
+from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
@@ -256,7 +256,7 @@ class Branch(BranchPoints):
 
     def _where(self, which: Array) -> str:
         """Text that locates points (P,)."""
-        first = self.system.unit_of(self.over).text(float(self.values[int(which.argmax())]), self._digits)
+        first = unit_of(self.system, self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
     @property
@@ -288,7 +288,7 @@ class Branch(BranchPoints):
     def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
         """Columns of the statistics of a quantity; the table shows the largest moduli of the first
         coordinates."""
-        unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
+        unit, meaning = self.system.labels.units.get(name, ""), self.system.labels.meanings.get(name, name)
         columns = []
         for figure in _SHOWN:
             values = self.figures[:, number, FIGURES.index(figure)]
@@ -302,7 +302,7 @@ class Branch(BranchPoints):
     @property
     def summary(self) -> str:
         """Sentences on the range, the special points and the jumps."""
-        unit, values = self.system.unit_of(self.over), self.values[self.numbers == 0]
+        unit, values = unit_of(self.system, self.over), self.values[self.numbers == 0]
 
         def texts(points: Sequence[dict[str, Any]]) -> str:
             return ", ".join(unit.text(point[self.over], ".6g") for point in points)
@@ -321,7 +321,7 @@ class Branch(BranchPoints):
 
     def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
         name, ends = self.system.coordinates[0], [jump["from"], jump["to"]]
-        factor, shown = prefixed(self.system.units.get(name, ""), max(end or 0.0 for end in ends))
+        factor, shown = prefixed(self.system.labels.units.get(name, ""), max(end or 0.0 for end in ends))
         before, after = (None if end is None else f"{end * factor:.4g} {shown}".strip() for end in ends)
         where = "to no stable orbit of this branch" if after is None else f"to {after}"
         return f"A slow sweep {jump['direction']} jumps at {at}: max|{name}| from {before} {where}."

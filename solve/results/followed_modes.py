@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import require_name
+from solve.labels import unit_of
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.formatting import listed
 from solve.results.result import ResultOver
@@ -182,7 +183,7 @@ class FollowedModes(ModesOver):
 
     def text_of(self, value: float) -> str:
         """Text of a speed in rad/s or a value of the parameter."""
-        return self.system.unit_of(self.over).text(value, ".6g")
+        return unit_of(self.system, self.over).text(value, ".6g")
 
     def record(self) -> dict[str, Any]:
         """JSON object of `solve modes --json`."""
@@ -212,7 +213,7 @@ class FollowedModes(ModesOver):
             "error": Column(self.errors, "1/s", "estimated error of the exponent", axes=axes),
         }
         if self.parameters:
-            labels = self.system.parameter_labels[self.over]
+            labels = self.system.labels.parameter_labels[self.over]
             columns = {self.over: Column(self.values, *labels, axes=("point",)), **columns}
         return columns
 
@@ -231,7 +232,7 @@ class FollowedModes(ModesOver):
 
     def header_rows(self) -> HeaderRows:
         low, high = self.values.min(), self.values.max()
-        span = self.system.unit_of(self.over).span(float(low), float(high))
+        span = unit_of(self.system, self.over).span(float(low), float(high))
         rows = [("over", f"{self.over}, {len(self.values)} values from {span}")]
         added = len(self.path) - len(self.values)
         rows.append(("followed", f"{len(self.labels)} modes, {added} further values added"))

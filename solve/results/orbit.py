@@ -164,7 +164,7 @@ class Orbit(Stability, SolvedMotion):
         """Warnings about the accuracy and about quantities beyond the bounds of the model, one sentence
         each."""
         system = self.system
-        names = {*system.judged_quantities, *(() if system.outputs_apart else system.outputs)}
+        names = {*system.judged_quantities, *(() if system.labels.outputs_apart else system.outputs)}
         figures = {name: self.statistics(name) for name in sorted(names)}
         return [*super().warnings, *system.judged(figures), *self._non_periodic_outputs]
 
@@ -172,7 +172,7 @@ class Orbit(Stability, SolvedMotion):
     def _non_periodic_outputs(self) -> list[str]:
         """Warnings about outputs that change by a constant per period, such as unlimited angles."""
         system, phase = self.system, self.system.period * np.array([0.137, 0.281, 0.618])
-        if system.outputs_apart or not system.solvable:
+        if system.labels.outputs_apart or not system.labels.solvable:
             return []
         state, texts = self.state(phase), []
         now, later = (
@@ -191,7 +191,7 @@ class Orbit(Stability, SolvedMotion):
     @property
     def summary(self) -> str:
         """Sentence on the verdict and the largest moduli of the coordinates."""
-        units, names = self.system.units, self.coordinates[:MOST_SHOWN]
+        units, names = self.system.labels.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         maxima = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
         more = len(self.coordinates) - len(maxima)
@@ -253,7 +253,7 @@ class Orbit(Stability, SolvedMotion):
         curves, rates = curves_of(system, self.time, self.phase, q, outputs), []
         for suffix, word, per, rows in (("d", "velocity", "/s", qd), ("dd", "acceleration", "/s^2", qdd)):
             for name, values in zip(system.coordinates, rows, strict=True):
-                unit = system.units.get(name, "")
+                unit = system.labels.units.get(name, "")
                 rate = Column(values, unit and unit + per, f"{word} of {name}", axes=("phase",))
                 rates.append((name + suffix, rate))
         rates += stability.columns.items()

@@ -109,7 +109,7 @@ class PeriodicMotion:
 
     def _is_evaluated_alone(self, cache: str) -> bool:
         """Whether an output is evaluated on its own, because the values of all outputs are not cached yet."""
-        return self.system.outputs_apart and cache not in self.__dict__
+        return self.system.labels.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:
         """Evaluate the statistics of all outputs together, for displays of all outputs."""
@@ -174,7 +174,10 @@ class PeriodicMotion:
 
         def quantity(name: str) -> dict[str, Any]:
             amplitudes, phases = self.harmonics(name, count)
-            labels = {"unit": system.units.get(name, ""), "meaning": system.meanings.get(name, "")}
+            labels = {
+                "unit": system.labels.units.get(name, ""),
+                "meaning": system.labels.meanings.get(name, ""),
+            }
             figures = self.statistics(name)._asdict()
             return {**labels, **figures, "harmonics": amplitudes, "phases": phases}
 
@@ -230,7 +233,7 @@ class SolvedMotion(PeriodicMotion):
 
         An output of an orbit from a file is exact at the file's samples, with a cubic spline between them.
         """
-        if self.system.solvable or name not in self.system.outputs:
+        if self.system.labels.solvable or name not in self.system.outputs:
             return super().signal(name)
         from scipy.interpolate import CubicSpline
 

@@ -232,7 +232,7 @@ class SensitivitiesOver(Result):
     def warnings(self) -> list[str]:
         """Warnings about speeds and quantities without derivatives, one sentence each."""
         return self._reduction + [
-            f"{reason} (at {self.system.speed_unit.text(self.speeds[index])})"
+            f"{reason} (at {self.system.labels.speed_unit.text(self.speeds[index])})"
             for index, reasons in self.reasons.items()
             for reason in reasons
         ]

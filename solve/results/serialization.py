@@ -19,6 +19,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import DrawnLink, Matrices, ModeShape, Statistics
 from solve.errors import FileError, ReopenedError, ResultKindError
+from solve.labels import Labels
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
 from solve.period.named import Named
@@ -33,9 +34,11 @@ CLASSES: dict[str, type] = {}
 
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
-    *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings"),
-    *("period", "coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit", "states", "inputs"),
+    *("links", "moves", "vibrates", "equation_warnings", "largest_of", "units", "meanings", "speed_unit"),
 )
+"""Labels of a system that files hold."""
+
+_DATA = "period", "coordinates", "breaks", "outputs", "freedoms", "judged_quantities", "states", "inputs"
 """Attributes of a system that files hold; those of earlier versions lack the last ones."""
 
 Kind = TypeVar("Kind", bound=type)
@@ -129,18 +132,19 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
 class StoredSystem(PeriodicSystem):
     """Labels of a system that were read from a file. Methods that need the equations raise ReopenedError."""
 
-    solvable = False
+    _FEWEST = 0
     freedoms = 0  # type: ignore[assignment]
     judged_quantities = ()  # type: ignore[assignment]
 
-    def __init__(self, labels: Mapping[str, Any]):
-        self.vibrates = labels["vibrates"]
-        super().__init__(self._refused, labels["coordinates"], labels["period"], labels["breaks"])
-        vars(self).update(labels)
+    def __init__(self, stored: Mapping[str, Any]):
+        super().__init__(self._refused, stored["coordinates"], stored["period"], stored["breaks"])
+        vars(self).update({name: value for name, value in stored.items() if name not in _LABELS})
+        self.labels = Labels(**{name: stored[name] for name in _LABELS if name in stored}, solvable=False)
 
     def _refused(self, *_: Any, **__: Any) -> Matrices:
         raise ReopenedError(
-            f"{self.name} was read from a file, which contains no equations; load the model and solve again"
+            f"{self.labels.name} was read from a file, which contains no equations; load the model and "
+            "solve again"
         )
 
     output_values = varied = along = marcher = varying = _refused  # type: ignore[assignment]
@@ -197,7 +201,8 @@ class _Encoder:
             if encoded is system:
                 return number
         self._encoded.append(system)
-        self.systems.append({name: self.plain(getattr(system, name)) for name in _LABELS})
+        labels = {name: self.plain(getattr(system.labels, name)) for name in _LABELS}
+        self.systems.append(labels | {name: self.plain(getattr(system, name)) for name in _DATA})
         return len(self.systems) - 1
 
 

@@ -149,7 +149,7 @@ class NonlinearOrbit(Orbit):
         q, v, a = (self.linear(phase, derivative) for derivative in range(3))
         if name in self.system.coordinates:
             return q[self.system.coordinates.index(name)]
-        if not self.system.solvable:
+        if not self.system.labels.solvable:
             return None
         return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
 
@@ -200,7 +200,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
         return self.state(np.atleast_1d(phase))[0]
 
     def statistics(self, name: str) -> Statistics:
-        if self.system.solvable:
+        if self.system.labels.solvable:
             return PeriodicMotion.statistics(self, name)
         return self.output_statistics[name]
 
@@ -211,7 +211,9 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     @property
     def quasi_static(self) -> QuasiStatic:
         """Not available without coordinates: raises NoVibrationError."""
-        raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
+        raise NoVibrationError(
+            f"{self.system.labels.name} has no coordinates; omit the quasi-static solution"
+        )
 
     @stored_property
     def warnings(self) -> list[str]:
@@ -223,7 +225,9 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
 
     @property
     def summary(self) -> str:
-        return f"At {self.system.speed_unit.text(self.speed)} the motion is prescribed: nothing vibrates."
+        return (
+            f"At {self.system.labels.speed_unit.text(self.speed)} the motion is prescribed: nothing vibrates."
+        )
 
     @property
     def summary_values(self) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics, driven
+from solve.labels import known_quantities
 from solve.period.curve import curves_through, interpolation_tolerance, sufficient_strides
 from solve.period.quantities import Quantities
 from solve.results.contents import (
@@ -124,7 +125,7 @@ class TransientMotion(Result):
 
     def values(self, name: str) -> Array:
         """Values (j,) of a coordinate or output. Raises UnknownNameError."""
-        self.system.known_quantities([name])
+        known_quantities(self.system, [name])
         if name in self.system.coordinates:
             return self.q[self.system.coordinates.index(name)]
         return self.outputs[name]
@@ -154,7 +155,7 @@ class TransientMotion(Result):
         """Statistics (P, n + o, 7) of curves through every stride-th state of the periods with indices
         (P,)."""
         system = self.system
-        groups = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
+        groups = [[name] for name in system.outputs] if system.labels.outputs_apart else [[*system.outputs]]
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
         for names in groups:
             outputs = partial(self._outputs_within, turns, names) if names else None
@@ -294,7 +295,7 @@ class Transient(TransientMotion):
     def _record(self, name: str) -> dict[str, Any]:
         extremes = self.extremes[name]
         values = {"max": extremes.max, "min": extremes.min, "max_abs": extremes.max_abs}
-        return {"unit": self.system.units.get(name, ""), **values, "end": self.values(name)[-1]}
+        return {"unit": self.system.labels.units.get(name, ""), **values, "end": self.values(name)[-1]}
 
     @property
     def summary_values(self) -> dict[str, Any]:
@@ -312,7 +313,7 @@ class Transient(TransientMotion):
     @property
     def ramp_in_words(self) -> str:
         """Text that states the range of the speed."""
-        return self.system.speed_unit.span(self.ends[0], self.ends[-1])
+        return self.system.labels.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self, names: Sequence[str] | None = None) -> Figure:
         """Figure of each quantity, by default the coordinates, over the periods or, in a run-up, over time.

@@ -17,6 +17,7 @@ from solve.errors import (
     ValueOutOfBoundsError,
     require_name,
 )
+from solve.labels import in_own_unit
 from solve.matrices import require_inertia
 from solve.period.natural import NaturalFrequencies, natural_frequencies
 from solve.period.rigid_body import rigid_body_modes
@@ -86,10 +87,10 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
     if system.structure is not None:
         omegas = system.structure.frequencies(positions, count)
         return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
-    if system.first_order:
+    if len(system.states):
         raise MatricesError(
-            f"{system.name} has first-order states, such as {system.states[0]}, and no natural frequencies "
-            "of M and K; use floquet, whose modes have frequencies"
+            f"{system.labels.name} has first-order states, such as {system.states[0]}, and no natural "
+            "frequencies of M and K; use floquet, whose modes have frequencies"
         )
     M, _, K, _ = at_speed_zero(system, positions)
     require_inertia(M)
@@ -99,7 +100,7 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     """M, C, K, d at positions (m,). Raises DesiredMotionError if the desired motion is undefined at speed 0,
     and MatricesError that names speed 0 if it is the only cause."""
-    unit = system.speed_unit
+    unit = system.labels.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
         system.require_desired_motion(np.zeros(1))
@@ -112,21 +113,22 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     try:
         return system.at(positions, 0.0)
     except (MatricesError, ZeroDivisionError) as error:
-        running = speed_in_si(system.case_speed) if system.case_speed else _RUNNING
+        running = speed_in_si(system.labels.case_speed) if system.labels.case_speed else _RUNNING
         try:
             system.checked(running)
             system.at(positions, running)
         except (SolveError, ZeroDivisionError):
             raise error from None
         raise MatricesError(
-            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are evaluated, but "
-            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; {elsewhere}"
+            f"{system.labels.name} has no finite M, C, K at speed 0, where natural frequencies are "
+            f"evaluated, but at {unit.text(running, '.4g')} they are finite: a term "
+            f"divides by the speed; {elsewhere}"
         ) from None
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
     """Rigid-body modes of K at a position (1,); none for beam structures."""
-    if system.links:
+    if system.labels.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
     return rigid_body_modes_of(rigid_body_modes(K[None], C[None]))
@@ -134,8 +136,8 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 
 def require_position(system: PeriodicSystem, position: object) -> None:
     """Raise NoMotionError if a position is given for a structure without motion."""
-    if position is not None and not system.moves:
-        raise NoMotionError(f"{system.name} is a structure at rest; leave out the position")
+    if position is not None and not system.labels.moves:
+        raise NoMotionError(f"{system.labels.name} is a structure at rest; leave out the position")
 
 
 def turn(system: PeriodicSystem, count: int = TURN) -> Array:
@@ -182,7 +184,7 @@ def frequencies_over(
     NoResultError
         If all values are refused.
     """
-    require_name(f"parameter of {system.name}", parameter, system.parameters)
+    require_name(f"parameter of {system.labels.name}", parameter, system.labels.parameters)
     if len(values) == 0 or len(positions) == 0:
         raise ValueOutOfBoundsError(
             f"{len(values)} values at {len(positions)} positions; give at least one of each"
@@ -191,9 +193,9 @@ def frequencies_over(
     require_size(
         "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
     )
-    numbers = np.array([system.in_own_unit(parameter, value) for value in values])
+    numbers = np.array([in_own_unit(system, parameter, value) for value in values])
     roots = np.full((2, len(values), len(positions), k), math.nan)
-    pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
+    pinned = {link.name: np.full(len(values), math.nan) for link in system.labels.links}
     errors: list[str | None] = []
     for number, value in enumerate(numbers.tolist()):
         try:
@@ -216,5 +218,7 @@ def _checked_count(system: PeriodicSystem, count: int | None) -> int:
     if count is None:
         return min(USUAL_COUNT, most)
     if not (isinstance(count, int | np.integer) and 1 <= count <= most):
-        raise ValueOutOfBoundsError(f"count is {count}; allowed for {system.name} as chosen: 1 … {most}")
+        raise ValueOutOfBoundsError(
+            f"count is {count}; allowed for {system.labels.name} as chosen: 1 … {most}"
+        )
     return count

@@ -10,6 +10,7 @@ import numpy as np
 from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
 from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.labels import bounds_in_own_unit, speed_or_usual
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method
@@ -24,6 +25,7 @@ from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
 from solve.studies.robust import deviating
+from solve.system import shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -113,9 +115,9 @@ def optimise(
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(f"method is {rule.name}; an optimum takes radau, gauss, or auto")
-    given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
+    given = speeds_given(speed_or_usual(model, None) if speeds is None else speeds)
     is_range = isinstance(speeds, str) and speeds.count(":") == 2
-    model = model.shown_in(given[0])
+    model = shown_in(model, given[0])
     names, low, high = _free(model, free)
     kept, bounds = kept_of(model, keep), bounds_of(model, subject)
     objective = real_quantity(model, minimise) if isinstance(minimise, str) else minimise
@@ -160,7 +162,7 @@ def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
         raise ValueOutOfBoundsError("no parameter is free; give names with bounds, such as k1=4e4:1e5")
     ends = []
     for name in names:
-        ends.append(model.bounds_in_own_unit(name, free[name]))
+        ends.append(bounds_in_own_unit(model, name, free[name]))
         for end in ends[-1]:
             model.require_bounds({name: end})
     model.derivatives.by(names)
@@ -228,7 +230,9 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
         else:
             values = search.values([DesignPoint(orbit, design.names) for orbit in orbits])
             confirmed |= {"objective": float(values.max()), "verdicts": [orbit.verdict for orbit in orbits]}
-            unstable = [model.speed_unit.text(orbit.speed) for orbit in orbits if orbit.verdict == "unstable"]
+            unstable = [
+                model.labels.speed_unit.text(orbit.speed) for orbit in orbits if orbit.verdict == "unstable"
+            ]
             if unstable:
                 doubts.append(f"the nonlinear orbit is unstable at {', '.join(unstable)}")
     if prove:

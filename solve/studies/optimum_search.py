@@ -129,7 +129,7 @@ class Search:
         remaining = self._worse_between(state)
         if not remaining:
             return state, []
-        texts = ", ".join(map(self.design.model.speed_unit.text, remaining))
+        texts = ", ".join(map(self.design.model.labels.speed_unit.text, remaining))
         return state, [f"at {texts} values are worse than at the optimised speeds; give more speeds"]
 
     def values(self, points: Sequence[DesignPoint]) -> Array:

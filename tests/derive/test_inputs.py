@@ -28,7 +28,7 @@ def test_force_acts_along_the_derivative_of_its_displacement():
     model = solve.load(wheel, m=2.0, k=8.0, r=0.5)
     phase = np.array([0.0, 1.0, 2.5])
     assert model.inputs == ("push", "twist")
-    assert model.units["twist"] == "N m"
+    assert model.labels.units["twist"] == "N m"
     assert np.allclose(model.input_matrix(phase, 3.0)[:, 0], np.stack((np.cos(phase), 2 + 0 * phase), axis=1))
     found = solve.lqr(model, 1.0, {"q": 1.0}, {"push": 1.0, "twist": 1.0})
     assert found.gain(0.3).shape == (1, 2, 2)

@@ -1,5 +1,7 @@
 """Periodic systems: samples, checks, and every kind of invalid matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -286,7 +288,7 @@ def test_a_function_may_change_the_phases_that_it_is_given():
 
 def test_attributes_set_after_a_solve_apply_to_later_solves():
     oscillator = random_system(3, 1)
-    assert floquet(oscillator, "5 rad/s").system.title == ""
-    oscillator.title = "set later"
-    assert floquet(oscillator, "5 rad/s").system.title == "set later"
-    assert floquet(oscillator, "50 rpm").system.title == "set later"
+    assert floquet(oscillator, "5 rad/s").system.labels.title == ""
+    oscillator.labels = replace(oscillator.labels, title="set later")
+    assert floquet(oscillator, "5 rad/s").system.labels.title == "set later"
+    assert floquet(oscillator, "50 rpm").system.labels.title == "set later"

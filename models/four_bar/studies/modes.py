@@ -53,7 +53,7 @@ class Modes(AtOneSpeed):
     @property
     def summary_values(self) -> dict[str, Any]:
         output = self.contributions.output
-        return {**super().summary_values, "quantity": output, "unit": self.system.units[output]}
+        return {**super().summary_values, "quantity": output, "unit": self.system.labels.units[output]}
 
     @property
     def columns(self) -> Columns:
@@ -65,7 +65,7 @@ class Modes(AtOneSpeed):
             curves["uncoupled"] = self.uncoupled, "uncoupled modes"
         columns = {"phase": Column(shares.phase, "rad", "phase of the drive", axes=("phase",))}
         for name, (values, meaning) in curves.items():
-            unit = self.system.units[shares.output]
+            unit = self.system.labels.units[shares.output]
             columns[name] = Column(values, unit, f"{shares.output}, {meaning}", axes=("phase",))
         return columns
 
@@ -99,7 +99,7 @@ def modes_tables(result: Modes) -> Sequence[RenderableType]:
     columns = {
         "mode": Column([*curves], heading="mode"),
         "frequency": Column([*means, "", ""][: len(curves)], heading="mean ω (rad/s)"),
-        "max_abs": sized(maxima, result.system.units[shares.output], "", "max|…|", 5, largest),
+        "max_abs": sized(maxima, result.system.labels.units[shares.output], "", "max|…|", 5, largest),
         "share": Column(
             [maximum / largest for maximum in maxima], heading="share of max (%)", text=digits(".1f", 100.0)
         ),

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from copy import copy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +10,9 @@ import numpy as np
 from solve.arrays import Array, Plane
 from solve.contracts import Columns, Matrices, Motion
 from solve.first_order import MixedSystem
-from solve.labels import Labels
 from solve.period.curve import Curve
 from solve.studies.control.plant import Plant, state_names
 from solve.system import PeriodicSystem
-
-_LABELS = [name for name, value in vars(Labels).items() if not callable(value) and not name.startswith("_")]
 
 
 class Observer(NamedTuple):
@@ -53,18 +51,17 @@ class ClosedLoop(MixedSystem):
     ):
         names = state_names(system)
         estimates = () if observer is None else tuple(f"{name}_hat" for name in names)
-        inertial = system.coordinates[: system.n - system.first_order]
+        inertial = system.coordinates[: system.n - len(system.states)]
         states = (*system.states, *estimates)
         super().__init__(system.at, inertial, states, system.period, system.breaks)
         self.open_loop, self.model, self.gain, self.observer = system, system, gain, observer
         self.ahead = ahead
-        own = ("n", "first_order", "multiplier_count", "coordinates", "inputs", "outputs", "states")
-        vars(self).update({name: getattr(system, name) for name in _LABELS if name not in own})
-        self.name = f"{system.name} with feedback"
         self.outputs = (*system.outputs, *system.inputs)
-        rates = {name: f"{system.units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
-        units = {**rates, **system.units}
-        self.units = {**system.units, **{f"{name}_hat": units.get(name, "") for name in names}}
+        labels = system.labels
+        rates = {name: f"{labels.units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
+        units = {**rates, **labels.units}
+        units = {**labels.units, **{f"{name}_hat": units.get(name, "") for name in names}}
+        self.labels = replace(labels, name=f"{labels.name} with feedback", units=units)
 
     @property
     def n_open(self) -> int:
@@ -77,7 +74,7 @@ class ClosedLoop(MixedSystem):
 
     def at(self, phase: Array, speed: float) -> Matrices:
         system, n = self.open_loop, self.n_open
-        p = n - system.first_order
+        p = n - len(system.states)
         M, C, K, d = (np.array(part) for part in system.at(phase, speed))
         inputs = system.input_matrix(phase, speed)
         force = inputs @ self.feedback(phase)
@@ -104,7 +101,7 @@ class ClosedLoop(MixedSystem):
     def inputs_of(self, phase: Array, q: Array, qd: Array) -> Array:
         """u (r, k) at phases (k,) for states q and q̇ (n, k)."""
         n, system = self.n_open, self.open_loop
-        x = np.concatenate((q, qd[: n - system.first_order])) if self.observer is None else q[n:]
+        x = np.concatenate((q, qd[: n - len(system.states)])) if self.observer is None else q[n:]
         u = -np.einsum("krn,nk->rk", self.feedback(phase), x)
         return u if self.ahead is None else u + self.ahead(phase)
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.period.curve import Curve
 from solve.results.controller import Controller, Vibration
 from solve.single import floquet, periodic
@@ -12,7 +13,7 @@ from solve.studies.control.equations import error_equations, filter_of, regulato
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Solved
 from solve.studies.control.weights import Weight
-from solve.system import PeriodicSystem, of_system, require_load
+from solve.system import PeriodicSystem, of_system, require_load, shown_in
 from solve.units import checked_rtol, speed_in_si
 
 
@@ -297,9 +298,9 @@ def _pair(
 
 def _plant(system: PeriodicSystem, speed: float | str) -> Plant:
     omega = speed_in_si(speed)
-    system.require_motion()
+    require_motion(system)
     system.checked(omega)
-    return Plant(system.shown_in(omega), omega)
+    return Plant(shown_in(system, omega), omega)
 
 
 def _controller(

@@ -34,10 +34,10 @@ class Plant:
     def dynamics(self, phase: Array) -> tuple[Array, Array, Array]:
         """A (k, N, N), B (k, N, r) and b (k, N) at phases (k,)."""
         system = self.system
-        n, p = system.n, system.n - system.first_order
+        n, p = system.n, system.n - len(system.states)
         M, C, K, d = system.at(phase, self.speed)
-        rate = rate_of(M, C, K, d, system.first_order)
-        highest = solved(leading(M, C, system.first_order), system.input_matrix(phase, self.speed))
+        rate = rate_of(M, C, K, d, len(system.states))
+        highest = solved(leading(M, C, len(system.states)), system.input_matrix(phase, self.speed))
         B = np.zeros((len(phase), self.N, highest.shape[-1]))
         B[:, n:], B[:, p:n] = highest[:, :p], highest[:, p:]
         return rate[..., :-1], B, rate[..., -1]
@@ -46,7 +46,7 @@ class Plant:
         """Raise ControlError for a system without inputs."""
         if not self.system.inputs:
             raise ControlError(
-                f"{self.system.name} has no inputs; declare them, such as "
+                f"{self.system.labels.name} has no inputs; declare them, such as "
                 'mechanism.input("u", "N", along=q1), or name them in the system, see docs/control.md'
             )
 
@@ -83,7 +83,7 @@ class Plant:
 
 def state_names(system: PeriodicSystem) -> tuple[str, ...]:
     """Names of the states x = (q, q̇) of a system."""
-    inertial = system.coordinates[: system.n - system.first_order]
+    inertial = system.coordinates[: system.n - len(system.states)]
     return *system.coordinates, *(f"{name}_dot" for name in inertial)
 
 

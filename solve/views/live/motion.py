@@ -51,12 +51,12 @@ def motion(
     rigid = _lines(system, phase, speed, 0.0 * vibration, fineness)
     if scale is None:
         scale = _visible_scale(solution, phase, vibration, rigid, fineness)
-    moved = _lines(system, phase, speed, scale * vibration, fineness) if system.vibrates else rigid
+    moved = _lines(system, phase, speed, scale * vibration, fineness) if system.labels.vibrates else rigid
     return _record(system, rigid, moved, scale), _points(rigid, moved)
 
 
 def _has_sketch(system: PeriodicSystem) -> bool:
-    return bool(system.links) or bool(getattr(getattr(system, "module", None), "SKETCH", ()))
+    return bool(system.labels.links) or bool(getattr(getattr(system, "module", None), "SKETCH", ()))
 
 
 def _lines(
@@ -100,7 +100,7 @@ def _record(
         ends = [line[0], line[-1]] if not fixed and not is_closed(line, size) else []
         held = [[end[0].real, end[0].imag] for end in ends if is_still(end[None], size)]
         lines.append({"name": name, "points": len(line), "fixed": fixed, "held": held})
-    factor, unit = prefixed(system.sketch_unit, abs(size))
+    factor, unit = prefixed(system.labels.sketch_unit, abs(size))
     return {
         "frames": FRAMES,
         "lines": lines,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from solve.arguments import first_is
 from solve.errors import MissingLibraryError
+from solve.labels import require_motion
 from solve.loading import load
 from solve.model.model import Model
 from solve.units import GivenSpeed
@@ -82,7 +83,7 @@ class LiveWindow:
         self._thread.join()
 
     def __repr__(self) -> str:
-        return f"Live window of {self._server.model.name}: {self.address}"
+        return f"Live window of {self._server.model.labels.name}: {self.address}"
 
     def _repr_html_(self) -> str:
         """Frame with the page, for a notebook."""
@@ -149,8 +150,8 @@ def server(model: Model, origin: Origin, speed: float | str | None = None, port:
         if (error.name or "").partition(".")[0] != "tornado":
             raise
         raise MissingLibraryError.of_extra("the live window", "Tornado", "explore") from None
-    if model.vibrates:
-        model.require_motion()
+    if model.labels.vibrates:
+        require_motion(model)
     omega: GivenSpeed = first_speed(model, speed)
     return LiveServer(model, origin, omega, port)
 
@@ -160,7 +161,7 @@ def run(live: "LiveServer", opens_browser: bool) -> None:
     ready."""
 
     def ready() -> None:
-        print(f"{live.model.name}: {live.address} (Ctrl-C ends)", flush=True)
+        print(f"{live.model.labels.name}: {live.address} (Ctrl-C ends)", flush=True)
         if opens_browser and _has_screen():
             threading.Thread(target=webbrowser.open, args=(live.address,), daemon=True).start()
 

@@ -6,6 +6,7 @@ import numpy as np
 
 import solve
 from solve import PeriodicSystem
+from solve.labels import Labels
 
 SPEED = 3.0
 
@@ -19,9 +20,11 @@ def oscillators(damping=0.4):
         return one, damping * one, one * np.array([4.0, 9.0]), d
 
     class Oscillators(PeriodicSystem):
-        name = "two oscillators"
-        units = {"x": "m", "phi": "rad", "power": "W"}  # noqa: RUF012
-        meanings = {"x": "slide", "phi": "twist", "power": "lost in the damper"}  # noqa: RUF012
+        labels = Labels(
+            name="two oscillators",
+            units={"x": "m", "phi": "rad", "power": "W"},
+            meanings={"x": "slide", "phi": "twist", "power": "lost in the damper"},
+        )
         outputs = ("power",)
 
         def output_values(self, phase, speed, q, qd, qdd):
