@@ -9,7 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
+from solve.capabilities import Capabilities, Evaluation, Outputs
 from solve.contracts import Matrices
+from solve.equations import entries_of
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.matrices import checked_phases, leading, require_inertia, require_shapes
 from solve.samples import sampled
@@ -20,7 +22,7 @@ Signals = tuple[Array, Array, Array, Sequence[str], Sequence[str]]
 outputs."""
 
 
-class FirstOrderSystem(PeriodicSystem):
+class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     """System ẋ = A(Ωt)x + B(Ωt)u + b(Ωt), y = C(Ωt)x + D(Ωt)u with named states.
 
     Parameters
@@ -119,8 +121,7 @@ class FirstOrderSystem(PeriodicSystem):
             *matrices, inputs, outputs = signals
             arrays = (A, b, *matrices)
         samples = sampled(arrays, "AbBCD"[: len(arrays)], period, phases)
-        made = cls(samples.function, states, samples.period, (), inputs, outputs)
-        return made.from_interpolant(samples)
+        return cls(samples, states, samples.period, (), inputs, outputs)
 
     def equations_at(self, phase: Array, speed: float) -> list[Array]:
         """A (m, N, N) and b (m, N) at phases (m,); if inputs or outputs are named, B (m, N, r), C (m, y, N)
@@ -134,8 +135,12 @@ class FirstOrderSystem(PeriodicSystem):
         A, b, *_ = self.equations_at(phase, speed)
         return np.zeros_like(A), np.broadcast_to(np.eye(self.n), A.shape), -A, b
 
-    def input_matrix(self, phase: Array, speed: float) -> Array:
-        return self._checked_inputs(self.equations_at(phase, speed)[2:3], phase)
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(evaluation=self, outputs=self if self.outputs else None)
+
+    def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
+        return self.equations_at(phase, speed)[2:3]
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
         A, b, *_ = self.equations_at(phase, speed)
@@ -147,8 +152,6 @@ class FirstOrderSystem(PeriodicSystem):
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        if not self.outputs:
-            return {}
         values, speeds = np.empty((len(self.outputs), len(phase))), np.broadcast_to(speed, len(phase))
         for omega in np.unique(speeds):
             some = speeds == omega
@@ -156,7 +159,7 @@ class FirstOrderSystem(PeriodicSystem):
             values[:, some] = np.einsum("kyi,ik->yk", C, q[:, some])
         return dict(zip(self.outputs, values, strict=True))
 
-    def checked(self, speed: float) -> None:
+    def _check(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes and are periodic."""
         phase = checked_phases(self.period, self.breaks)
         N, r, y = map(len, (self.states, self.inputs, self.outputs))
@@ -166,7 +169,7 @@ class FirstOrderSystem(PeriodicSystem):
         self._require_periodicity(phase, speed, "MCAb")
 
 
-class MixedSystem(PeriodicSystem):
+class MixedSystem(PeriodicSystem, Evaluation):
     """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt) whose z has coordinates and first-order states.
 
     States are filters, actuators, inflow or other quantities without inertia: their columns of M are zero.
@@ -245,16 +248,19 @@ class MixedSystem(PeriodicSystem):
             As `PeriodicSystem.from_samples`.
         """
         samples = sampled(matrices, "MCKd", period, phases)
-        made = cls(samples.function, coordinates, states, samples.period)
-        return made.from_interpolant(samples)
+        return cls(samples, coordinates, states, samples.period)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(evaluation=self)
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
-        entries, numbers = super().used_entries(phase, speed)
         n = self.n
+        entries, numbers = entries_of(self, phase, speed), np.arange(3 * n**2 + n)
         used = (numbers >= n**2) | (numbers % n < n - len(self.states))
         return entries[:, used], numbers[used]
 
-    def checked(self, speed: float) -> None:
+    def _check(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have their shapes, are periodic, and determine the highest
         derivatives."""
         n, phase = self.n, checked_phases(self.period, self.breaks)

@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Matrices
+from solve.equations import require_desired_motion
 from solve.errors import ModelFileError, ValueOutOfBoundsError
 from solve.model.bounds import REDUCE, checked_parameters
 from solve.model.cases import Case, chosen_case
@@ -45,8 +46,8 @@ class RigidModel(Model):
     def assembled(self) -> bool:
         return False
 
-    def checked(self, speed: float) -> None:
-        shown_in(self, speed).require_desired_motion(np.array([speed]))
+    def _check(self, speed: float) -> None:
+        require_desired_motion(shown_in(self, speed), np.array([speed]))
 
 
 def _no_matrices(phase: Array, speed: float) -> Matrices:

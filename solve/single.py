@@ -17,7 +17,7 @@ from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.stability import Stability
-from solve.system import PeriodicSystem, of_any_system, of_system, shown_in
+from solve.system import PeriodicSystem, check, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
@@ -162,7 +162,7 @@ def _solve(
 ) -> tuple[Certified, Spectrum]:
     """Certified solution of a point, and its multipliers, each to the tolerance if `all_multipliers`."""
     rule = chosen(method)
-    system.checked(omega)
+    check(system, omega)
     point = OnePoint(system, omega)
     with one_thread(system.n):
         ((method_used, _),) = chosen_for(rule, point)

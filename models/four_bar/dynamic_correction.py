@@ -22,6 +22,7 @@ from solve.beams.elements import EXACT
 from solve.beams.frequencies import exact_frequencies
 from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel
+from solve.capabilities import Capabilities, Outputs
 from solve.contracts import Matrices
 from solve.errors import UnknownNameError
 from solve.labels import Labels
@@ -37,7 +38,7 @@ _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 """Options of the model that the correction requires."""
 
 
-class Corrected(PeriodicSystem):
+class Corrected(PeriodicSystem, Outputs):
     """Four-bar linkage whose cubic elements are corrected at ω1.
 
     load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
@@ -107,6 +108,10 @@ class Corrected(PeriodicSystem):
         """Axial stress (k,) on the surface "plus" or "minus", Pa, as for the model."""
         point = self._exact.point(link, fraction)
         return point.stress(self._exact.beams.angle(phase), q, surface, self.lowest(phase))
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(outputs=self)
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0

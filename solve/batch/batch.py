@@ -16,7 +16,7 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
-from solve.system import multiplier_count
+from solve.system import check, multiplier_count
 from solve.terminal import progress
 from solve.threads import one_thread
 
@@ -124,7 +124,7 @@ class Batch:
         """Point at an index, as a system of its own; Failed if that system is refused."""
         try:
             system, speed = self.family.system(points[at])
-            system.checked(speed)
+            check(system, speed)
         except SolveError as refusal:
             return Failed(at, refusal)
         return OnePoint(system, speed)
@@ -136,7 +136,7 @@ class Batch:
             return False
         if not self._is_checked:
             with suppress(SolveError):
-                system.checked(float(self.family.speeds(points[:1])[0]))
+                check(system, float(self.family.speeds(points[:1])[0]))
                 self._is_checked = True
         return self._is_checked
 

@@ -11,6 +11,7 @@ from solve.certify.certified import Certified
 from solve.certify.interpolation import with_interpolation_errors
 from solve.certify.reduction import with_reduction_errors
 from solve.contracts import Statistics
+from solve.equations import judged_quantities, limits_of, warnings_of
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
@@ -117,7 +118,7 @@ class _ResultWriter:
         doubtful = found.doubtful
         for position, point in enumerate(found.positions.tolist()):
             system, speed = self.batch.family.system(self.points[point])
-            texts = [*(found.warnings(position) if doubtful[position] else ()), *system.warnings(speed)]
+            texts = [*(found.warnings(position) if doubtful[position] else ()), *warnings_of(system, speed)]
             if texts:
                 self.results.warnings[self.start + point] = texts
 
@@ -140,12 +141,12 @@ class _ResultWriter:
             self.results.amplitudes[at] = quantities.amplitudes(chosen, kept.harmonics)
         if kept.warnings:
             finite = np.isfinite(self.results.figures[at]).all(axis=(1, 2))
-            self._write_exceeded_limits(at if system.judged_quantities else at[~finite])
+            self._write_exceeded_limits(at if judged_quantities(system) else at[~finite])
 
     def _write_exceeded_limits(self, at: Array) -> None:
         """Write warnings about limits of the model exceeded at positions (k,)."""
         names, figures = self.results.kept.names, self.results.figures[at]
-        for limit in self.batch.family.example.limits(names):
+        for limit in limits_of(self.batch.family.example, names):
             of_quantity = figures[:, names.index(limit.quantity)]
             for row in np.flatnonzero(limit.exceeded(Statistics(*of_quantity.T))).tolist():
                 message = limit.message(Statistics(*of_quantity[row]))

@@ -24,6 +24,7 @@ from solve.beams.frequencies import shape
 from solve.beams.motion import Motion, State, inertia_load
 from solve.beams.reduction import Basis, basis
 from solve.beams.structure import StructureModel, with_rates
+from solve.capabilities import Capabilities
 from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
 from solve.labels import require_motion
@@ -175,7 +176,7 @@ class ReducedStructure(StructureModel):
 
     def __init__(self, setup: Setup, reduced: ReducedMotion):
         super().__init__(setup, reduced.full, reduced, reduced.basis.declared)
-        self.reduced, self.reduction = reduced, self
+        self.reduced = reduced
         self.modes_a_link: int = setup.options[REDUCE]
         if not self.static:
             sentences = (*self.labels.equation_warnings, self.sentence)
@@ -252,7 +253,13 @@ class ReducedStructure(StructureModel):
         qdd = product(T, pdd) + 2 * product(first, pd) + product(second, p)
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
-    def varying(self, phase: Array, speed: Array, acceleration: float) -> tuple[Array, Array, Array, Array]:
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(reduction=self)
+
+    def _varying_at(
+        self, phase: Array, speed: Array, acceleration: float
+    ) -> tuple[Array, Array, Array, Array]:
         require_motion(self)
         return self.reduced(phase, speed[:, None], acceleration)
 

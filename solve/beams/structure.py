@@ -15,7 +15,9 @@ from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frequencies import lowest, shapes
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
+from solve.capabilities import Capabilities, Outputs
 from solve.contracts import DrawnLink, Matrices, ModeShape
+from solve.equations import entries_one_by_one
 from solve.errors import ValueOutOfBoundsError, require_name
 from solve.labels import Labels, require_motion
 from solve.model.bounds import REDUCE
@@ -53,7 +55,7 @@ class Response(Protocol):
         ...
 
 
-class StructureModel(Model):
+class StructureModel(Model, Outputs):
     """Links and joints of a generated module, with elements chosen by the options."""
 
     def __init__(
@@ -69,7 +71,7 @@ class StructureModel(Model):
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
         super().__init__(setup, matrices or motion, coordinates or default)
-        self.motion, self.beams, self.structure = motion, motion.beams, self
+        self.motion, self.beams = motion, motion.beams
         self.labels = self._of_both_surfaces(
             replace(
                 self.labels,
@@ -121,21 +123,24 @@ class StructureModel(Model):
         require_motion(self)
         return super().at(phase, speed)
 
-    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(structure=self, outputs=self if self.outputs else None)
+
+    def _varying_at(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
         require_motion(self)
         return self.motion(phase, speed[:, None], acceleration)
 
-    def entries_over(self, phase: Array, speeds: Array) -> Array:
+    def entries_over(self, phase: Array, speeds: Array) -> Array | None:
         """Entries at speeds (P,); for more than three speeds, by Lagrange interpolation between three
         speeds."""
         low, high = speeds.min(), speeds.max()
         if len(speeds) <= _SPEED_NODES or high - low < 1e-3 * high:
-            return super().entries_over(phase, speeds)
+            return None
         x = (speeds - low) / (high - low)
         weights = np.stack(((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)), axis=1)
-        return np.tensordot(
-            weights, super().entries_over(phase, np.linspace(low, high, _SPEED_NODES)), axes=1
-        )
+        nodes = np.linspace(low, high, _SPEED_NODES)
+        return np.tensordot(weights, entries_one_by_one(self, phase, nodes), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Terms of the speed; None for large systems, whose points are solved one by one to save memory."""
@@ -180,8 +185,6 @@ class StructureModel(Model):
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        if not self.outputs:
-            return {}
         state = self.expanded(phase, speed, q, qd, qdd, acceleration=acceleration)
 
         def value(name: str) -> Array:
@@ -287,7 +290,7 @@ class StructureModel(Model):
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
-    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
+    def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
         """Deflected links, and the lines of the sketch."""
         fractions = np.linspace(0.0, 1.0, samples_of("beam", fineness)).tolist()
         links = {

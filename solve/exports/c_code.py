@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from solve.equations import is_nonlinear
 from solve.errors import FileError, LinearModelError
 from solve.labels import require_motion
 from solve.model.model import LinearisedModel, Model
@@ -31,7 +32,7 @@ def require_formulas(system: PeriodicSystem, what: str) -> Model:
     systems."""
     require_motion(system)
     linearised = isinstance(system, LinearisedModel)
-    if not isinstance(system, Model) or linearised or system.assembled or not system.nonlinear:
+    if not isinstance(system, Model) or linearised or system.assembled or not is_nonlinear(system):
         raise LinearModelError(
             f"{what} requires the formulas of a mechanism, and {system.labels.name} has only numerical "
             "matrices; export these to a .mat file"

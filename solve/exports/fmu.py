@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import require_load
 from solve.errors import MissingLibraryError, NoLoadError, ValueOutOfBoundsError
 from solve.exports.c_code import identifier, require_formulas
 from solve.exports.state_space import signals
@@ -21,7 +22,7 @@ from solve.kernel.compiler import CompilerError, c_compiler
 from solve.model.model import Model
 from solve.model.sampling import symbol
 from solve.newton.orbits import nonlinear
-from solve.system import PeriodicSystem, require_load
+from solve.system import PeriodicSystem
 
 if TYPE_CHECKING:
     import casadi

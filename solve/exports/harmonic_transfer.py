@@ -23,7 +23,7 @@ from solve.labels import require_motion
 from solve.methods.fourier import MOST_UNKNOWNS
 from solve.methods.hill import toeplitz, together
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem, multiplier_count, of_system, shown_in
+from solve.system import PeriodicSystem, check, multiplier_count, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
 
 if TYPE_CHECKING:
@@ -267,7 +267,7 @@ def harmonic_transfer(
             f"orders is {orders!r}; allowed for {system.n} coordinates and {harmonics} harmonics: "
             f"{least} … {most}"
         )
-    system.checked(omega)
+    check(system, omega)
     system = shown_in(system, omega)
     first = orders if orders is not None else min(least + _highest_frequency(system, omega), most)
     while True:

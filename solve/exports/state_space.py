@@ -11,13 +11,14 @@ import numpy as np
 
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
+from solve.equations import output_values
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.first_order import FirstOrderSystem
 from solve.labels import require_motion
 from solve.matrices import SAME_PHASE, leading
 from solve.period.points import rate_of
 from solve.studies.control.plant import linear_outputs, output_slopes, reference_state, state_names
-from solve.system import PeriodicSystem, of_system, shown_in
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.units import speed_in_si
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
         by_a, by_v, by_q = slopes[..., 0, :], slopes[..., 1, :], slopes[..., 2, :]
         by_state = np.concatenate((by_q, by_v), axis=-1) + by_a @ rate[:, n:]
         C, D = np.concatenate((C, by_state), axis=1), np.concatenate((D, by_a @ inverse), axis=1)
-        values = system.output_values(phase, speed, *state[::-1])
+        values = output_values(system, phase, speed, *state[::-1])
         constant = np.stack([values[name] for name in names], axis=1)
         constant -= np.einsum("kpsn,snk->kp", slopes, state)
         y0 = np.concatenate((y0, constant), axis=1)
@@ -249,7 +250,7 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     omega = speed_in_si(speed)
     require_motion(system)
     require_integer("samples", samples)
-    system.checked(omega)
+    check(system, omega)
     system = shown_in(system, omega)
     require_size("samples", samples, each=20 * (system.n + len(system.outputs)) * system.n)
     phase = np.arange(samples) * (system.period / samples)

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import ContinuationParameters, Place, Point
 from solve.newton.iteration import on
@@ -50,7 +51,8 @@ def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
     first, last = parameters.ranges[0]
     place = Place(on(grid, orbit.curve), np.array([first]))
     towards = Place(parameters.task.rest(grid), np.array([last - first]))
-    if parameters.task_at(place.values).system.along_events(orbit.curve, orbit.speed).events.phases:
+    system = parameters.task_at(place.values).system
+    if events_of(nonlinear_of(system).along_events(orbit.curve, orbit.speed)).phases:
         place = replace(place, curve=orbit.curve)
     return Manifold(parameters).first(place, towards, grid)
 

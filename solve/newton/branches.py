@@ -6,6 +6,7 @@ import numpy as np
 
 from solve.arguments import require_integer
 from solve.arrays import Array
+from solve.equations import require_bounds
 from solve.errors import MissingValueError, NoOrbitError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, in_own_unit, speed_or_usual
@@ -155,7 +156,7 @@ def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
     if first == last:
         raise ValueOutOfBoundsError(usage)
     for value in (first, last):
-        system.require_bounds({name: value})
+        require_bounds(system, {name: value})
     return name, float(first), float(last)
 
 

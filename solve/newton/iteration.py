@@ -13,6 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction, solved_along
 from solve.contracts import Motion
+from solve.equations import nonlinear_of
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
@@ -112,7 +113,9 @@ def at_rest(n: int, grid: Grid) -> Curve:
 
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
     """Rigid-body modes of a system linearised about the fundamental motion, None if it has none."""
-    free_machine = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
+    free_machine = free(
+        OnePoint(nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period))), speed)
+    )
     return None if free_machine is None else free_machine.modes
 
 
@@ -183,7 +186,7 @@ class _CorrectionNorm:
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
-        along = task.system.along(curve, columns_by(task.engine))
+        along = nonlinear_of(task.system).along(curve, columns_by(task.engine))
         scale = CoordinateScale(along, curve, task.speed, self._grid.steps)
         change, largest = correction(curve, solutions)
         self._floor, self._roundoff = scale.of(largest), np.zeros_like(largest)
@@ -257,7 +260,7 @@ def on(grid: Grid, motion: Motion) -> Curve:
 def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
     """System linearised along a curve, and a grid of about as many steps with the phases of events as
     breaks."""
-    along = task.system.along_events(curve, task.speed, columns_by(task.engine))
+    along = nonlinear_of(task.system).along_events(curve, task.speed, columns_by(task.engine))
     if along.breaks != task.breaks:
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
@@ -303,7 +306,9 @@ class Newton(Method):
     def linearised(self, points: Points, solutions: Solutions) -> Points:
         """Equations along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
-        return OnePoint(self.task.system.along_events(solutions.curve[0], self.task.speed), self.task.speed)
+        return OnePoint(
+            nonlinear_of(self.task.system).along_events(solutions.curve[0], self.task.speed), self.task.speed
+        )
 
     @property
     def corrector(self) -> Collocated:
@@ -345,4 +350,6 @@ class Newton(Method):
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""
-        return OnePoint(self.task.system.along_events(self.start, self.task.speed), self.task.speed)
+        return OnePoint(
+            nonlinear_of(self.task.system).along_events(self.start, self.task.speed), self.task.speed
+        )

@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale
+from solve.equations import nonlinear_of
 from solve.errors import NoOrbitError
 from solve.kernel.formulas import columns_by
 from solve.newton.branch_points import (
@@ -239,7 +240,7 @@ class Manifold:
 
     def _scale(self, place: Place, grid: Grid) -> CoordinateScale:
         task = self.parameters.task_at(place.values)
-        along = task.system.along(place.curve, columns_by(task.engine))
+        along = nonlinear_of(task.system).along(place.curve, columns_by(task.engine))
         return CoordinateScale(along, place.curve, task.speed, grid.steps)
 
 

@@ -9,6 +9,7 @@ from solve.certify.all_multipliers import Spectrum, refined_multipliers, rigid_m
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
+from solve.equations import events_of, nonlinear_of
 from solve.errors import (
     NoOrbitError,
     ResonanceError,
@@ -26,7 +27,7 @@ from solve.period.grid import Grid
 from solve.period.points import OnePoint
 from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
-from solve.system import PeriodicSystem, of_system, shown_in
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speed_in_si
 
@@ -106,7 +107,7 @@ def nonlinear(
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_integer("periods", periods)
     solve_request = request(steps, rtol, used, True)
-    system.checked(omega)
+    check(system, omega)
     system = shown_in(system, omega)
     task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, solve_request.rtol)
     search = _Search(task, steps, notes, all_multipliers)
@@ -115,7 +116,7 @@ def nonlinear(
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
     rest = at_rest(system.n, Grid.uniform(1, system.period))
-    ((method, _),) = chosen_for(rule, OnePoint(system.along(rest), speed))
+    ((method, _),) = chosen_for(rule, OnePoint(nonlinear_of(system).along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {method.name}; nonlinear orbits support radau, gauss and auto"
@@ -217,7 +218,7 @@ class _Search:
             if self.all_multipliers
             else None
         )
-        linearised = task.system.along_events(result.solutions.curve[0], task.speed)
+        linearised = nonlinear_of(task.system).along_events(result.solutions.curve[0], task.speed)
         result = replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,
@@ -230,6 +231,6 @@ class _Search:
             failed=tuple(failed),
             periods=task.periods,
             settled=settled,
-            events=linearised.events.phases,
-            grazing=linearised.events.grazing,
+            events=events_of(linearised).phases,
+            grazing=events_of(linearised).grazing,
         )

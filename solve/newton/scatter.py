@@ -6,6 +6,7 @@ import numpy as np
 
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
+from solve.equations import is_nonlinear, nonlinear_of
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
 from solve.labels import speed_or_usual
@@ -15,7 +16,7 @@ from solve.newton.orbits import nonlinear
 from solve.newton.strategies import linear_sizes
 from solve.results.scatter import Scatter
 from solve.results.special_orbits import NonlinearOrbit
-from solve.system import PeriodicSystem, of_system, shown_in
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol
 
@@ -83,11 +84,11 @@ def scatter(
     if not 0 < spread < np.inf:
         raise ValueOutOfBoundsError(f"spread is {spread}; allowed: a number above 0")
     omega, (used, _) = speed_or_usual(system, speed), chosen_engine(engine)
-    if not system.nonlinear:
+    if not is_nonlinear(system):
         raise LinearModelError(
             f"{system.labels.name} is linear by construction; all motions lead to one orbit"
         )
-    system.checked(omega)
+    check(system, omega)
     system = shown_in(system, omega)
     task = Task(system, omega, 1, Radau(), used, checked_rtol(rtol))
     sizes = linear_sizes(task, task.grid(_STATES))
@@ -115,7 +116,7 @@ def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
     """Motions over the periods of the orbit on which the motion from a state settles; empty if it does
     not."""
     n, system = task.system.n, task.system
-    march = system.marcher(sizes, _STATES, _RTOL)
+    march = nonlinear_of(system).marcher(sizes, _STATES, _RTOL)
     state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()
     scale = np.tile(sizes, 2)
     for turn in range(_TURNS):

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Motion
+from solve.equations import nonlinear_of
 from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.newton.iteration import Task, joined
 from solve.newton.strategies import linear_sizes
@@ -160,7 +161,7 @@ def _from_state(given: Any, task: Task) -> Curve:
     sizes = np.maximum(
         linear_sizes(task, task.grid(_STATES * task.periods)), np.abs(state.reshape(2, n)).max(axis=0)
     )
-    march, turns = task.system.marcher(sizes, _STATES, _RTOL), []
+    march, turns = nonlinear_of(task.system).marcher(sizes, _STATES, _RTOL), []
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))
         state = turns[-1][:2, :, -1].ravel()

@@ -12,6 +12,7 @@ import numpy as np
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.contracts import Integrator, Matrices, driven
+from solve.equations import nonlinear_of, require_desired_motion
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.labels import require_motion
 from solve.methods.method import Discretisation
@@ -171,7 +172,7 @@ def _run_up(
     """Motion while the speed changes linearly in time, so that its square changes linearly with the phase."""
     require_motion(system)
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
-    system.require_desired_motion(ends)
+    require_desired_motion(system, ends)
     if start == ORBIT and ramp[0] == 0:
         raise ValueOutOfBoundsError("a drive at rest has no orbit to start from; start from rest")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
@@ -229,8 +230,8 @@ class _Integration:
         if not self.nonlinear:
             return StepMarcher(self.system, sizes, count, march_rtol)
         # Raises LinearModelError for a linear system.
-        self.system.along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
-        return self.system.marcher(without_zeros(sizes), count, march_rtol)
+        nonlinear_of(self.system).along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
+        return nonlinear_of(self.system).marcher(without_zeros(sizes), count, march_rtol)
 
 
 def _damping_note(march: Integrator) -> list[str]:
@@ -380,7 +381,13 @@ class _PeriodSteps:
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)
-        return self._system.varying(phase, speed, acceleration)
+        varying = self._system.capabilities.varying
+        if varying is None:
+            raise TransientError(
+                f"{self._system.labels.name} is stated for constant speeds only; for varying speeds, state "
+                "it as a mechanism and derive it"
+            )
+        return varying(phase, speed, acceleration)
 
     @cached_property
     def _breaks(self) -> tuple[float, ...]:

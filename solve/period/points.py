@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
+from solve.equations import terms_of, used_entries_of
 from solve.matrices import leading, split_entries
 from solve.system import PeriodicSystem
 
@@ -192,9 +193,9 @@ class OnePoint(_OfSystem):
         return self
 
     def tables(self, phase: Array) -> Tables:
-        terms = self.system.terms(phase, np.array([self.speed]))
+        terms = terms_of(self.system, phase, np.array([self.speed]))
         if terms is None:
-            entries, numbers = self.system.used_entries(phase, self.speed)
+            entries, numbers = used_entries_of(self.system, phase, self.speed)
             return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
         return Tables(*terms, self.n, self.first_order)
 
@@ -213,7 +214,7 @@ class AtSpeeds(_OfSystem):
         return AtSpeeds(self.system, self.speeds[positions])
 
     def tables(self, phase: Array) -> Tables:
-        terms = self.system.terms(phase, self.speeds)
+        terms = terms_of(self.system, phase, self.speeds)
         assert terms is not None
         return Tables(*terms, self.n, self.first_order)
 

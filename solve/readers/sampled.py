@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from solve.arrays import Array
+from solve.capabilities import Capabilities, Validity
 from solve.errors import FileError
 from solve.first_order import FirstOrderSystem, MixedSystem
 from solve.labels import Labels
@@ -45,7 +46,7 @@ class Source:
     operating_points: Mapping[str, Array] = field(default_factory=dict)
 
 
-class _OfSource:
+class _OfSource(Validity):
     """Mixin that adds the labels of a source, and a warning at other speeds."""
 
     source: Source
@@ -65,8 +66,12 @@ class _OfSource:
             meanings=dict(source.meanings),
         )
 
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(validity=self)  # type: ignore[misc]
+
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
-        found = super().warnings(speed, linear)  # type: ignore[misc]
+        found = list(self.labels.equation_warnings)
         sampled = self.source.speed
         if sampled is not None and abs(speed - sampled) > _SAME_SPEED * sampled:
             found.append(f"the matrices were sampled at {sampled:.6g} rad/s, not at {speed:.6g} rad/s")

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import warnings_of
 from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
 from solve.results.formatting import listed
 from solve.results.result import Figure, Result
@@ -83,7 +84,7 @@ class Bands(Sequence[Band], Result):
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the equations, one sentence each."""
-        return self.system.warnings(self.range[1])
+        return warnings_of(self.system, self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
         """Figure of the spectral radius over the solved speeds, or over those of a sweep, with the bands

@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics
+from solve.equations import limits_of, warnings_of
 from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
@@ -232,7 +233,7 @@ class Branch(BranchPoints):
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
         sentences, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
-        sentences += self.system.warnings(float(self.speeds.max()), linear=False)
+        sentences += warnings_of(self.system, float(self.speeds.max()), linear=False)
         if worst > self.rtol:
             sentences.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
         if self.repeats.any():
@@ -246,7 +247,7 @@ class Branch(BranchPoints):
     def _beyond_limits(self) -> list[str]:
         """Violated limits of the model, one sentence each, with the first violation."""
         sentences = []
-        for limit in self.system.limits(self.quantities, linear=False):
+        for limit in limits_of(self.system, self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
             left = np.asarray(limit.exceeded(Statistics(*figures.T)))
             if left.any():

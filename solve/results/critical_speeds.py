@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array, runs
+from solve.equations import warnings_of
 from solve.results.contents import Column, Columns, HeaderRows, digits, rows_of, sized, speeds_of
 from solve.results.formatting import measured, named, prefixed
 from solve.results.result import Figure, Result
@@ -182,7 +183,7 @@ class CriticalSpeeds(SolvedSpeeds):
     def warnings(self) -> list[str]:
         """Warnings about the equations, unstable ranges, unbounded responses and meaningless frequencies, one
         sentence each."""
-        sentences, unit = self.system.warnings(float(self.speeds[-1])), self.system.labels.speed_unit
+        sentences, unit = warnings_of(self.system, float(self.speeds[-1])), self.system.labels.speed_unit
         if self.unstable_ranges:
             ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
             sentences.append(

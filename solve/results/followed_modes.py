@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import warnings_of
 from solve.errors import require_name
 from solve.labels import unit_of
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
@@ -171,7 +172,7 @@ class FollowedModes(ModesOver):
             sentences.append(f"relative errors of the exponents are up to {worst:.1e}: {steps}")
         for position, reason in self.failures.items():
             sentences.append(f"no result at {self.text_of(float(self.values[position]))}: {reason}")
-        return [*sentences, *self.system.warnings(float(self.speeds.max()))]
+        return [*sentences, *warnings_of(self.system, float(self.speeds.max()))]
 
     def _ambiguity(self, kind: str, reason: str) -> list[str]:
         """Sentence on ambiguous pairs of one kind."""

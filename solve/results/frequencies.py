@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import ModeShape
+from solve.equations import freedoms_of, structure_of
 from solve.labels import unit_of
 from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
@@ -28,7 +29,7 @@ from solve.results.formatting import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
 from solve.results.serialization import stored_property
-from solve.system import PeriodicSystem, structure_of
+from solve.system import PeriodicSystem
 
 _MOST_LINKS = 3
 """Maximum number of links alone in a table."""
@@ -130,7 +131,7 @@ class Frequencies(Roots):
     @property
     def freedoms(self) -> int:
         """Number of degrees of freedom; constraints of inextensible links are subtracted."""
-        return self.system.freedoms
+        return freedoms_of(self.system)
 
     def shapes(self, number: int = 0) -> list[ModeShape]:
         """Mode shapes at the position with this index. Raises ValueOutOfBoundsError for systems other than

@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.contracts import Statistics
+from solve.equations import output_values
 from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import (
@@ -68,7 +69,7 @@ class PeriodicMotion:
         if name in self.system.coordinates:
             row = self.system.coordinates.index(name)
             return lambda phase: self.at(phase)[row]
-        return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
+        return lambda phase: output_values(self.system, phase, self.speed, *self.state(phase))[name]
 
     def statistics(self, name: str) -> Statistics:
         """Extrema and mean of a coordinate or output, of the continuous curve. Raises UnknownNameError."""
@@ -134,7 +135,7 @@ class PeriodicMotion:
     def output_samples(self) -> Mapping[str, Array]:
         """Outputs (samples + 1,) at equidistant phases that resolve them, including both ends."""
         phase = self._sample_phases
-        sampled = self.system.output_values(phase, self.speed, *self.state(phase))
+        sampled = output_values(self.system, phase, self.speed, *self.state(phase))
         return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
 
     @cached_property
@@ -162,7 +163,7 @@ class PeriodicMotion:
     def _outputs_at(self, phase: Array) -> Array:
         """Outputs (o, k), each at its own phases (o, k)."""
         flat = phase.ravel()
-        values = self.system.output_values(flat, self.speed, *self.state(flat))
+        values = output_values(self.system, flat, self.speed, *self.state(flat))
         return np.stack(
             [values[name].reshape(phase.shape)[row] for row, name in enumerate(self.system.outputs)]
         )

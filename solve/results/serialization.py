@@ -17,7 +17,9 @@ from typing import Any, TypeVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.capabilities import Capabilities, Outputs, Validity
 from solve.contracts import DrawnLink, Matrices, ModeShape, Statistics
+from solve.equations import freedoms_of, judged_quantities
 from solve.errors import FileError, ReopenedError, ResultKindError
 from solve.labels import Labels
 from solve.period.curve import Curve, FourierCurve
@@ -38,7 +40,7 @@ _LABELS = (
 )
 """Labels of a system that files hold."""
 
-_DATA = "period", "coordinates", "breaks", "outputs", "freedoms", "judged_quantities", "states", "inputs"
+_DATA = "period", "coordinates", "breaks", "outputs", "states", "inputs"
 """Attributes of a system that files hold; those of earlier versions lack the last ones."""
 
 Kind = TypeVar("Kind", bound=type)
@@ -129,12 +131,12 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
     serializable(_kind)
 
 
-class StoredSystem(PeriodicSystem):
+class StoredSystem(PeriodicSystem, Outputs, Validity):
     """Labels of a system that were read from a file. Methods that need the equations raise ReopenedError."""
 
     _FEWEST = 0
-    freedoms = 0  # type: ignore[assignment]
-    judged_quantities = ()  # type: ignore[assignment]
+    freedoms = 0
+    judged_quantities = ()
 
     def __init__(self, stored: Mapping[str, Any]):
         super().__init__(self._refused, stored["coordinates"], stored["period"], stored["breaks"])
@@ -147,8 +149,22 @@ class StoredSystem(PeriodicSystem):
             "solve again"
         )
 
-    output_values = varied = along = marcher = varying = _refused  # type: ignore[assignment]
-    structure = derivatives = property(_refused)  # type: ignore[assignment]
+    varied = output_values = frequencies = mode_shapes = pinned_frequencies = _refused  # type: ignore[assignment]
+    require_bounds = many_points = _refused
+    derivatives = moves_breaks = property(_refused)
+
+    @property
+    def most_frequencies(self) -> int:
+        """Maximum number of natural frequencies."""
+        return self.freedoms
+
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
+        """Warnings about the equations."""
+        return list(self.labels.equation_warnings)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(outputs=self, validity=self, structure=self, variation=self)  # type: ignore[arg-type]
 
 
 class _Encoder:
@@ -202,7 +218,9 @@ class _Encoder:
                 return number
         self._encoded.append(system)
         labels = {name: self.plain(getattr(system.labels, name)) for name in _LABELS}
-        self.systems.append(labels | {name: self.plain(getattr(system, name)) for name in _DATA})
+        data = {name: getattr(system, name) for name in _DATA}
+        data |= {"freedoms": freedoms_of(system), "judged_quantities": judged_quantities(system)}
+        self.systems.append(labels | {name: self.plain(value) for name, value in data.items()})
         return len(self.systems) - 1
 
 

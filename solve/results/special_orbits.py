@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.contracts import Statistics
+from solve.equations import exceeded_limits, judged_quantities, output_values, warnings_of
 from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, repeats_early
@@ -19,7 +20,7 @@ from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion
 from solve.results.serialization import stored_property
 from solve.results.stability import ErrorEstimate
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, check
 
 _STEPS = 256
 """Number of steps between the nodes of prescribed motion in files. A choice that does not affect the
@@ -151,7 +152,7 @@ class NonlinearOrbit(Orbit):
             return q[self.system.coordinates.index(name)]
         if not self.system.labels.solvable:
             return None
-        return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
+        return output_values(self.system, phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
 
 
 class NoStability:
@@ -181,7 +182,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
         """Prescribed motion at a speed in rad/s. Raises DesiredMotionError if it does not exist."""
-        system.checked(speed)
+        check(system, speed)
         no_solution: Any = None
         return cls(system, speed, no_solution, no_solution)
 
@@ -219,9 +220,13 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
         system = self.system
-        names = sorted({*system.judged_quantities, *system.outputs})
+        names = sorted({*judged_quantities(system), *system.outputs})
         figures = {name: self.statistics(name) for name in names}
-        return [*system.warnings(self.speed), *system.judged(figures), *self._non_periodic_outputs]
+        return [
+            *warnings_of(system, self.speed),
+            *exceeded_limits(system, figures),
+            *self._non_periodic_outputs,
+        ]
 
     @property
     def summary(self) -> str:

@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, InterpolationError, ReductionError
 from solve.certify.correction import liouville_defect
+from solve.equations import warnings_of
 from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
@@ -291,7 +292,7 @@ class Stability(Solution):
         """Warnings about the result, one sentence each."""
         reduction = [] if self.reduction_error is None else self.reduction_error.warnings
         numerical = [*reduction, *self.certified.warnings(0), *self.spectrum.warnings]
-        return [*numerical, *self.system.warnings(self.speed)]
+        return [*numerical, *warnings_of(self.system, self.speed)]
 
     @property
     def summary(self) -> str:

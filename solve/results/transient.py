@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics, driven
+from solve.equations import exceeded_limits, output_values, warnings_of
 from solve.labels import known_quantities
 from solve.period.curve import curves_through, interpolation_tolerance, sufficient_strides
 from solve.period.quantities import Quantities
@@ -121,7 +122,7 @@ class TransientMotion(Result):
     def outputs(self) -> Mapping[str, Array]:
         """Outputs (j,) by name."""
         states = self.q, self.qd, self._joined(2)
-        return dict(self.system.output_values(self.phase, self.speeds, *states, self.acceleration))
+        return dict(output_values(self.system, self.phase, self.speeds, *states, self.acceleration))
 
     def values(self, name: str) -> Array:
         """Values (j,) of a coordinate or output. Raises UnknownNameError."""
@@ -187,8 +188,8 @@ class TransientMotion(Result):
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
-        outputs = self.system.output_values(
-            phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
+        outputs = output_values(
+            self.system, phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
         )
         return np.stack([outputs[name].reshape(s.shape) for name in names], axis=1)
 
@@ -258,8 +259,8 @@ class Transient(TransientMotion):
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
         linear = not self.nonlinear
-        sentences = [*self.notes, *self.system.judged(self.extremes, linear)]
-        sentences += self.system.warnings(self.speed, linear)
+        sentences = [*self.notes, *exceeded_limits(self.system, self.extremes, linear)]
+        sentences += warnings_of(self.system, self.speed, linear)
         if not self.between <= interpolation_tolerance(self.rtol):
             error = f"{self.between:.1e}" if self._curves_resolved else "unknown"
             sentences.append(

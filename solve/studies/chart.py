@@ -15,6 +15,7 @@ from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.contracts import Statistics
+from solve.equations import exceeded_limits, judged_quantities, require_bounds
 from solve.errors import LinearModelError, MissingValueError, NoResultError, ValueOutOfBoundsError
 from solve.labels import require_motion
 from solve.loading import load
@@ -128,7 +129,7 @@ def chart(
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
     if quantity is not None and of_orbit:
-        kept = kept_for([quantity.named], family.example.judged_quantities)
+        kept = kept_for([quantity.named], judged_quantities(family.example))
         task, _ = task_of(family, method, rtol, engine, kept)
     batch = stability.batch(points)
     with progress.steps(3) as step:
@@ -190,7 +191,7 @@ def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResult
         return without
     least, largest = valid_figures.min(axis=0), valid_figures.max(axis=0)
     figures = {name: Statistics(*largest[k])._replace(min=least[k][1]) for k, name in enumerate(names)}
-    return [*without, *(f"at some points {text}" for text in system.judged(figures))]
+    return [*without, *(f"at some points {text}" for text in exceeded_limits(system, figures))]
 
 
 @dataclass(frozen=True)
@@ -289,7 +290,7 @@ def _family(
     family = SystemFamily(model, names, omega)
     for extreme in (points[0], points[-1]):
         values = dict(zip(names, map(float, extreme), strict=True))
-        model.require_bounds({name: value for name, value in values.items() if name != SPEED})
+        require_bounds(model, {name: value for name, value in values.items() if name != SPEED})
     return family
 
 

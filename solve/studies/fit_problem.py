@@ -174,7 +174,7 @@ def _natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> 
     modes, position = _modes(data), np.array([data.position])
     count = int(modes.max()) + 1
     values = natural(model, position, count).signed[0, modes]
-    if model.structure is None:
+    if model.capabilities.structure is None:
         derivatives = _eigenvalue_derivatives(model, position, names)[:, modes]
         elastic = values != 0
         factor = np.where(elastic, 2 * np.abs(values), 1.0)

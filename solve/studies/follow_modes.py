@@ -10,6 +10,7 @@ import numpy as np
 from solve.arguments import require_steps
 from solve.arrays import Array
 from solve.certify.mode_vectors import ModeVectors, mode_vectors
+from solve.equations import require_bounds
 from solve.errors import NoResultError, SolveError, StepsError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
 from solve.labels import SPEED, speed_or_usual, unit_of
@@ -20,7 +21,7 @@ from solve.results.followed_modes import FollowedModes
 from solve.studies.mode_identity import Identities, identified
 from solve.studies.mode_tracks import Sample, Tracks
 from solve.studies.sweep import Over, varied_values
-from solve.system import PeriodicSystem, of_system, shown_in
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.threads import one_thread
 from solve.units import checked_rtol, speeds_between, speeds_given
@@ -51,7 +52,7 @@ class _Solver:
     def solved(self, x: float) -> ModeVectors:
         """Modes at a value of the parameter. Raises SolveError subclasses."""
         system, speed = self.at(x)
-        system.checked(speed)
+        check(system, speed)
         with one_thread(system.n):
             return mode_vectors(OnePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
 
@@ -206,7 +207,7 @@ class _Points:
             )
         require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
         for extreme in (numbers[0], numbers[-1]):
-            system.require_bounds({name: float(extreme)})
+            require_bounds(system, {name: float(extreme)})
         return cls(
             shown_in(system, given_speeds[0]), name, numbers, np.full(len(numbers), float(given_speeds[0]))
         )

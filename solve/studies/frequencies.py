@@ -8,6 +8,7 @@ import numpy as np
 from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.contracts import Matrices
+from solve.equations import freedoms_of, most_frequencies, require_desired_motion
 from solve.errors import (
     DesiredMotionError,
     MatricesError,
@@ -23,7 +24,7 @@ from solve.period.natural import NaturalFrequencies, natural_frequencies
 from solve.period.rigid_body import rigid_body_modes
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, of_system
 from solve.units import require_size_of_number, speed_in_si, with_unit
 
 USUAL_COUNT = 4
@@ -76,7 +77,7 @@ def frequencies(
         raise ValueOutOfBoundsError(f"position is {position}; allowed: finite angles in rad, or '70 deg'")
     for value in positions:
         require_size_of_number("position", float(value))
-    require_size("positions", len(positions), system.freedoms**2 + NUMBERS_A_POINT)
+    require_size("positions", len(positions), freedoms_of(system) ** 2 + NUMBERS_A_POINT)
     natural_frequencies = natural(system, positions, _checked_count(system, count))
     return Frequencies(system, positions, *natural_frequencies, _rigid_body_modes(system, positions[:1]))
 
@@ -84,8 +85,8 @@ def frequencies(
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
     """First modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not
     exist at speed 0."""
-    if system.structure is not None:
-        omegas = system.structure.frequencies(positions, count)
+    if system.capabilities.structure is not None:
+        omegas = system.capabilities.structure.frequencies(positions, count)
         return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
     if len(system.states):
         raise MatricesError(
@@ -103,7 +104,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     unit = system.labels.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
-        system.require_desired_motion(np.zeros(1))
+        require_desired_motion(system, np.zeros(1))
     except DesiredMotionError as error:
         cause, _, _ = str(error).partition("; change ")
         raise DesiredMotionError(
@@ -115,7 +116,7 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     except (MatricesError, ZeroDivisionError) as error:
         running = speed_in_si(system.labels.case_speed) if system.labels.case_speed else _RUNNING
         try:
-            system.checked(running)
+            check(system, running)
             system.at(positions, running)
         except (SolveError, ZeroDivisionError):
             raise error from None
@@ -191,7 +192,7 @@ def frequencies_over(
         )
     k = _checked_count(system, count)
     require_size(
-        "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
+        "values at all positions", len(values) * len(positions), freedoms_of(system) ** 2 + NUMBERS_A_POINT
     )
     numbers = np.array([in_own_unit(system, parameter, value) for value in values])
     roots = np.full((2, len(values), len(positions), k), math.nan)
@@ -205,7 +206,9 @@ def frequencies_over(
             errors.append(str(error))
             continue
         errors.append(None)
-        pinned_links = varied.structure.pinned_frequencies() if varied.structure else {}
+        pinned_links = (
+            varied.capabilities.structure.pinned_frequencies() if varied.capabilities.structure else {}
+        )
         for link, frequency in pinned_links.items():
             pinned[link][number] = frequency
     if all(errors):
@@ -214,7 +217,7 @@ def frequencies_over(
 
 
 def _checked_count(system: PeriodicSystem, count: int | None) -> int:
-    most = system.most_frequencies
+    most = most_frequencies(system)
     if count is None:
         return min(USUAL_COUNT, most)
     if not (isinstance(count, int | np.integer) and 1 <= count <= most):

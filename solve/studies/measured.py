@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arguments import require_size
 from solve.arrays import Array
+from solve.equations import most_frequencies
 from solve.errors import (
     CaseFileError,
     MissingLibraryError,
@@ -284,7 +285,7 @@ def _frequencies(
     """Measured natural frequencies, one set for each position."""
     if FREQUENCY not in columns or not len(modes):
         raise CaseFileError(f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give both")
-    most = system.most_frequencies
+    most = most_frequencies(system)
     if not ((modes == np.round(modes)) & (modes >= 1) & (modes <= most)).all():
         raise ValueOutOfBoundsError(
             f"data: {read.path.name} has modes from {modes.min():g} to {modes.max():g}; {system.labels.name} "

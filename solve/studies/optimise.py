@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
+from solve.equations import is_nonlinear, require_bounds
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.labels import bounds_in_own_unit, speed_or_usual
 from solve.methods.choice import Rule, chosen
@@ -164,7 +165,7 @@ def _free(model: Model, free: Bounds) -> tuple[Sequence[str], Array, Array]:
     for name in names:
         ends.append(bounds_in_own_unit(model, name, free[name]))
         for end in ends[-1]:
-            model.require_bounds({name: end})
+            require_bounds(model, {name: end})
     model.derivatives.by(names)
     low, high = np.array(ends).T
     return names, low, high
@@ -220,7 +221,7 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}
     doubts: list[str] = []
-    if model.nonlinear and design.orbits:
+    if is_nonlinear(model) and design.orbits:
         try:
             orbits = [
                 nonlinear(model, each, method=design.method, rtol=design.rtol) for each in design.speeds

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import require_bounds
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.model.spread import Spread, spread_of
@@ -131,7 +132,7 @@ def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
             found[name] = spread_of(name, case.spreads[name], value, unit, case.units.get(name))
         ends = [found[name].first] if found[name].normal else [found[name].low, found[name].high]
         for end in ends:
-            model.require_bounds({name: end})
+            require_bounds(model, {name: end})
     if not found:
         raise MissingValueError(
             "no parameter has a tolerance; state some in the case file, such as tolerance = '±2 %', or give "

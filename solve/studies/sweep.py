@@ -16,6 +16,7 @@ from solve.batch.family import SPEED, Family, SystemFamily
 from solve.batch.store import made_folder
 from solve.batch.task import task_of
 from solve.contracts import Statistics
+from solve.equations import exceeded_limits, is_nonlinear, output_values, require_bounds, warnings_of
 from solve.errors import LinearModelError, MissingValueError, SolveError, ValueOutOfBoundsError, require_name
 from solve.labels import in_own_unit, known_quantities, parts_of
 from solve.methods.choice import Rule
@@ -113,7 +114,7 @@ def sweep(
         [coordinate.ravel() for coordinate in np.meshgrid(*values.values(), omegas, indexing="ij")]
     )
     for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
-        system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
+        require_bounds(system, dict(zip(values, extreme.tolist(), strict=False)))
     task, notes = task_of(family, method, rtol, engine, selection, steps)
     if nonlinear and executor is not None:
         raise ValueOutOfBoundsError(
@@ -204,7 +205,7 @@ def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
         signal = orbit.signal(name)
         results.amplitudes[at, row], _ = harmonics_of(signal, system.period, results.kept.harmonics)
     limited = {name: Statistics(*statistics[system.outputs.index(name)].tolist()) for name in names}
-    texts = [*system.warnings(orbit.speed), *system.judged(limited)]
+    texts = [*warnings_of(system, orbit.speed), *exceeded_limits(system, limited)]
     if texts:
         results.warnings[at] = texts
 
@@ -214,7 +215,7 @@ def _output_figures(system: PeriodicSystem, speed: float) -> Array:
 
     def values(phase: Array) -> Array:
         none = np.zeros((0, len(phase)))
-        outputs = system.output_values(phase, speed, none, none, none)
+        outputs = output_values(system, phase, speed, none, none, none)
         return np.array([outputs[name] for name in system.outputs])
 
     def row_by_row(phase: Array) -> Array:
@@ -369,7 +370,7 @@ def validity(
     """
     if not 0 < at <= 1:
         raise ValueOutOfBoundsError(f"at is {at}; allowed: a fraction > 0 and up to 1, such as 0.05 for 5 %")
-    if not system.nonlinear:
+    if not is_nonlinear(system):
         raise LinearModelError(
             f"{system.labels.name} is linear by construction; validity requires a model with "
             "nonlinear equations"

@@ -12,6 +12,7 @@ import numpy as np
 
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
+from solve.equations import require_load, sketched
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
 from solve.labels import known_quantities, require_motion, speed_or_usual
 from solve.methods.choice import Rule
@@ -21,7 +22,7 @@ from solve.results.files import PICTURES, checked, write_atomic
 from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
 from solve.single import periodic
-from solve.system import PeriodicSystem, require_load, shown_in
+from solve.system import PeriodicSystem, check, shown_in
 from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
 from solve.views.panels import SAMPLES, shown, titled
 from solve.views.style import Figure, drawn
@@ -82,7 +83,7 @@ class Animation:
     def lines(self, phase: Array, scale: float) -> Mapping[str, Plane]:
         """Points x + iy (points, k) of the mechanism's lines at phases (k,), by name of the line. scale:
         factor of the coordinates; 0 gives the rigid motion."""
-        return self.system.sketched(phase, self.speed, scale * self.vibration(phase))
+        return sketched(self.system, phase, self.speed, scale * self.vibration(phase))
 
     @property
     def title(self) -> str:
@@ -196,13 +197,13 @@ def animate(
         raise ReopenedError("a result that was read from a file has no lines to draw; load the model again")
     if model.labels.vibrates:
         require_motion(model)
-    model.sketched(np.zeros(1), 1.0, np.zeros((model.n, 1)))
+    sketched(model, np.zeros(1), 1.0, np.zeros((model.n, 1)))
     names = shown(model, show) if show else list((model.coordinates or model.outputs)[:_PANELS])
     if isinstance(system, Orbit):
         _require_nothing(speed is not None or nonlinear or method != "auto")
         return _scaled(_of_orbit(system, names, frames), scale)
     omega = speed_or_usual(model, speed)
-    model.checked(omega)
+    check(model, omega)
     animation = _calculated(shown_in(model, omega), omega, names, frames, nonlinear, method, rtol)
     return _scaled(animation, scale)
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import DrawnLink, ModeShape
+from solve.equations import most_frequencies
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import MOST_SHOWN, Column, digits
 from solve.results.frequencies import Findings, Frequencies, Variation
@@ -195,7 +196,7 @@ def _label_frequencies(axes: Axes) -> None:
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Row per position, and statistics."""
-    listed = _lowest(min(found.values.shape[1], MOST_SHOWN), found.system.most_frequencies)
+    listed = _lowest(min(found.values.shape[1], MOST_SHOWN), most_frequencies(found.system))
     made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
     made.add_section()
     for name, values in found.statistics(0).items():
@@ -232,7 +233,7 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
             columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
     further = (tables(result) for result in (found.turn, found.variation) if result is not None)
     caption = "\n".join(captions) or None
-    title = "Natural frequencies" + _lowest(len(roots), found.system.most_frequencies)
+    title = "Natural frequencies" + _lowest(len(roots), most_frequencies(found.system))
     return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
 
 

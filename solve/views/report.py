@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from solve.arrays import Array
 from solve.derivatives.point import of_solution, quantities_by
+from solve.equations import is_nonlinear, require_load
 from solve.errors import MissingValueError, NoMotionError, NoResultError, SolveError
 from solve.labels import require_motion, speed_or_usual
 from solve.methods.choice import Rule, chosen
@@ -23,7 +24,7 @@ from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of
 from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep, validity
-from solve.system import PeriodicSystem, of_system, require_load, shown_in
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given
 from solve.views.page import OVER_SPEEDS, Part, Report
@@ -90,7 +91,7 @@ def report(
         if not omegas:
             raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')
         omega = speed_or_usual(system, speed)
-        system.checked(omega)
+        check(system, omega)
         system = shown_in(system, omegas[0])
         parts = _parts(_of_motion(system, omega, omegas, rule, tolerance))
     if not any(part.result for part in parts):
@@ -124,7 +125,7 @@ def _of_motion(
 ) -> list[Request]:
     """Sections of a model that moves."""
     unit, options = system.labels.speed_unit, {"method": rule, "rtol": rtol}
-    at, linear, other = unit.text(omega), "linear orbit" * system.nonlinear, "nonlinear orbit"
+    at, linear, other = unit.text(omega), "linear orbit" * is_nonlinear(system), "nonlinear orbit"
     orbit = Part(
         "Vibration and stability",
         f"The periodic vibration at {at} over one period, its spectrum and its Floquet multipliers.",

@@ -8,8 +8,8 @@ import pytest
 
 import solve
 from solve.batch.family import SPEED, SystemFamily
+from solve.equations import entries_of, structure_of
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
-from solve.system import structure_of
 
 
 def spring(phase, speed):
@@ -82,7 +82,7 @@ def test_all_points_at_once_and_one_by_one_are_the_same(name):
     expected = []
     for point in points:
         system, speed = family.system(point)
-        expected.append(system.entries(phase, speed))
+        expected.append(entries_of(system, phase, speed))
     n, scale = model.n, np.abs(expected).max(axis=(0, 1))
     rounding = np.repeat(
         [part.max() for part in np.split(scale, [n**2, 2 * n**2, 3 * n**2])], [*[n**2] * 3, n]

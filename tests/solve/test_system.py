@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from solve import PeriodicSystem, floquet, periodic
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.period.points import OnePoint, affine, state_rate
+from solve.system import check
 from tests.solve.systems import cam, frozen_modes, random_matrices, random_system, seeds, system
 
 PHASES = np.linspace(-9.0, 9.0, 83)
@@ -261,7 +262,7 @@ def test_a_narrow_pulse_between_declared_breaks_is_periodic(width):
         pulse = np.where(np.abs(distance) < width, np.cos(np.pi * distance / (2 * width)), 0.0)
         return one, 0.1 * one, 4.0 * one + pulse[:, None, None], np.ones((len(phase), 1))
 
-    PeriodicSystem(pulsed, ["q"], breaks=(width, -width)).checked(1.0)
+    check(PeriodicSystem(pulsed, ["q"], breaks=(width, -width)), 1.0)
 
 
 def test_small_nonperiodic_terms_are_refused():
@@ -270,7 +271,7 @@ def test_small_nonperiodic_terms_are_refused():
         return one, 1e-8 * phase[:, None, None] * one, 4.0 * one, np.cos(phase)[:, None]
 
     with pytest.raises(MatricesError, match=r"C is not periodic: between phase 0 and 6\.28319"):
-        PeriodicSystem(aperiodic, ["q"]).checked(1.0)
+        check(PeriodicSystem(aperiodic, ["q"]), 1.0)
 
 
 def test_a_function_may_change_the_phases_that_it_is_given():

@@ -20,6 +20,7 @@ from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
+from solve.equations import freedoms_of
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, digits, sized, to_json
 from solve.results.result import Result
@@ -221,7 +222,7 @@ def element_kinds(
     models = [_with_elements(model, kind) for kind in kinds]
     values = [frequencies(varied, positions, count).values for varied in models]
     exact = frequencies(model.varied(options={"element": EXACT, "elements": 1}), positions, count).values
-    freedoms = tuple(varied.freedoms for varied in models)
+    freedoms = tuple(freedoms_of(varied) for varied in models)
     return ElementKinds(model, tuple(kinds), freedoms, positions, np.stack(values), exact)
 
 

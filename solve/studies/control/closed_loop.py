@@ -8,7 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.arrays import Array, Plane
-from solve.contracts import Columns, Matrices, Motion
+from solve.capabilities import Capabilities, Outputs
+from solve.contracts import Columns, Events, Matrices, Motion
+from solve.equations import (
+    events_of,
+    input_matrix,
+    nonlinear_of,
+    output_values,
+    roundoff_of,
+    sketched,
+)
 from solve.first_order import MixedSystem
 from solve.period.curve import Curve
 from solve.studies.control.plant import Plant, state_names
@@ -24,7 +33,7 @@ class Observer(NamedTuple):
     measured: tuple[str, ...]
 
 
-class ClosedLoop(MixedSystem):
+class ClosedLoop(MixedSystem, Outputs):
     """System with u = −K(φ)x + f(φ), or u = −K(φ)x̂ + f(φ) with the estimates x̂ of an observer as states.
 
     The load of the system is known to the observer. The inputs are further outputs. At other speeds than
@@ -55,7 +64,7 @@ class ClosedLoop(MixedSystem):
         states = (*system.states, *estimates)
         super().__init__(system.at, inertial, states, system.period, system.breaks)
         self.open_loop, self.model, self.gain, self.observer = system, system, gain, observer
-        self.ahead = ahead
+        self.ahead, self.events = ahead, Events()
         self.outputs = (*system.outputs, *system.inputs)
         labels = system.labels
         rates = {name: f"{labels.units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
@@ -76,7 +85,7 @@ class ClosedLoop(MixedSystem):
         system, n = self.open_loop, self.n_open
         p = n - len(system.states)
         M, C, K, d = (np.array(part) for part in system.at(phase, speed))
-        inputs = system.input_matrix(phase, speed)
+        inputs = input_matrix(system, phase, speed)
         force = inputs @ self.feedback(phase)
         if self.ahead is not None:
             d += np.einsum("knr,rk->kn", inputs, self.ahead(phase))
@@ -109,34 +118,43 @@ class ClosedLoop(MixedSystem):
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         n = self.n_open
-        values = self.model.output_values(phase, speed, q[:n], qd[:n], qdd[:n], acceleration)
+        values = output_values(self.model, phase, speed, q[:n], qd[:n], qdd[:n], acceleration)
         return {**values, **dict(zip(self.open_loop.inputs, self.inputs_of(phase, q, qd), strict=True))}
 
-    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        return self.model.sketched(phase, speed, q[: self.n_open], fineness)
-
-    def require_desired_motion(self, speeds: Array) -> None:
-        self.model.require_desired_motion(speeds)
-
     @property
-    def nonlinear(self) -> bool:
-        return self.model.nonlinear
+    def capabilities(self) -> Capabilities:
+        own = self.model.capabilities
+        return super().capabilities._replace(
+            outputs=self,
+            nonlinear=None if own.nonlinear is None else self,
+            linearisation=self,
+            domain=own.domain,
+            sketch=None if own.sketch is None else self._sketched,
+        )
+
+    def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
+        return sketched(self.model, phase, speed, q[: self.n_open], fineness)
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        return self._about(self.model.along(self._without_estimates(motion), compiled))
+        return self._about(nonlinear_of(self.model).along(self._without_estimates(motion), compiled))
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
-        return self._about(self.model.along_events(self._without_estimates(motion), speed, compiled))
+        return self._about(
+            nonlinear_of(self.model).along_events(self._without_estimates(motion), speed, compiled)
+        )
+
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        return np.zeros((0, 1 + 2 * self.n))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         bounds = np.zeros((len(phase), self.n))
-        bounds[:, : self.n_open] = self.open_loop.roundoff(phase, speed)
+        bounds[:, : self.n_open] = roundoff_of(self.open_loop, phase, speed)
         return bounds
 
     def _about(self, linearised: PeriodicSystem) -> "ClosedLoop":
         """Closed loop with the equations linearised about a motion; the feedback is linear already."""
         made = copy(self)
-        made.open_loop, made.events = linearised, linearised.events
+        made.open_loop, made.events = linearised, events_of(linearised)
         made.breaks, made.period = linearised.breaks, linearised.period
         return made
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from solve.equations import require_load
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
 from solve.labels import require_motion
 from solve.period.curve import Curve
@@ -13,7 +14,7 @@ from solve.studies.control.equations import error_equations, filter_of, regulato
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Solved
 from solve.studies.control.weights import Weight
-from solve.system import PeriodicSystem, of_system, require_load, shown_in
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
 
 
@@ -299,7 +300,7 @@ def _pair(
 def _plant(system: PeriodicSystem, speed: float | str) -> Plant:
     omega = speed_in_si(speed)
     require_motion(system)
-    system.checked(omega)
+    check(system, omega)
     return Plant(shown_in(system, omega), omega)
 
 

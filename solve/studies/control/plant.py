@@ -7,12 +7,13 @@ from functools import cached_property
 import numpy as np
 
 from solve.arrays import Array, solved
+from solve.equations import derivatives_of, input_matrix
 from solve.errors import ControlError, ValueOutOfBoundsError, require_name
 from solve.first_order import FirstOrderSystem
 from solve.matrices import leading
 from solve.model.model import LinearisedModel, Model
 from solve.period.points import rate_of
-from solve.system import PeriodicSystem, derivatives_of
+from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Plant:
         n, p = system.n, system.n - len(system.states)
         M, C, K, d = system.at(phase, self.speed)
         rate = rate_of(M, C, K, d, len(system.states))
-        highest = solved(leading(M, C, len(system.states)), system.input_matrix(phase, self.speed))
+        highest = solved(leading(M, C, len(system.states)), input_matrix(system, phase, self.speed))
         B = np.zeros((len(phase), self.N, highest.shape[-1]))
         B[:, n:], B[:, p:n] = highest[:, :p], highest[:, p:]
         return rate[..., :-1], B, rate[..., -1]

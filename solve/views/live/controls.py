@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from solve.equations import require_bounds
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.labels import SPEED, in_own_unit, speed_or_usual
 from solve.model.bounds import clauses
@@ -214,7 +215,7 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
             f"{name} is '{text}'; give a number, in {own_unit} unless a unit follows, such as "
             f"'1.5 {own_unit}'".replace(" 1'", "'")
         ) from None
-    model.require_bounds({name: value})
+    require_bounds(model, {name: value})
     return value
 
 

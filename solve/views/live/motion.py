@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array, Plane
+from solve.equations import sketched
 from solve.results.formatting import prefixed, round_magnification
 from solve.system import PeriodicSystem
 from solve.views.animation import VISIBLE
@@ -62,7 +63,7 @@ def _has_sketch(system: PeriodicSystem) -> bool:
 def _lines(
     system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float
 ) -> Mapping[str, Plane]:
-    return system.sketched(phase, speed, q, fineness)
+    return sketched(system, phase, speed, q, fineness)
 
 
 def _size(lines: Sequence[Plane]) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import require_load
 from solve.errors import NoLoadError
 from solve.model.model import Model
 from solve.newton.orbits import nonlinear
@@ -17,7 +18,6 @@ from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.system import require_load
 
 PHASES = 361
 """Number of points of a curve: one per degree of a revolution, more than the pixels of a narrow panel."""

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+from solve.equations import is_nonlinear
 from solve.errors import SolveError, ValueOutOfBoundsError
 from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
@@ -103,7 +104,7 @@ class Session:
                 "most_shown": MOST_SHOWN,
                 "of": choices(model),
                 "vibrates": model.labels.vibrates,
-                "nonlinear": model.nonlinear and model.labels.vibrates,
+                "nonlinear": is_nonlinear(model) and model.labels.vibrates,
                 "file": default_file(self.origin, model),
             },
             None,

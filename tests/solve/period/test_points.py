@@ -8,6 +8,7 @@ import pytest
 from solve import Gauss, Newmark, Radau, RungeKutta4
 from solve.certify.certified import Certified
 from solve.certify.refinement import certified
+from solve.equations import entries_of
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.kernel.library import trouble
 from solve.methods.hsu import Hsu
@@ -49,7 +50,7 @@ class Several:
         return Several(self.each, self.which[positions])
 
     def tables(self, phase):
-        entries = np.array([system.entries(phase, 1.0) for system in self.each])
+        entries = np.array([entries_of(system, phase, 1.0) for system in self.each])
         return Tables.of(entries[self.which], self.n)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 import solve
 from solve import PeriodicSystem
+from solve.capabilities import Outputs
 from solve.labels import Labels
 
 SPEED = 3.0
@@ -19,7 +20,7 @@ def oscillators(damping=0.4):
         d = np.stack((np.cos(phase) + 2.0, np.sin(3 * phase)), axis=1)
         return one, damping * one, one * np.array([4.0, 9.0]), d
 
-    class Oscillators(PeriodicSystem):
+    class Oscillators(PeriodicSystem, Outputs):
         labels = Labels(
             name="two oscillators",
             units={"x": "m", "phi": "rad", "power": "W"},
@@ -27,7 +28,11 @@ def oscillators(damping=0.4):
         )
         outputs = ("power",)
 
-        def output_values(self, phase, speed, q, qd, qdd):
+        @property
+        def capabilities(self):
+            return super().capabilities._replace(outputs=self)
+
+        def output_values(self, phase, speed, q, qd, qdd, acceleration=0.0):
             return {"power": damping * qd[0] ** 2}
 
     return Oscillators(matrices, ["x", "phi"])
