@@ -115,7 +115,7 @@ class SystemFamily(Family):
         self.example = system
         self._free = [name for name in names if name != SPEED]
         variation = system.capabilities.variation
-        self._evaluator: ModelPoints | None = variation and variation.many_points(self._free)
+        self._evaluator: ModelPoints | None = None if variation is None else variation.many_points(self._free)
         self._recent: dict[tuple[float, ...], PeriodicSystem] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:

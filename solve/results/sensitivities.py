@@ -108,7 +108,7 @@ class Sensitivities(Result):
                     f"errors of the derivatives of {quantity} with respect to {', '.join(names)} "
                     f"exceed {100 * _UNCERTAIN:g} %; give a smaller rtol or more steps"
                 )
-        return [*sentences, *([] if self.speed is None else self.system.warnings(self.speed))]
+        return [*sentences, *([] if self.speed is None else warnings_of(self.system, self.speed))]
 
     @property
     def summary_values(self) -> dict[str, Any]:

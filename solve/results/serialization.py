@@ -10,15 +10,15 @@ import hashlib
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.capabilities import Capabilities, Outputs, Validity
-from solve.contracts import DrawnLink, Matrices, ModeShape, Statistics
+from solve.capabilities import Capabilities, Outputs
+from solve.contracts import DrawnLink, Limit, Matrices, ModeShape, Statistics
 from solve.equations import freedoms_of, judged_quantities
 from solve.errors import FileError, ReopenedError, ResultKindError
 from solve.labels import Labels
@@ -131,12 +131,12 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
     serializable(_kind)
 
 
-class StoredSystem(PeriodicSystem, Outputs, Validity):
+class StoredSystem(PeriodicSystem, Outputs):
     """Labels of a system that were read from a file. Methods that need the equations raise ReopenedError."""
 
     _FEWEST = 0
     freedoms = 0
-    judged_quantities = ()
+    judged_quantities: tuple[str, ...] = ()
 
     def __init__(self, stored: Mapping[str, Any]):
         super().__init__(self._refused, stored["coordinates"], stored["period"], stored["breaks"])
@@ -157,6 +157,10 @@ class StoredSystem(PeriodicSystem, Outputs, Validity):
     def most_frequencies(self) -> int:
         """Maximum number of natural frequencies."""
         return self.freedoms
+
+    def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
+        """No limits: the file contains the warnings."""
+        return []
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
         """Warnings about the equations."""

@@ -188,9 +188,7 @@ class TransientMotion(Result):
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
-        outputs = output_values(
-            self.system, phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
-        )
+        outputs = output_values(self.system, phase.ravel(), speed.ravel(), *states, self.acceleration)
         return np.stack([outputs[name].reshape(s.shape) for name in names], axis=1)
 
     @cached_property

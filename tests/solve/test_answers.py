@@ -8,7 +8,7 @@ import pytest
 
 import solve
 from solve.batch.family import SPEED, SystemFamily
-from solve.equations import entries_of, structure_of
+from solve.equations import entries_of, entries_over, structure_of
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
 
 
@@ -34,14 +34,14 @@ def test_user_system_has_no_case_parameters_or_links(own):
         own.varied({"k": 1.0})
     with pytest.raises(ValueOutOfBoundsError, match="has no links to draw"):
         structure_of(own)
-    assert own.structure is None
+    assert own.capabilities.structure is None
 
 
 def test_frequencies_and_entries_of_a_user_system(own):
     np.testing.assert_allclose(solve.frequencies(own, [0.0, 1.0], 1).values, 2.0, rtol=1e-14)
     phase = np.array([0.0, 0.5])
-    computed = own.entries_over(phase, np.array([3.0, 20.0]))
-    np.testing.assert_array_equal(computed[0], own.entries(phase, 3.0))
+    computed = entries_over(own, phase, np.array([3.0, 20.0]))
+    np.testing.assert_array_equal(computed[0], entries_of(own, phase, 3.0))
     assert np.isnan(computed[1]).all()
 
 

@@ -18,6 +18,7 @@ from solve.period.frozen import frozen
 from solve.period.grid import Grid
 from solve.period.points import Tables, matrices
 from solve.single import request
+from solve.system import in_phase
 from tests.solve import systems
 
 ONE_STEP = [Radau(), Radau(3), Gauss(), Gauss(16), Newmark(), Newmark(0.6, 0.3), RungeKutta4(), Hsu()]
@@ -127,7 +128,7 @@ def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points)
 
 def test_batched_matrices_match_each_point(points):
     phase = np.linspace(0.0, 6.0, 5)
-    for part, own in zip(matrices(points, phase), points.each[-1].in_phase(phase, 1.0), strict=True):
+    for part, own in zip(matrices(points, phase), in_phase(points.each[-1], phase, 1.0), strict=True):
         np.testing.assert_array_equal(part[PLACE], own)
 
 
