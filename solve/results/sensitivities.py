@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import warnings_of
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, speeds_of
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
