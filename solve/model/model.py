@@ -26,7 +26,7 @@ from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
 from solve.model.outputs import ModelOutputs
 from solve.model.sampling import MatrixSampler, Sampler, folded, tangent
-from solve.model.setup import Setup, stated_lines
+from solve.model.setup import Setup, labels_of, left_out, stated_lines
 from solve.system import PeriodicSystem, shown_in
 
 
@@ -64,7 +64,7 @@ class Model(PeriodicSystem, Evaluation):
         inputs = getattr(module, "INPUTS", ())
         self.inputs = tuple(name for name, *_ in inputs)
         self.fits = setup.case.fits
-        self.labels = setup.labels((*coordinates, *module.OUTPUTS, *inputs))
+        self.labels = labels_of(setup, (*coordinates, *module.OUTPUTS, *inputs))
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
 
     @classmethod
@@ -214,7 +214,7 @@ class Model(PeriodicSystem, Evaluation):
         ratios = self.setup.ratios
         overdamped = [] if ratios is None or ratios.max() <= 1 else [beyond_critical(ratios.max())]
         texts = [*self.labels.equation_warnings, *overdamped]
-        return texts if linear else [text for text in texts if text not in self.setup.left_out]
+        return texts if linear else [text for text in texts if text not in left_out(self.setup)]
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return LinearisedModel(self, motion, compiled)
@@ -320,7 +320,7 @@ class LinearisedModel(Model):
         starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
         self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
-        fitted = (text for text in self.labels.equation_warnings if text not in model.setup.left_out)
+        fitted = (text for text in self.labels.equation_warnings if text not in left_out(model.setup))
         unit = model.labels.speed_unit
         self.labels = replace(self.labels, equation_warnings=tuple(fitted), speed_unit=unit)
 

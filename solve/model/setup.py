@@ -126,35 +126,6 @@ class Setup:
         function = switches(self.module, tuple(self._module_options.items()))
         return None if function is None else EventFinder(function, self.p)
 
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """Sentences on the nonlinear terms that the linearised equations neglect."""
-        sentences = getattr(self.module, "NONLINEAR", ())
-        if any(_KINKS in text for text in sentences) and self.event_finder is None:
-            # The options exclude the terms.
-            return tuple(text for text in sentences if _KINKS not in text)
-        return sentences
-
-    def labels(self, described: Sequence[tuple[str, str, str]]) -> Labels:
-        """Labels of the model. described: name, unit and meaning of coordinates, outputs and inputs."""
-        module, case = self.module, self.case
-        return Labels(
-            name=module.NAME,
-            title=module.TITLE,
-            case=case.name,
-            case_speed=case.speed,
-            model_hash=module.FILE_SHA256,
-            options=self.options,
-            parameters=case.parameters,
-            parameter_labels={name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS},
-            parameter_sources=case.sources,
-            equations=getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),)),
-            sketch_unit=next((unit for _, unit, _ in getattr(module, "SKETCH", ())), "m"),
-            equation_warnings=(*self.left_out, *(fit.sentence for fit in case.fits.values())),
-            units={name: unit for name, unit, _ in described},
-            meanings={name: meaning for name, _, meaning in described},
-        )
-
     def formulas(
         self,
         name: str,
@@ -264,3 +235,33 @@ def _text_of(
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
     """Function of the bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))
+
+
+def left_out(setup: Setup) -> tuple[str, ...]:
+    """Sentences on the nonlinear terms that the linearised equations neglect."""
+    sentences = getattr(setup.module, "NONLINEAR", ())
+    if any(_KINKS in text for text in sentences) and setup.event_finder is None:
+        # The options exclude the terms.
+        return tuple(text for text in sentences if _KINKS not in text)
+    return sentences
+
+
+def labels_of(setup: Setup, described: Sequence[tuple[str, str, str]]) -> Labels:
+    """Labels of the model. described: name, unit and meaning of coordinates, outputs and inputs."""
+    module, case = setup.module, setup.case
+    return Labels(
+        name=module.NAME,
+        title=module.TITLE,
+        case=case.name,
+        case_speed=case.speed,
+        model_hash=module.FILE_SHA256,
+        options=setup.options,
+        parameters=case.parameters,
+        parameter_labels={name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS},
+        parameter_sources=case.sources,
+        equations=getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),)),
+        sketch_unit=next((unit for _, unit, _ in getattr(module, "SKETCH", ())), "m"),
+        equation_warnings=(*left_out(setup), *(fit.sentence for fit in case.fits.values())),
+        units={name: unit for name, unit, _ in described},
+        meanings={name: meaning for name, _, meaning in described},
+    )
