@@ -137,6 +137,7 @@ class PeriodicSystem:
 
         Examples
         --------
+        >>> import numpy as np
         >>> one = np.ones((8, 1, 1))
         >>> PeriodicSystem.from_samples(one, 0.1 * one, 4 * one, one[:, 0], ["q"]).coordinates
         ('q',)
