@@ -171,6 +171,16 @@ class ParameterDerivatives(Protocol):
 class Structure(Protocol):
     """Beam structure of a mechanism held at given positions."""
 
+    @property
+    def freedoms(self) -> int:
+        """Number of degrees of freedom at rest."""
+        ...
+
+    @property
+    def most_frequencies(self) -> int:
+        """Maximum number of natural frequencies that can be computed."""
+        ...
+
     def frequencies(self, positions: Array, count: int) -> Array:
         """Natural frequencies (m, count) in rad/s at positions (m,)."""
         ...

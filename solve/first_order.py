@@ -9,7 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from solve.arrays import Array
+from solve.capabilities import Capabilities, Evaluation, Outputs
 from solve.contracts import Matrices
+from solve.equations import entries_of
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.matrices import checked_phases, leading, require_inertia, require_shapes
 from solve.samples import sampled
@@ -20,7 +22,7 @@ Signals = tuple[Array, Array, Array, Sequence[str], Sequence[str]]
 outputs."""
 
 
-class FirstOrderSystem(PeriodicSystem):
+class FirstOrderSystem(PeriodicSystem, Evaluation, Outputs):
     """System ẋ = A(Ωt)x + B(Ωt)u + b(Ωt), y = C(Ωt)x + D(Ωt)u with named states.
 
     Parameters
@@ -52,8 +54,8 @@ class FirstOrderSystem(PeriodicSystem):
     >>> def filtered(phase, speed):
     ...     A = np.full((len(phase), 1, 1), -2.0)
     ...     return A, np.cos(phase)[:, None]
-    >>> FirstOrderSystem(filtered, ["x"]).multiplier_count
-    1
+    >>> FirstOrderSystem(filtered, ["x"]).states
+    ('x',)
     """
 
     def __init__(
@@ -119,8 +121,7 @@ class FirstOrderSystem(PeriodicSystem):
             *matrices, inputs, outputs = signals
             arrays = (A, b, *matrices)
         samples = sampled(arrays, "AbBCD"[: len(arrays)], period, phases)
-        made = cls(samples.function, states, samples.period, (), inputs, outputs)
-        return made.from_interpolant(samples)
+        return cls(samples, states, samples.period, (), inputs, outputs)
 
     def equations_at(self, phase: Array, speed: float) -> list[Array]:
         """Matrices A (m, N, N) and b (m, N) at phases (m,). If inputs or outputs are named, also B (m, N, r),
@@ -134,8 +135,12 @@ class FirstOrderSystem(PeriodicSystem):
         A, b, *_ = self.equations_at(phase, speed)
         return np.zeros_like(A), np.broadcast_to(np.eye(self.n), A.shape), -A, b
 
-    def input_matrix(self, phase: Array, speed: float) -> Array:
-        return self._checked_inputs(self.equations_at(phase, speed)[2:3], phase)
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(evaluation=self, outputs=self if self.outputs else None)
+
+    def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
+        return self.equations_at(phase, speed)[2:3]
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
         A, b, *_ = self.equations_at(phase, speed)
@@ -147,8 +152,6 @@ class FirstOrderSystem(PeriodicSystem):
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        if not self.outputs:
-            return {}
         values, speeds = np.empty((len(self.outputs), len(phase))), np.broadcast_to(speed, len(phase))
         for omega in np.unique(speeds):
             some = speeds == omega
@@ -156,7 +159,7 @@ class FirstOrderSystem(PeriodicSystem):
             values[:, some] = np.einsum("kyi,ik->yk", C, q[:, some])
         return dict(zip(self.outputs, values, strict=True))
 
-    def checked(self, speed: float) -> None:
+    def _check(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have the required shapes and are periodic."""
         phase = checked_phases(self.period, self.breaks)
         N, r, y = map(len, (self.states, self.inputs, self.outputs))
@@ -166,7 +169,7 @@ class FirstOrderSystem(PeriodicSystem):
         self._require_periodicity(phase, speed, "MCAb")
 
 
-class MixedSystem(PeriodicSystem):
+class MixedSystem(PeriodicSystem, Evaluation):
     """System M(Ωt)z̈ + C(Ωt)ż + K(Ωt)z = d(Ωt), where z consists of coordinates and first-order states.
 
     States are filters, actuators, inflow or other quantities without inertia: their columns of M are zero.
@@ -198,8 +201,8 @@ class MixedSystem(PeriodicSystem):
     ...     M[:, 0, 0], K[:, 0, 0], K[:, 0, 1] = one, 4.0, -one
     ...     C[:, 1, 1], K[:, 1, 1], K[:, 1, 0] = 0.5, one, 0.2
     ...     return M, C, K, np.stack((np.cos(phase), 0 * phase), axis=1)
-    >>> MixedSystem(lagged, ["q"], ["x"]).multiplier_count
-    3
+    >>> MixedSystem(lagged, ["q"], ["x"]).coordinates
+    ('q', 'x')
     """
 
     def __init__(
@@ -245,26 +248,29 @@ class MixedSystem(PeriodicSystem):
             As `PeriodicSystem.from_samples`.
         """
         samples = sampled(matrices, "MCKd", period, phases)
-        made = cls(samples.function, coordinates, states, samples.period)
-        return made.from_interpolant(samples)
+        return cls(samples, coordinates, states, samples.period)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(evaluation=self)
 
     def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array]:
-        entries, numbers = super().used_entries(phase, speed)
         n = self.n
-        used = (numbers >= n**2) | (numbers % n < n - self.first_order)
+        entries, numbers = entries_of(self, phase, speed), np.arange(3 * n**2 + n)
+        used = (numbers >= n**2) | (numbers % n < n - len(self.states))
         return entries[:, used], numbers[used]
 
-    def checked(self, speed: float) -> None:
+    def _check(self, speed: float) -> None:
         """Raise MatricesError unless the matrices have the required shapes, are periodic, and determine the
         highest derivatives."""
         n, phase = self.n, checked_phases(self.period, self.breaks)
         matrices = dict(zip("MCKd", self.at(phase, speed), strict=True))
         shapes = dict.fromkeys("MCK", (4, n, n)) | {"d": (4, n)}
         require_shapes(matrices, shapes, f"{n} coordinates and states ({', '.join(self.coordinates)})")
-        if self.states and matrices["M"][..., n - self.first_order :].any():
+        if self.states and matrices["M"][..., n - len(self.states) :].any():
             raise MatricesError(
                 f"M has entries in the columns of the states {', '.join(self.states)}; set them to "
                 "zero, or list quantities with inertia among the coordinates"
             )
         self._require_periodicity(phase, speed, "MCKd")
-        require_inertia(leading(matrices["M"], matrices["C"], self.first_order), self.states)
+        require_inertia(leading(matrices["M"], matrices["C"], len(self.states)), self.states)

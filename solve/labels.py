@@ -1,19 +1,25 @@
-"""Names, parameter values, units and meanings of a system, as results display them."""
+"""Labels of a system: names, parameter values, units and meanings, as results show them."""
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
-from types import MappingProxyType
-from typing import Any, Self
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 from solve.arguments import unique_names
 from solve.contracts import DrawnLink
-from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
-from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si, unit_given
+from solve.errors import (
+    MissingValueError,
+    NoMotionError,
+    NoVibrationError,
+    ValueOutOfBoundsError,
+    require_name,
+)
+from solve.units import RPM, ShownUnit, in_unit, raised, speed_in_si
 
 SPEED = "speed"
 """Name of the speed Ω (rad/s) where it varies like a parameter."""
 
 
+@dataclass(frozen=True)
 class Labels:
     """Names, parameter values, units and meanings of a system, without its equations."""
 
@@ -27,138 +33,121 @@ class Labels:
     """Hash of the generated code of the equations."""
     solvable: bool = True
     """Whether the system has equations; one read from a file of results has labels only."""
-    options: Mapping[str, Any] = MappingProxyType({})
-    parameters: Mapping[str, float] = MappingProxyType({})
+    options: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, float] = field(default_factory=dict)
     """Parameters that can be varied, in the units declared by the model."""
-    parameter_labels: Mapping[str, tuple[str, str]] = MappingProxyType({})
+    parameter_labels: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """Unit and meaning of each parameter."""
-    parameter_sources: Mapping[str, str] = MappingProxyType({})
+    parameter_sources: Mapping[str, str] = field(default_factory=dict)
     """Sources of values stated by the case; parameters set by other means are absent."""
     equations: tuple[str, ...] = ()
     """Equations as HTML elements with MathML."""
     links: tuple[DrawnLink, ...] = ()
     """Links in drawings of mode shapes."""
     sketch_unit: str = "m"
-    """Unit of the coordinates returned by `sketched`."""
+    """Unit of the points of the sketch."""
     moves: bool = True
     """Whether the drive moves; False for a structure at rest."""
     vibrates: bool = True
     """Whether there are coordinates; False for a rigid mechanism, whose motion is prescribed."""
-    coordinates: tuple[str, ...] = ()
-    states: tuple[str, ...] = ()
-    """Coordinates without second derivatives, which are the last ones."""
-    inputs: tuple[str, ...] = ()
-    """Names of the inputs u, such as forces of drives, which are zero unless a controller sets them."""
-    outputs: tuple[str, ...] = ()
-    """Names of the quantities computed from the state; `units` and `meanings` contain theirs too."""
     outputs_apart: bool = False
     """Whether outputs are computed individually on access, rather than all together."""
     equation_warnings: tuple[str, ...] = ()
     """Warnings about the equations that hold at any speed: neglected terms, errors of fitted series."""
-    largest_of: Mapping[str, tuple[str, ...]] = MappingProxyType({})
+    largest_of: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Names for the largest of several outputs, such as the stress on either surface."""
-    units: Mapping[str, str] = MappingProxyType({})
-    meanings: Mapping[str, str] = MappingProxyType({})
+    units: Mapping[str, str] = field(default_factory=dict)
+    meanings: Mapping[str, str] = field(default_factory=dict)
     speed_unit: ShownUnit = RPM
     """Display unit of speeds in results."""
+    no_motion: str = ""
+    """Reason why there are no equations of motion."""
 
-    def require_motion(self) -> None:
-        """Raise NoMotionError or NoVibrationError if there are no equations of motion."""
 
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return len(self.coordinates)
+class Labelled(Protocol):
+    """System with labels."""
 
-    @property
-    def first_order(self) -> int:
-        """Number of coordinates without second derivatives, which are the last ones."""
-        return len(self.states)
+    labels: Labels
 
     @property
-    def multiplier_count(self) -> int:
-        """Number of Floquet multipliers: one per first-order coordinate, two per other coordinate."""
-        return 2 * self.n - self.first_order
+    def coordinates(self) -> tuple[str, ...]: ...
 
-    def shown_in(self, speed: float) -> Self:
-        """Copy of the system with the unit of the given speed as display unit, if the speed has one."""
-        unit = unit_given(speed, self.speed_unit)
-        if unit == self.speed_unit:
-            return self
-        copied = self._by_speed_unit.get(unit)
-        if copied is None or not copied._agrees_with(self):
-            copied = object.__new__(type(self))
-            vars(copied).update(vars(self), speed_unit=unit)
-            self._by_speed_unit[unit] = copied
-        return copied
+    @property
+    def outputs(self) -> tuple[str, ...]: ...
 
-    def _agrees_with(self, other: Self) -> bool:
-        """Whether all attributes except the unit and cached values equal those of another system."""
-        return all(
-            vars(self).get(name) is value
-            for name, value in vars(other).items()
-            if name != "speed_unit" and not isinstance(getattr(type(self), name, None), cached_property)
+
+def unit_of(system: Labelled, name: str) -> ShownUnit:
+    """Display unit of a parameter, or of the "speed"."""
+    unit, _ = system.labels.parameter_labels.get(name, ("", ""))
+    return system.labels.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
+
+
+def in_own_unit(system: Labelled, name: str, value: float | str) -> float:
+    """Value of a parameter in its declared unit, from a number or a text such as "30 mm". Raises
+    UnknownNameError, UnitError, and ValueError for a text that is not a number."""
+    if not isinstance(value, str):
+        return float(value)
+    labels = system.labels
+    require_name(f"parameter of {labels.name}", name, labels.parameters)
+    unit, _ = labels.parameter_labels.get(name, ("", ""))
+    return in_unit(value, unit or "1", name)
+
+
+def bounds_in_own_unit(
+    system: Labelled, name: str, ends: tuple[float | str, float | str]
+) -> tuple[float, float]:
+    """Lower and upper bound of a parameter in its declared unit, which must contain its value. Raises
+    UnknownNameError, UnitError, ValueOutOfBoundsError."""
+    labels = system.labels
+    require_name(f"parameter of {labels.name}", name, labels.parameters)
+    low, high = (in_own_unit(system, name, end) for end in ends)
+    value = float(labels.parameters[name])
+    if not low < high or not low <= value <= high:
+        raise ValueOutOfBoundsError(
+            f"bounds of {name} are {low:g} to {high:g}, but its initial value is {value:g}; give "
+            f"bounds that contain this value, or another value with --set {name}=NUMBER"
         )
-
-    @cached_property
-    def _by_speed_unit(self) -> dict[ShownUnit, Self]:
-        """Copies of the system by display unit, stored so that their cached values are reused."""
-        return {self.speed_unit: self}
-
-    def unit_of(self, name: str) -> ShownUnit:
-        """Display unit of a parameter, or of the "speed"."""
-        unit, _ = self.parameter_labels.get(name, ("", ""))
-        return self.speed_unit if name == SPEED else ShownUnit(raised(unit), 1.0)
-
-    def in_own_unit(self, name: str, value: float | str) -> float:
-        """Value of a parameter in its declared unit, from a number or a text such as "30 mm". Raises
-        UnknownNameError, UnitError, and ValueError for a text that is not a number."""
-        if not isinstance(value, str):
-            return float(value)
-        require_name(f"parameter of {self.name}", name, self.parameters)
-        unit, _ = self.parameter_labels.get(name, ("", ""))
-        return in_unit(value, unit or "1", name)
-
-    def bounds_in_own_unit(self, name: str, ends: tuple[float | str, float | str]) -> tuple[float, float]:
-        """Lower and upper bound of a parameter in its declared unit. The bounds must contain the parameter's
-        value. Raises UnknownNameError, UnitError, ValueOutOfBoundsError."""
-        require_name(f"parameter of {self.name}", name, self.parameters)
-        low, high = (self.in_own_unit(name, end) for end in ends)
-        value = float(self.parameters[name])
-        if not low < high or not low <= value <= high:
-            raise ValueOutOfBoundsError(
-                f"bounds of {name} are {low:g} to {high:g}, but its initial value is {value:g}; give "
-                f"bounds that contain this value, or another value with --set {name}=NUMBER"
-            )
-        return low, high
-
-    def known_quantities(self, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
-        """Names of coordinates and outputs without repetitions; all of them if `names` is None. A string is a
-        single name. Raises UnknownNameError."""
-        allowed = (*self.coordinates, *self.outputs)
-        names = unique_names(allowed if names is None else names)
-        for name in names:
-            require_name(f"coordinate or output of {self.name}", name, allowed)
-        return names
-
-    def parts(self, quantity: str) -> tuple[str, ...]:
-        """Coordinates or outputs that belong to a quantity: the quantity itself, or the members of a group
-        whose maximum it denotes. Raises UnknownNameError."""
-        allowed = (*self.coordinates, *self.outputs, *self.largest_of)
-        require_name(f"coordinate or output of {self.name}", quantity, allowed)
-        return self.largest_of.get(quantity, (quantity,))
-
-    def speed_or_usual(self, speed: float | str | None) -> float:
-        """Ω in rad/s from a speed (rad/s, or a text with unit); by default the speed of the case. Raises
-        MissingValueError without either, UnitError, ValueOutOfBoundsError."""
-        chosen = self.case_speed if speed is None else speed
-        if chosen is None:
-            where = f"case '{self.case}' of {self.name}" if self.case else f"{self.name} has no case and"
-            raise MissingValueError(f'{where} states no speed; give a speed, such as --speed "600 rpm"')
-        return speed_in_si(chosen)
+    return low, high
 
 
-def require_vibration(system: Labels) -> None:
-    """Raise NoVibrationError for a mechanism without coordinates."""
-    if not system.vibrates:
-        system.require_motion()
+def known_quantities(system: Labelled, names: str | Iterable[str] | None = None) -> tuple[str, ...]:
+    """Names of coordinates and outputs without repetitions, all names if `names` is None; a string counts as
+    one name. Raises UnknownNameError."""
+    allowed = (*system.coordinates, *system.outputs)
+    names = unique_names(allowed if names is None else names)
+    for name in names:
+        require_name(f"coordinate or output of {system.labels.name}", name, allowed)
+    return names
+
+
+def parts_of(system: Labelled, quantity: str) -> tuple[str, ...]:
+    """Coordinates or outputs of a quantity: the quantity itself, or the quantities of which it is the
+    largest. Raises UnknownNameError."""
+    largest_of = system.labels.largest_of
+    allowed = (*system.coordinates, *system.outputs, *largest_of)
+    require_name(f"coordinate or output of {system.labels.name}", quantity, allowed)
+    return largest_of.get(quantity, (quantity,))
+
+
+def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
+    """Ω in rad/s from a speed (rad/s, or a text with unit), by default that of the case. Raises
+    MissingValueError if neither is given, UnitError, ValueOutOfBoundsError."""
+    labels = system.labels
+    chosen = labels.case_speed if speed is None else speed
+    if chosen is None:
+        where = f"case '{labels.case}' of {labels.name}" if labels.case else f"{labels.name} has no case and"
+        raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
+    return speed_in_si(chosen)
+
+
+def require_vibration(system: Labelled) -> None:
+    """Raise NoVibrationError for a rigid mechanism."""
+    if not system.labels.vibrates:
+        raise NoVibrationError(system.labels.no_motion)
+
+
+def require_motion(system: Labelled) -> None:
+    """Raise NoMotionError or NoVibrationError if there are no equations of motion."""
+    require_vibration(system)
+    if system.labels.no_motion:
+        raise NoMotionError(system.labels.no_motion)

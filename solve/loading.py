@@ -11,14 +11,15 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Matrices
-from solve.errors import ModelFileError, NoVibrationError, ValueOutOfBoundsError
+from solve.equations import require_desired_motion
+from solve.errors import ModelFileError, ValueOutOfBoundsError
 from solve.model.bounds import REDUCE, checked_parameters
 from solve.model.cases import Case, chosen_case
 from solve.model.generated import EQUATIONS, kind_of, model_files, model_module, module_of
 from solve.model.model import Model
 from solve.model.setup import Setup
 from solve.readers.files import is_system_file
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, shown_in
 
 
 class Derivable(Protocol):
@@ -31,24 +32,24 @@ class RigidModel(Model):
     """Mechanism without coordinates. Its motion is prescribed, and its outputs are functions of phase and
     speed."""
 
-    vibrates = False
+    _FEWEST = 0
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
-        return cls(setup, _no_matrices, ())
+        made = cls(setup, _no_matrices, ())
+        reason = (
+            f"{setup.module.NAME} has no coordinates, so nothing vibrates; periodic, sweep and animate give "
+            "its outputs over a revolution"
+        )
+        made.labels = replace(made.labels, vibrates=False, no_motion=reason)
+        return made
 
     @property
     def assembled(self) -> bool:
         return False
 
-    def checked(self, speed: float) -> None:
-        self.shown_in(speed).require_desired_motion(np.array([speed]))
-
-    def require_motion(self) -> None:
-        raise NoVibrationError(
-            f"{self.name} has no coordinates, so nothing vibrates; periodic, sweep and animate give its "
-            "outputs over a revolution"
-        )
+    def _check(self, speed: float) -> None:
+        require_desired_motion(shown_in(self, speed), np.array([speed]))
 
 
 def _no_matrices(phase: Array, speed: float) -> Matrices:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -94,22 +94,22 @@ class Samples:
         fitted = [(values @ array.reshape(len(array), -1)).reshape(-1, *array.shape[1:]) for array in arrays]
         return cls(tuple(fitted), period, len(azimuths), amplification, (azimuths, tuple(arrays)))
 
+    def __call__(self, phase: Array, speed: float) -> list[Array]:
+        """Interpolants (m, …) at phases (m,), at any speed."""
+        first, varies, curves = self._columns
+        every = np.tile(first, (len(phase), 1))
+        if varies.any():
+            every[:, varies] = curves(phase)
+        ends = np.cumsum([math.prod(array.shape[1:]) for array in self.arrays])[:-1]
+        parts = zip(np.split(every, ends, axis=1), self.arrays, strict=True)
+        return [part.reshape(len(phase), *array.shape[1:]) for part, array in parts]
+
     @cached_property
-    def function(self) -> Callable[[Array, float], list[Array]]:
-        """Function of phases (m,) and of any speed that returns the interpolants (m, …)."""
+    def _columns(self) -> tuple[Array, Array, Trigonometric]:
+        """First value of each entry, whether it varies, and the interpolant of those that vary."""
         columns = np.concatenate([array.reshape(len(array), -1) for array in self.arrays], axis=1)
         varies = (columns != columns[0]).any(axis=0)
-        curves = Trigonometric(columns[:, varies], self.period)
-        ends = np.cumsum([math.prod(array.shape[1:]) for array in self.arrays])[:-1]
-
-        def values(phase: Array, speed: float) -> list[Array]:
-            every = np.tile(columns[0], (len(phase), 1))
-            if varies.any():
-                every[:, varies] = curves(phase)
-            parts = zip(np.split(every, ends, axis=1), self.arrays, strict=True)
-            return [part.reshape(len(phase), *array.shape[1:]) for part, array in parts]
-
-        return values
+        return columns[0], varies, Trigonometric(columns[:, varies], self.period)
 
     @property
     def resolved(self) -> int:

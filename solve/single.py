@@ -17,7 +17,7 @@ from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.stability import Stability
-from solve.system import PeriodicSystem, of_any_system, of_system
+from solve.system import PeriodicSystem, check, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.threads import one_thread
 from solve.units import checked_rtol, speed_in_si
@@ -83,8 +83,8 @@ def periodic(
     0.333148302
     """
     omega = speed_in_si(speed)
-    system = system.shown_in(omega)
-    if not system.vibrates:
+    system = shown_in(system, omega)
+    if not system.labels.vibrates:
         return RigidOrbit.of(system, omega)
     used, notes = chosen_engine(engine)
     solve_request = request(steps, rtol, used, orbit=True)
@@ -141,7 +141,7 @@ def floquet(
     0.730403
     """
     omega = speed_in_si(speed)
-    system = system.shown_in(omega)
+    system = shown_in(system, omega)
     used, notes = chosen_engine(engine)
     solve_request = request(steps, rtol, used, orbit=False)
     return Stability(system, omega, *_solve(system, omega, method, solve_request, all_multipliers), notes)
@@ -163,7 +163,7 @@ def _solve(
     """Certified solution of a point, and its multipliers. With `all_multipliers`, each multiplier meets the
     tolerance."""
     rule = chosen(method)
-    system.checked(omega)
+    check(system, omega)
     point = OnePoint(system, omega)
     with one_thread(system.n):
         ((method_used, _),) = chosen_for(rule, point)

@@ -1,6 +1,7 @@
 """What matters most for the cam's output? And do the sensitivities obey a law that nobody gave them?"""
 
 import solve
+from solve.labels import unit_of
 from solve.views.style import BLUE, VERMILION, page
 
 cam = solve.load("cam")
@@ -8,7 +9,7 @@ found = solve.sensitivities(cam, "100 rpm", of="q3.max_abs").elasticities("q3.ma
 
 # Masses, dampers, springs and the load, all larger by one factor, change forces but no motion: the sum of
 # their elasticities is 0 (Euler's theorem on homogeneous functions).
-scaled = [name for name in found if name in cam.parameters and cam.unit_of(name).name[:1] in "kN"]
+scaled = [name for name in found if name in cam.parameters and unit_of(cam, name).name[:1] in "kN"]
 total = sum(found[name] for name in scaled)
 
 ranked = sorted((name for name in found if abs(found[name]) > 0.05), key=lambda name: abs(found[name]))

@@ -11,7 +11,7 @@ chart = solve.chart(model, "w1=0.05:9.5:80", "w2=0.05:9.5:80")
 x1, x2 = np.meshgrid(chart.x, chart.y)
 J = np.cos(x1) * np.cos(x2) - (x1 / x2 + x2 / x1) / 2 * np.sin(x1) * np.sin(x2)
 
-trace = solve.floquet(model.varied({"w1": 3.0, "w2": 5.0}), model.case_speed).multipliers.sum().real
+trace = solve.floquet(model.varied({"w1": 3.0, "w2": 5.0}), model.labels.case_speed).multipliers.sum().real
 
 with styled():
     figure = chart.plot()

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from solve import Model
 from solve.arrays import Array, Plane
+from solve.equations import sketched
 from solve.errors import ValueOutOfBoundsError
 from solve.results.formatting import fixed, prefixed
 from solve.results.formatting import round_magnification as rounded
@@ -66,7 +67,7 @@ def bent(model: Model, orbit: Orbit, phase: Array, magnification: float) -> Bent
     The joints are those of the rigid linkage, as the shortening of the chord is of second order.
     """
     q = orbit.at(phase)
-    lines = model.sketched(phase, orbit.speed, magnification * q)
+    lines = sketched(model, phase, orbit.speed, magnification * q)
     joints = [lines["crank"][0], lines["crank"][-1], lines["follower"][-1], lines["follower"][0]]
     line = lines["coupler"]
     deflection = model.field("w", np.linspace(0.0, 1.0, len(line))) @ q

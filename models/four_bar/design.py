@@ -318,7 +318,7 @@ class Outcome(Serializable):
         """Sentence that states the result."""
         if self.plan is None:
             return self._refusal
-        target = self.map.model.speed_unit.text(self.target, ".4g")
+        target = self.map.model.labels.speed_unit.text(self.target, ".4g")
         ends = "L4 back at its own length" if self.returns else f"L4 = {self.plan.L4[-1]:.4f} m at the end"
         first = self.trials[0]
         outcome = "stays below" if first.worst < 1 else "exceeds"
@@ -330,7 +330,7 @@ class Outcome(Serializable):
     @property
     def _refusal(self) -> str:
         stresses, least = self.map, self.least[0]
-        unit = stresses.model.speed_unit
+        unit = stresses.model.labels.speed_unit
         error = stresses.error_until(self.target)
         absolute = np.unique(stresses.allowable) / 1e6 * least
         target = unit.text(self.target, ".4g")
@@ -352,13 +352,13 @@ class Outcome(Serializable):
     @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
-        linkage = Linkage.of(stresses.model.parameters, str(stresses.model.options["branch"]))
+        linkage = Linkage.of(stresses.model.parameters, str(stresses.model.labels.options["branch"]))
         for L4 in (stresses.L4[0], stresses.L4[-1]):
             ends = transmission_warnings(replace(linkage, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]
         if stresses.radius_bound.max() >= 1:
             speed = stresses.speeds[stresses.radius_bound >= 1][0]
-            lowest = stresses.model.speed_unit.text(speed, ".4g")
+            lowest = stresses.model.labels.speed_unit.text(speed, ".4g")
             texts.append(f"from {lowest} on the vibration may be unstable; see: python -m solve bands")
         if stresses.interpolation_error > _MAX_MAP_ERROR:
             error = f"{stresses.interpolation_error:.2g}"
@@ -377,7 +377,7 @@ class Outcome(Serializable):
     @property
     def trial_columns(self) -> Columns:
         """Columns of the table, with one row per simulated run-up."""
-        trials, unit = self.trials, self.map.model.speed_unit.per_second
+        trials, unit = self.trials, self.map.model.labels.speed_unit.per_second
         durations = [trial.run_up.duration for trial in trials]
         accelerations = [trial.run_up.acceleration for trial in trials]
         ratios, speeds = [trial.worst for trial in trials], [trial.worst_speed for trial in trials]

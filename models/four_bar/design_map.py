@@ -131,7 +131,7 @@ def design_map(
     )
     if stresses.own_ratio[0] > 1:
         raise DesignError(
-            f"at {model.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is "
+            f"at {model.labels.speed_unit.text(stresses.speeds[0], '.4g')}, the lowest speed, the stress is "
             f"already {stresses.own_ratio[0]:.4g} times the allowable one; give a lower first speed in "
             "--speeds, or raise the allowable stress"
         )

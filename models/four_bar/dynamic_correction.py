@@ -22,8 +22,10 @@ from solve.beams.elements import EXACT
 from solve.beams.frequencies import exact_frequencies
 from solve.beams.motion import modal_damping
 from solve.beams.structure import StructureModel
+from solve.capabilities import Capabilities, Outputs
 from solve.contracts import Matrices
 from solve.errors import UnknownNameError
+from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 LOADS = ("consistent", "nodal")
@@ -36,7 +38,7 @@ _FIXED = {"terms": "instantaneous", "stiffening": "off", "damping": "modal"}
 """Options of the model that the correction requires."""
 
 
-class Corrected(PeriodicSystem):
+class Corrected(PeriodicSystem, Outputs):
     """Four-bar linkage whose cubic elements are corrected at ω1.
 
     load: one of LOADS. Outputs are those of the model, computed with the exact shape functions at ω1. Raises
@@ -47,18 +49,24 @@ class Corrected(PeriodicSystem):
         if load not in LOADS:
             raise UnknownNameError("load of the corrected model", load, LOADS)
         for option, value in _FIXED.items():
-            if model.options[option] != value:
+            if model.labels.options[option] != value:
                 raise UnknownNameError(
-                    f"value of option {option} of the corrected model", str(model.options[option]), [value]
+                    f"value of option {option} of the corrected model",
+                    str(model.labels.options[option]),
+                    [value],
                 )
         cubic, exact = (model.varied(options={"element": kind}) for kind in ("cubic", EXACT))
         super().__init__(self._equations, cubic.coordinates, cubic.period)
         self.model, self.load = model, load
         self._cubic, self._exact = cubic, exact
-        self.name = f"{model.name}, {load} load"
         self._observed = {name: place for name, place in cubic.observed.items() if place[0] in _KINDS}
         self.outputs = tuple(self._observed)
-        self.units, self.meanings, self.largest_of = cubic.units, cubic.meanings, cubic.largest_of
+        self.labels = Labels(
+            name=f"{model.labels.name}, {load} load",
+            units=cubic.labels.units,
+            meanings=cubic.labels.meanings,
+            largest_of=cubic.labels.largest_of,
+        )
 
     @cached_property
     def lowest(self) -> Callable[[Array], Array]:
@@ -100,6 +108,10 @@ class Corrected(PeriodicSystem):
         """Axial stress (k,) on the surface "plus" or "minus", Pa, as for the model."""
         point = self._exact.point(link, fraction)
         return point.stress(self._exact.beams.angle(phase), q, surface, self.lowest(phase))
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(outputs=self)
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0

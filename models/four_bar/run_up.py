@@ -146,7 +146,9 @@ class _Moving:
         self._stages = (self._nodes[:-1, None] + self._h[:, None] * np.array(self._collocation.c)).ravel()
         self._samples = np.arange(_STEPS * _SAMPLES) * (TURN / (_STEPS * _SAMPLES))
         self._beams = replace(model.beams, angle=lambda phi: self._kinematics(phi)[0], carried=True)
-        terms, stiffening, damping = (str(model.options[name]) for name in ("terms", "stiffening", "damping"))
+        terms, stiffening, damping = (
+            str(model.labels.options[name]) for name in ("terms", "stiffening", "damping")
+        )
         self._motion = _MotionWithDamping(
             self._beams,
             lambda phi: self._kinematics(phi)[1:],
@@ -215,7 +217,7 @@ def kinematics(model: StructureModel, phi: Array, drive: Drive) -> tuple[Array, 
     The ground pivot C moves along the x axis: thesis (3.3) and (3.11) with the rates of L4.
     """
     L1, L2, L3 = (model.parameters[name] for name in ("L1", "L2", "L3"))
-    side = BRANCHES[str(model.options["branch"])]
+    side = BRANCHES[str(model.labels.options["branch"])]
     e1 = np.exp(1j * phi)
     span = drive.L4 - L1 * e1
     gamma = side * np.arccos((L2**2 + L3**2 - np.abs(span) ** 2) / (2 * L2 * L3))

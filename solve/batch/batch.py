@@ -16,6 +16,7 @@ from solve.errors import SolveError
 from solve.methods.choice import Rule, chosen_for
 from solve.methods.method import Solutions
 from solve.period.points import OnePoint, Points
+from solve.system import check, multiplier_count
 from solve.terminal import progress
 from solve.threads import one_thread
 
@@ -70,7 +71,7 @@ class Batch:
     def multipliers(self, points: Array, steps: int) -> Array:
         """Multipliers (k, N) of points (k, v) on one grid, without error estimates; zero for failed
         points."""
-        values = np.zeros((len(points), self.family.example.multiplier_count), dtype=complex)
+        values = np.zeros((len(points), multiplier_count(self.family.example)), dtype=complex)
         with one_thread(self.family.example.n), progress.task(POINTS, len(points)) as count:
             for _, positions, solutions in self.solutions(points, steps):
                 values[positions] = solutions.multipliers.values
@@ -102,7 +103,7 @@ class Batch:
         if at_speeds is not None:
             yield all_positions[valid], at_speeds
             return all_positions[~valid]
-        if system.model_hash is None:
+        if system.labels.model_hash is None:
             valid &= [not isinstance(self._single(points, at), Failed) for at in all_positions.tolist()]
         left = [all_positions[~valid]]
         for breaks, group in family.by_breaks(points):
@@ -125,7 +126,7 @@ class Batch:
         """Point at an index with a system of its own; Failed if this system is invalid."""
         try:
             system, speed = self.family.system(points[at])
-            system.checked(speed)
+            check(system, speed)
         except SolveError as refusal:
             return Failed(at, refusal)
         return OnePoint(system, speed)
@@ -137,7 +138,7 @@ class Batch:
             return False
         if not self._is_checked:
             with suppress(SolveError):
-                system.checked(float(self.family.speeds(points[:1])[0]))
+                check(system, float(self.family.speeds(points[:1])[0]))
                 self._is_checked = True
         return self._is_checked
 

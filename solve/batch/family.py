@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Formulas
+from solve.equations import entries_of, entries_over, output_formulas, output_values, terms_of
 from solve.errors import SolveError, ValueOutOfBoundsError, require_name
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
@@ -52,7 +53,7 @@ class Family:
             # NaN at points without a system; their solution fails for the same reason and reports it.
             with suppress(SolveError):
                 system, speed = self.system(point)
-                rows[:] = system.entries(phase, speed)
+                rows[:] = entries_of(system, phase, speed)
         return entries
 
     def exist(self, points: Array) -> Array:
@@ -92,7 +93,7 @@ class Family:
         by_point = []
         for point, *state in zip(points, phase, q, qd, qdd, strict=True):
             system, speed = self.system(point)
-            values = system.output_values(state[0], speed, *state[1:])
+            values = output_values(system, state[0], speed, *state[1:])
             by_point.append([values[name] for name in names])
         return np.array(by_point).reshape(len(points), -1, phase.shape[1])
 
@@ -107,15 +108,16 @@ class SystemFamily(Family):
     def __init__(self, system: PeriodicSystem, names: Sequence[str], speed: float | None = None):
         """speed (rad/s): required unless it is among the names. Raises UnknownNameError,
         ValueOutOfBoundsError."""
-        quantities = [SPEED, *system.parameters]
+        quantities = [SPEED, *system.labels.parameters]
         for name in names:
-            require_name(f"quantity of {system.name}", name, quantities)
+            require_name(f"quantity of {system.labels.name}", name, quantities)
         if len(set(names)) < len(names):
             raise ValueOutOfBoundsError(f"{names[0]} is given twice; vary different quantities")
         self.names, self.speed = tuple(names), speed
         self.example = system
         self._free = [name for name in names if name != SPEED]
-        self._evaluator: ModelPoints | None = system.many_points(self._free)
+        variation = system.capabilities.variation
+        self._evaluator: ModelPoints | None = None if variation is None else variation.many_points(self._free)
         self._recent: dict[tuple[float, ...], PeriodicSystem] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -133,11 +135,12 @@ class SystemFamily(Family):
 
     @property
     def moves_breaks(self) -> bool:
-        return bool(self._free) and self.example.moves_breaks
+        variation = self.example.capabilities.variation
+        return bool(self._free) and variation is not None and variation.moves_breaks
 
     def at_speeds(self, points: Array) -> AtSpeeds | None:
         speeds = self.speeds(points)
-        if self._free or self.example.terms(np.zeros(1), speeds[:1]) is None:
+        if self._free or terms_of(self.example, np.zeros(1), speeds[:1]) is None:
             return None
         return AtSpeeds(self.example, speeds)
 
@@ -167,7 +170,7 @@ class SystemFamily(Family):
         for number, values in enumerate(unique):
             members = np.flatnonzero(group.ravel() == number)
             with suppress(SolveError):
-                entries[members] = self._varied(values).entries_over(phase, speeds[members])
+                entries[members] = entries_over(self._varied(values), phase, speeds[members])
         return entries
 
     def outputs(
@@ -179,7 +182,7 @@ class SystemFamily(Family):
         return outputs[:, [self.example.outputs.index(name) for name in names]]
 
     def output_formulas(self, points: Array) -> Formulas | None:
-        formulas = self.example.output_formulas(self._free)
+        formulas = output_formulas(self.example, self._free)
         return None if formulas is None else self._with_values(formulas, points)
 
     def _with_values(self, formulas: Formulas, points: Array) -> Formulas:

@@ -11,13 +11,14 @@ from solve.certify.certified import Certified
 from solve.certify.interpolation import with_interpolation_errors
 from solve.certify.reduction import with_reduction_errors
 from solve.contracts import Statistics
+from solve.equations import judged_quantities, limits_of, warnings_of
 from solve.kernel.engines import COMPILED
 from solve.period.curve import PeriodicCurve
 from solve.period.frozen import PHASES
 from solve.period.multipliers import UNDETERMINED, verdicts_by_moduli
 from solve.period.quantities import Quantities
 from solve.results.points import Kept, PointResults
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, multiplier_count
 from solve.terminal import progress
 from solve.threads import one_thread
 
@@ -31,7 +32,7 @@ _CHUNK_BYTES = 2**25
 def gathered(batch: Batch, points: Array, kept: Kept | None = None) -> PointResults:
     """Results of points (P, v), solved in batches."""
     n = batch.family.example.n
-    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept or Kept())
+    results = PointResults.blank(len(points), multiplier_count(batch.family.example), kept or Kept())
     size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
@@ -44,7 +45,7 @@ def unjudged(batch: Batch, points: Array, steps: int, kept: Kept) -> PointResult
     """Multipliers and statistics of points (P, v) on one grid, without error estimates. All verdicts are
     "undetermined"."""
     n = batch.family.example.n
-    results = PointResults.blank(len(points), batch.family.example.multiplier_count, kept)
+    results = PointResults.blank(len(points), multiplier_count(batch.family.example), kept)
     size = chunk_size(n)
     with one_thread(n), progress.task(POINTS, len(points)) as count:
         for start in range(0, len(points), size):
@@ -117,7 +118,7 @@ class _ResultWriter:
         doubtful = found.doubtful
         for position, point in enumerate(found.positions.tolist()):
             system, speed = self.batch.family.system(self.points[point])
-            texts = [*(found.warnings(position) if doubtful[position] else ()), *system.warnings(speed)]
+            texts = [*(found.warnings(position) if doubtful[position] else ()), *warnings_of(system, speed)]
             if texts:
                 self.results.warnings[self.start + point] = texts
 
@@ -140,12 +141,12 @@ class _ResultWriter:
             self.results.amplitudes[at] = quantities.amplitudes(chosen, kept.harmonics)
         if kept.warnings:
             finite = np.isfinite(self.results.figures[at]).all(axis=(1, 2))
-            self._write_exceeded_limits(at if system.judged_quantities else at[~finite])
+            self._write_exceeded_limits(at if judged_quantities(system) else at[~finite])
 
     def _write_exceeded_limits(self, at: Array) -> None:
         """Write warnings about limits of the model exceeded at positions (k,)."""
         names, figures = self.results.kept.names, self.results.figures[at]
-        for limit in self.batch.family.example.limits(names):
+        for limit in limits_of(self.batch.family.example, names):
             of_quantity = figures[:, names.index(limit.quantity)]
             for row in np.flatnonzero(limit.exceeded(Statistics(*of_quantity.T))).tolist():
                 message = limit.message(Statistics(*of_quantity[row]))

@@ -55,7 +55,7 @@ class Separation:
         breaks: tuple[float, ...] = (),
     ):
         self.family, self.period, self.n, self.engine, self.breaks = family, period, n, engine, breaks
-        self.first_order = family.example.first_order
+        self.first_order = len(family.example.states)
         ends, _ = pieces(period, breaks)
         counts = np.maximum(_MIN_PHASES, np.round(_TRAINING_PHASES * np.diff(ends) / period)).astype(int)
         self._checks = np.ravel(ends[:-1, None] + np.diff(ends)[:, None] * _CHECKS)
@@ -169,7 +169,7 @@ class Sampled:
     def __init__(self, family: Family, points: Array, engine: str = NUMPY, breaks: tuple[float, ...] = ()):
         self.family, self.points, self.engine, self.breaks = family, points, engine, breaks
         self.n, self.period = family.example.n, family.example.period
-        self.first_order = family.example.first_order
+        self.first_order = len(family.example.states)
         self.bytes_a_phase = 8 * (3 * self.n**2 + self.n)
 
     def __len__(self) -> int:

@@ -31,6 +31,7 @@ from solve.methods.choice import Rule, chosen
 from solve.results.contents import model_info
 from solve.results.points import Kept, PointResults
 from solve.single import request
+from solve.system import multiplier_count
 from solve.terminal import progress
 
 _CHUNKS, _MIN_CHUNK, _MAX_CHUNK = 32, 8, 2**14
@@ -70,7 +71,7 @@ class Task:
         if executor is None and store is None:
             return gathered(batch, points, self.kept)
         size = min(_MAX_CHUNK, max(_MIN_CHUNK, -(-len(points) // _CHUNKS)))
-        multipliers = self.family.example.multiplier_count
+        multipliers = multiplier_count(self.family.example)
         results = PointResults.blank(len(points), multipliers, self.kept)
         with ExitStack() as opening:
             opened_store = None

@@ -10,7 +10,7 @@ phase.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Self
 
@@ -24,8 +24,10 @@ from solve.beams.frequencies import shape
 from solve.beams.motion import Motion, State, inertia_load
 from solve.beams.reduction import Basis, basis
 from solve.beams.structure import StructureModel, with_rates
+from solve.capabilities import Capabilities
 from solve.contracts import ModeShape
 from solve.errors import ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.model.bounds import REDUCE
 from solve.model.modes import lowest_frequencies, modes
 from solve.model.setup import Setup
@@ -175,10 +177,11 @@ class ReducedStructure(StructureModel):
 
     def __init__(self, setup: Setup, reduced: ReducedMotion):
         super().__init__(setup, reduced.full, reduced, reduced.basis.declared)
-        self.reduced, self.reduction = reduced, self
+        self.reduced = reduced
         self.modes_a_link: int = setup.options[REDUCE]
         if not self.static:
-            self.equation_warnings = (*self.equation_warnings, self.sentence)
+            sentences = (*self.labels.equation_warnings, self.sentence)
+            self.labels = replace(self.labels, equation_warnings=sentences)
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
@@ -236,7 +239,7 @@ class ReducedStructure(StructureModel):
         )
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
-        return [*self.equation_warnings, *super().warnings(speed, linear)]
+        return [*self.labels.equation_warnings, *super().warnings(speed, linear)]
 
     def expanded(self, phase: Array, speed: Array | float, *state: Array, acceleration: float = 0.0) -> State:
         positions = Positions(self.beams, phase)
@@ -251,8 +254,14 @@ class ReducedStructure(StructureModel):
         qdd = product(T, pdd) + 2 * product(first, pd) + product(second, p)
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
-    def varying(self, phase: Array, speed: Array, acceleration: float) -> tuple[Array, Array, Array, Array]:
-        self.require_motion()
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(reduction=self)
+
+    def _varying_at(
+        self, phase: Array, speed: Array, acceleration: float
+    ) -> tuple[Array, Array, Array, Array]:
+        require_motion(self)
         return self.reduced(phase, speed[:, None], acceleration)
 
     def terms(self, phase: Array, speeds: Array) -> None:

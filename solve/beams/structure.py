@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Protocol, Self
 
@@ -14,8 +15,11 @@ from solve.beams.elements import EXACT, Freedoms, Member, freedoms
 from solve.beams.frequencies import lowest, shapes
 from solve.beams.motion import Motion, State
 from solve.beams.observations import LINEAR, Contributions, Point, contributions, joint_force, quantity
+from solve.capabilities import Capabilities, Outputs
 from solve.contracts import DrawnLink, Matrices, ModeShape
-from solve.errors import NoMotionError, ValueOutOfBoundsError, require_name
+from solve.equations import entries_one_by_one
+from solve.errors import ValueOutOfBoundsError, require_name
+from solve.labels import Labels, require_motion
 from solve.model.bounds import REDUCE
 from solve.model.model import Model
 from solve.model.modes import beyond_critical
@@ -51,10 +55,8 @@ class Response(Protocol):
         ...
 
 
-class StructureModel(Model):
+class StructureModel(Model, Outputs):
     """Model from the links and joints of a generated module, with elements selected by the options."""
-
-    outputs_apart = True
 
     def __init__(
         self,
@@ -69,21 +71,26 @@ class StructureModel(Model):
         units = zip(chosen.names, chosen.units, strict=True)
         default = [(name, unit, "displacement from the rigid motion") for name, unit in units]
         super().__init__(setup, matrices or motion, coordinates or default)
-        self.motion, self.beams, self.structure = motion, motion.beams, self
-        self.moves = setup.module.MOVES
-        self.links = _drawn(chosen)
-        self._name_both_surfaces()
+        self.motion, self.beams = motion, motion.beams
+        self.labels = self._of_both_surfaces(
+            replace(
+                self.labels,
+                outputs_apart=True,
+                moves=setup.module.MOVES,
+                links=_drawn(chosen),
+                no_motion=_reason_without_motion(setup, chosen),
+            )
+        )
 
-    def _name_both_surfaces(self) -> None:
-        """Define the quantity PLACE_stress as the larger of PLACE_stress_plus and PLACE_stress_minus."""
+    def _of_both_surfaces(self, labels: Labels) -> Labels:
+        """Labels with the quantity PLACE_stress as the larger of PLACE_stress_plus and PLACE_stress_minus."""
+        largest_of, units, meanings = {}, dict(labels.units), dict(labels.meanings)
         for plus in (name for name, (kind, *_) in self.observed.items() if kind == "stress_plus"):
             both = plus.removesuffix("_plus")
-            self.largest_of = {**self.largest_of, both: (plus, f"{both}_minus")}
-            self.units = {**self.units, both: self.units[plus]}
-            self.meanings = {
-                **self.meanings,
-                both: self.meanings[plus].removesuffix("plus surface") + "either surface",
-            }
+            largest_of[both] = plus, f"{both}_minus"
+            units[both] = units[plus]
+            meanings[both] = meanings[plus].removesuffix("plus surface") + "either surface"
+        return replace(labels, largest_of=largest_of, units=units, meanings=meanings)
 
     @classmethod
     def of(cls, setup: Setup) -> Self:
@@ -113,31 +120,34 @@ class StructureModel(Model):
         return State(self.motion, phase, speed, q, qd, qdd, acceleration)
 
     def at(self, phase: Array, speed: float) -> Matrices:
-        self.require_motion()
+        require_motion(self)
         return super().at(phase, speed)
 
-    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        self.require_motion()
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(structure=self, outputs=self if self.outputs else None)
+
+    def _varying_at(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+        require_motion(self)
         return self.motion(phase, speed[:, None], acceleration)
 
-    def entries_over(self, phase: Array, speeds: Array) -> Array:
+    def entries_over(self, phase: Array, speeds: Array) -> Array | None:
         """Entries at speeds (P,). For more than three speeds they are interpolated (Lagrange) from three
         speeds, which is exact."""
         low, high = speeds.min(), speeds.max()
         if len(speeds) <= _SPEED_NODES or high - low < 1e-3 * high:
-            return super().entries_over(phase, speeds)
+            return None
         x = (speeds - low) / (high - low)
         weights = np.stack(((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)), axis=1)
-        return np.tensordot(
-            weights, super().entries_over(phase, np.linspace(low, high, _SPEED_NODES)), axes=1
-        )
+        nodes = np.linspace(low, high, _SPEED_NODES)
+        return np.tensordot(weights, entries_one_by_one(self, phase, nodes), axes=1)
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         """Terms of the speed; None for large systems, whose points are solved one at a time to save
         memory."""
         if self.n > SMALL:
             return None
-        self.require_motion()
+        require_motion(self)
         entry, power = self.motion.speed_powers
         return self._speed_terms(phase), speeds[:, None] ** power, entry
 
@@ -171,19 +181,17 @@ class StructureModel(Model):
         """Lowest bending frequencies (π/L)² √(EI/µ) in rad/s of the links, pinned at both ends."""
         p = self.beams.properties
         frequencies = (np.pi / p.length) ** 2 * np.sqrt(p.EI / p.mu)
-        return dict(zip((link.name for link in self.links), frequencies.tolist(), strict=True))
+        return dict(zip((link.name for link in self.labels.links), frequencies.tolist(), strict=True))
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
-        if not self.outputs:
-            return {}
         state = self.expanded(phase, speed, q, qd, qdd, acceleration=acceleration)
 
         def value(name: str) -> Array:
             kind, link, place = self.observed[name]
             # Outputs of the entire structure have no link.
-            return quantity(state, kind, self._member(link or self.links[0].name), place)
+            return quantity(state, kind, self._member(link or self.labels.links[0].name), place)
 
         return LazyMapping(self.outputs, value)
 
@@ -197,14 +205,14 @@ class StructureModel(Model):
             return []
         warnings, ratio = [], self.beams.properties.damping_ratio
         damped = ratio > 0 or self.beams.properties.dashpot.any()
-        if not damped and self.options["terms"] == "instantaneous":
+        if not damped and self.labels.options["terms"] == "instantaneous":
             warnings.append(
                 "terms=instantaneous neglects M'q', the change of M with the phase: without damping this "
                 "adds energy, and |ρ| > 1 at every speed does not imply instability; use --option terms=full"
             )
-        if ratio > 1 and self.options["damping"] == "modal":
+        if ratio > 1 and self.labels.options["damping"] == "modal":
             warnings.append(beyond_critical(ratio))
-        if self.options["stiffening"] == "on":
+        if self.labels.options["stiffening"] == "on":
             warnings += self.motion.buckling_warnings(speed)
         return warnings
 
@@ -283,12 +291,12 @@ class StructureModel(Model):
         q = self.expanded(phase, 0.0, q).q
         return self.point(link, fraction).stress(self.beams.angle(phase), q, surface)
 
-    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
+    def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
         """Deflected links, and lines of the sketch."""
         fractions = np.linspace(0.0, 1.0, samples_of("beam", fineness)).tolist()
         links = {
             link.name: np.array([self.path(link.name, at, 0.0, phase, q)[1] for at in fractions])
-            for link in self.links
+            for link in self.labels.links
         }
         return {**links, **stated_lines(self.setup, phase, speed, q[:0], fineness)}
 
@@ -326,12 +334,12 @@ class StructureModel(Model):
     def require_part_of_modes(self, output: str) -> tuple[str, str, float]:
         """Kind, link and position of an output that is linear in the deflections. Raises UnknownNameError."""
         linear = {name: entry for name, entry in self.observed.items() if entry[0] in LINEAR}
-        require_name(f"deflection or stress of {self.name}", output, linear)
+        require_name(f"deflection or stress of {self.labels.name}", output, linear)
         return linear[output]
 
     def _member(self, link: str) -> Member:
         members = {member.link.name: member for member in self.beams.members}
-        require_name(f"link of {self.name}", link, members)
+        require_name(f"link of {self.labels.name}", link, members)
         return members[link]
 
     def point(self, link: str, fraction: float) -> Point:
@@ -347,23 +355,27 @@ class StructureModel(Model):
         """Structure held at the positions with phases (m,)."""
         return Positions(self.beams, phase)
 
-    def require_motion(self) -> None:
-        """Raise NoMotionError if the structure is at rest, or its elements have no equations of motion."""
-        if not self.module.MOVES:
-            raise NoMotionError(
-                f"{self.name} is a structure at rest, which has natural frequencies only; "
-                f"run: python -m solve frequencies {self.name}"
-            )
-        if EXACT in self.beams.freedoms.kinds:
-            raise NoMotionError(
-                f"{self.name} with element {EXACT} has natural frequencies only, without equations of "
-                "motion; choose another element"
-            )
-        if any(link.inextensible for link in self.beams.freedoms.links):
-            raise NoMotionError(
-                f"{self.name} has inextensible links, for which only natural frequencies are "
-                "available; make the links extensible"
-            )
+
+def _reason_without_motion(setup: Setup, freedoms: Freedoms) -> str:
+    """Reason why a structure is at rest, or why its elements have no equations of motion; empty if they
+    have."""
+    name = setup.module.NAME
+    if not setup.module.MOVES:
+        return (
+            f"{name} is a structure at rest, which has natural frequencies only; "
+            f"run: python -m solve frequencies {name}"
+        )
+    if EXACT in freedoms.kinds:
+        return (
+            f"{name} with element {EXACT} has natural frequencies only, without equations of "
+            "motion; choose another element"
+        )
+    if any(link.inextensible for link in freedoms.links):
+        return (
+            f"{name} has inextensible links, for which only natural frequencies are "
+            "available; make the links extensible"
+        )
+    return ""
 
 
 def with_rates(state: Sequence[Array]) -> tuple[Array, Array, Array]:

@@ -13,6 +13,7 @@ from solve.arrays import Array
 from solve.certify.coefficients import MIN_PHASES
 from solve.certify.estimates import PHASES_PER_STEP, largest_moduli
 from solve.contracts import Motion
+from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import SolveError
 from solve.kernel.formulas import columns_by
 from solve.matrices import by_rates
@@ -21,7 +22,7 @@ from solve.methods.method import Method, Solutions
 from solve.period.grid import Grid
 from solve.period.multipliers import EPS
 from solve.period.points import Multiplied, OnePoint
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, in_phase
 
 CANCELLED = 1e-3
 """Fraction of the load scale below which a coordinate is small by cancellation: forces that cancel to three
@@ -94,7 +95,7 @@ class CoordinateScale:
     @cached_property
     def _load_terms(self) -> Array:
         """Displacements (n,) due to the individual terms that are summed to the loads."""
-        return self._displacements(self.along.roundoff(self._phases, self.speed))
+        return self._displacements(roundoff_of(self.along, self._phases, self.speed))
 
     @cached_property
     def _phases(self) -> Array:
@@ -103,7 +104,7 @@ class CoordinateScale:
 
     @cached_property
     def _matrices(self) -> tuple[Array, Array, Array, Array]:
-        return self.along.in_phase(self._phases, self.speed)
+        return in_phase(self.along, self._phases, self.speed)
 
     def _displacements(self, forces: Array) -> Array:
         """Displacements (n, …) that forces (k, n, …) cause against the diagonal impedances."""
@@ -131,7 +132,7 @@ def corrected(
 
     It is the solution of the system linearised along the motion, with equations multiplied by factors (1, n).
     Raises SolveError if that has no solution, LinearModelError for linear systems."""
-    along = system.along(motion, columns_by(engine))
+    along = nonlinear_of(system).along(motion, columns_by(engine))
     return solved_along(along, speed, method, grid, engine, factors)
 
 
@@ -168,7 +169,9 @@ def linearisation_error(
     except SolveError:
         return np.full(system.n, np.nan)
     change, largest = correction(motion, solutions)
-    scale = CoordinateScale(system.along(motion, columns_by(engine)), motion, speed, solutions.grid.steps)
+    scale = CoordinateScale(
+        nonlinear_of(system).along(motion, columns_by(engine)), motion, speed, solutions.grid.steps
+    )
     error = change / scale.of(largest)
     return change / scale.of(largest, roundoff=True) if error.max() > _MAY_BE_ROUND_OFF else error
 
@@ -182,8 +185,8 @@ def liouville_defect(system: PeriodicSystem, speed: float, solutions: Solutions)
         return math.nan
     nodes, weights = np.polynomial.legendre.leggauss(3)
     phases = solutions.grid.stages((nodes + 1) / 2)
-    M, C, K, _ = system.in_phase(phases.ravel(), speed)
-    M, C, _ = by_rates(M, C, K, system.first_order)
+    M, C, K, _ = in_phase(system, phases.ravel(), speed)
+    M, C, _ = by_rates(M, C, K, len(system.states))
     rates = np.einsum("kii->k", np.linalg.solve(M, C)).reshape(phases.shape)
     volume = -float(solutions.grid.h @ rates @ weights) / 2
     return float(np.linalg.slogdet(solutions.steps.A[0])[1].sum()) - volume
@@ -203,5 +206,5 @@ def equation_residual(
     residual = np.abs(sum(terms) - d).max(axis=0)
     if (residual > _MAY_BE_ROUND_OFF * scale).any():
         # If all terms are round-off, the residual is relative to the summands of the load.
-        scale = np.maximum(scale, system.roundoff(phase, speed).max(axis=0))
+        scale = np.maximum(scale, roundoff_of(system, phase, speed).max(axis=0))
     return float(np.max(residual / np.where(scale > 0, scale, 1.0)))

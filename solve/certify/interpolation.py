@@ -27,7 +27,7 @@ from solve.errors import SolveError
 from solve.methods.free import free, solutions_on
 from solve.period.points import OnePoint
 from solve.samples import Samples
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, with_samples
 from solve.terminal import progress
 
 _FASTEST = 1e-3
@@ -60,7 +60,7 @@ def with_interpolation_errors(
 
     Points of systems that are not sampled remain unchanged. system_at: system and speed (rad/s) of one of
     them."""
-    if not len(result) or system_at(0)[0].samples is None:
+    if not len(result) or system_at(0)[0].capabilities.samples is None:
         return result
     found = []
     with progress.task("error of the interpolation", len(result)) as count:
@@ -89,7 +89,7 @@ def with_margin(refined: RefinedMultipliers, error: float) -> RefinedMultipliers
 
 def _of_point(result: Certified, row: int, system: PeriodicSystem, speed: float) -> InterpolationError:
     """Interpolation error at a point."""
-    samples = system.samples
+    samples = system.capabilities.samples
     assert samples is not None
     spacing, last = samples.spacing, int(samples.significant.max(initial=0))
     if samples.ends:
@@ -117,7 +117,7 @@ def _change(result: Certified, row: int, point: tuple[PeriodicSystem, float], sa
     """Relative differences (2,) of a point's orbit and multipliers with other samples. Raises SolveError."""
     system, speed = point
     solutions = result.solutions[np.array([row])]
-    fewer = OnePoint(system.from_interpolant(samples), speed)
+    fewer = OnePoint(with_samples(system, samples), speed)
     orbit, engine = solutions.curve is not None, result.request.engine
     made = solutions_on(result.method, fewer, solutions.grid, orbit, engine, free(fewer))
     for reason in made.failures.values():

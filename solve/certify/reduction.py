@@ -21,6 +21,7 @@ from solve.certify.certified import Certified, Failed, ReductionError
 from solve.certify.estimates import SAFETY
 from solve.certify.refinement import certified
 from solve.contracts import Reduction
+from solve.equations import output_values
 from solve.errors import SolveError
 from solve.methods.method import Solutions
 from solve.period.curve import PeriodicCurve
@@ -37,7 +38,7 @@ def with_reduction_errors(
 
     Points of systems that are not reduced remain unchanged. system_at: system and speed (rad/s) of one of
     them."""
-    if not len(result) or system_at(0)[0].reduction is None:
+    if not len(result) or system_at(0)[0].capabilities.reduction is None:
         return result
     errors, margins = [], []
     with progress.task("error of the reduction", len(result)) as count:
@@ -54,7 +55,7 @@ def _of_point(
     result: Certified, row: int, system: PeriodicSystem, speed: float
 ) -> tuple[ReductionError, float]:
     """Reduction errors at a point, and the margin of its multipliers."""
-    reduction = system.reduction
+    reduction = system.capabilities.reduction
     assert reduction is not None
     try:
         reduced = _reduced_solutions(result, row, system, speed)
@@ -120,7 +121,7 @@ def _orbit_errors(
 
     Orbits are compared at 720 phases at least. Coordinates below 1e-12 of the largest displacement are at
     rest except for round-off."""
-    reduction = system.reduction
+    reduction = system.capabilities.reduction
     assert reduction is not None
     count = max(720, 2 * len(reduced.nodes))
     phase = np.arange(count) * (system.period / count)
@@ -133,8 +134,8 @@ def _orbit_errors(
     largest = np.abs(exact_q).max(axis=1)
     moves = largest > 1e-12 * largest.max(initial=0.0)
     orbit = float((np.abs(q - exact_q).max(axis=1)[moves] / largest[moves]).max(initial=0.0))
-    values = system.output_values(*approximate)
-    exact_values = reduction.enriched.output_values(*exact)
+    values = output_values(system, *approximate)
+    exact_values = output_values(reduction.enriched, *exact)
     return orbit, {name: _relative_error(values[name], exact_values[name]) for name in system.outputs}
 
 

@@ -15,7 +15,7 @@ import typer
 
 from solve.commands.parse import assignments, integer, number, quantities, spread
 from solve.errors import DesiredMotionError, MissingValueError, ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, require_motion, speed_or_usual
 from solve.loading import case_numbers, load, missing_parameters, model_of, parameter_units, setup_of
 from solve.methods.choice import Rule, chosen
 from solve.model.bounds import REDUCE, measured
@@ -109,8 +109,8 @@ class Numbers(CaseNumbers):
         """Model with that name. Raises NoMotionError for a model without equations of motion and
         NoVibrationError for one without coordinates, unless the study permits them."""
         model = self._first_model(name, varied)
-        if not still and (model.vibrates or not rigid):
-            model.require_motion()
+        if not still and (model.labels.vibrates or not rigid):
+            require_motion(model)
         return model
 
     def _first_model(self, name: str, varied: Varied) -> Model:
@@ -199,7 +199,7 @@ class Speed:
 
     def omega(self, model: PeriodicSystem) -> float:
         """Ω in rad/s from the flag, or from the case by default. Raises MissingValueError."""
-        return model.speed_or_usual(self.speed)
+        return speed_or_usual(model, self.speed)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from solve.commands.deliver import ContradictionError, deliver_result
 from solve.commands.groups import Accuracy, Flag, Moved, Places, Problem, Results, Speed, Speeds, Steps
 from solve.commands.parse import assignments, figure_kept, fraction, harmonic_count, points, quantities
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
+from solve.labels import in_own_unit
 from solve.model.model import Model
 from solve.results.sweep import Sweep
 from solve.system import PeriodicSystem
@@ -185,7 +186,7 @@ def _held(text: str, model: Model) -> tuple[str, float]:
     ((name, value),) = assignments("--cut", [text], "NAME=NUMBER").items()
     if name == "speed":
         return name, speed_in_si(value)
-    return name, model.in_own_unit(name, quantities("--cut", [text])[name])
+    return name, in_own_unit(model, name, quantities("--cut", [text])[name])
 
 
 def bands(problem: Problem, speeds: Speeds, accuracy: Accuracy, results: Results, moved: Moved) -> None:

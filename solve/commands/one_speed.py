@@ -116,7 +116,7 @@ def _with_measured(
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
     return (
         lambda: {**record(), "measured": [channel.record for channel in channels]},
-        lambda: stacked(report(), differences_table(channels, orbit.system.speed_unit)),
+        lambda: stacked(report(), differences_table(channels, orbit.system.labels.speed_unit)),
         lambda: compared_figure(orbit.system, channels, title),
     )
 

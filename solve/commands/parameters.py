@@ -69,7 +69,7 @@ def fit(
     case = None if toml is None else checked(toml, [".toml"], "case")
     names, limits = listed("--free", free), _bounds(bounds)
     model = problem.loaded()
-    omega = speed.speed or model.case_speed
+    omega = speed.speed or model.labels.case_speed
     result = solve.fit(model, data, names, limits, omega, robust, accuracy.rule, accuracy.rtol)
     further = {} if case is None else {case: lambda: result.toml}
     deliver_result(results, result, problem.choices, beside=further)
@@ -228,7 +228,7 @@ def frequencies(
     variation = None
     if varied is not None:
         positions = here.positions
-        if position is None and model.moves:
+        if position is None and model.labels.moves:
             positions = study.turn(model, turn or study.TURN)
         variation = study.frequencies_over(model, *varied, positions, count)
     first = [name for name in varied[:1] if name in problem.unset(problem.model)] if varied else []

@@ -13,6 +13,7 @@ from solve.derivatives.figures import Figures, Starts
 from solve.derivatives.multipliers import COALESCENCE, GridMultipliers
 from solve.derivatives.orbit_sums import Adjoint, Forward, GridOrbit, WeightedSums, term_sizes
 from solve.derivatives.periodic_problem import PeriodicProblem
+from solve.equations import derivatives_of, output_values
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
@@ -25,7 +26,6 @@ from solve.period.named import EXPONENT, RADIUS, Named
 from solve.period.points import OnePoint
 from solve.period.quantities import samples_a_step
 from solve.results.stability import Stability
-from solve.system import derivatives_of
 
 _JUMP = 1e-9
 """Jump of an output, relative to its largest value, above which it is discontinuous. A choice."""
@@ -110,7 +110,7 @@ class GridDerivatives:
             except ValueOutOfBoundsError:
                 return mean_weights(OnePoint(system, speed), free.modes)
 
-        values = [speed if name == SPEED else system.parameters[name] for name in self.names]
+        values = [speed if name == SPEED else system.labels.parameters[name] for name in self.names]
         levels = np.zeros((free.modes.references.shape[1], len(values)))
         for at, (name, value) in enumerate(zip(self.names, values, strict=True)):
             step = _STEP * (abs(value) or 1.0)
@@ -165,7 +165,7 @@ class GridDerivatives:
         for at, place in ((nodes, 0), (nodes - 1, -1)):
             a, v, q = np.moveaxis(self.problem.orbit.states[at, place, ..., 0] * rates, 1, 0)
             phases = self.problem.phases[at, place]
-            values.append(system.output_values(phases, speed, q.T, v.T, a.T)[name])
+            values.append(output_values(system, phases, speed, q.T, v.T, a.T)[name])
         jumps = np.abs(values[0] - values[1]) > _JUMP * np.abs(values).max()
         return (self.nodes[nodes[jumps]] != 0).any(axis=0)
 

@@ -9,6 +9,7 @@ import numpy as np
 from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.derivatives.grid_derivatives import GridDerivatives, dependence_of, multiplier_position
+from solve.equations import derivatives_of
 from solve.errors import NoDerivativeError, ValueOutOfBoundsError
 from solve.labels import SPEED
 from solve.methods.choice import Rule
@@ -19,7 +20,7 @@ from solve.results.sensitivities import Sensitivities, Sensitivity
 from solve.results.special_orbits import NonlinearOrbit
 from solve.results.stability import Stability
 from solve.single import floquet, periodic
-from solve.system import PeriodicSystem, derivatives_of, of_system
+from solve.system import PeriodicSystem, of_system
 from solve.threads import one_thread
 
 _SAFETY = 2.0
@@ -156,7 +157,7 @@ def of_solution(solved: Stability, quantities: Sequence[Named], names: Sequence[
     with one_thread(system.n):
         slopes = list(zip(by_method.slopes(quantities), better.slopes(quantities), strict=True))
         found = _with_errors(quantities, slopes, by_method, coarse)
-    values = [solved.speed if name == SPEED else system.parameters[name] for name in names]
+    values = [solved.speed if name == SPEED else system.labels.parameters[name] for name in names]
     by = dict(zip(names, values, strict=True))
     notes = [*solved.notes, *(solved.doubts if isinstance(solved, NonlinearOrbit) else [])]
     return Sensitivities(system, solved.speed, by, found, rule.name, solved.steps, notes)
@@ -167,7 +168,7 @@ def _default_quantities(system: PeriodicSystem) -> list[str]:
 
 
 def _all_names(system: PeriodicSystem) -> list[str]:
-    return [*(system.derivatives.names if system.derivatives else ()), SPEED]
+    return [*(derivatives_of(system).names if system.capabilities.variation else ()), SPEED]
 
 
 def _names(what: str, given: Sequence[str] | None, default: Sequence[str]) -> list[str]:

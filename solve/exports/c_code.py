@@ -5,7 +5,9 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from solve.equations import is_nonlinear
 from solve.errors import FileError, LinearModelError
+from solve.labels import require_motion
 from solve.model.model import LinearisedModel, Model
 from solve.model.sampling import by_rows, inputs_of
 from solve.results.contents import versions
@@ -30,11 +32,11 @@ _ARGUMENTS = "Phase in rad, speed in rad/s, time derivatives, SI units; matrices
 def require_formulas(system: PeriodicSystem, what: str) -> Model:
     """Return the system if it is a model with formulas. Raises NoMotionError or LinearModelError
     otherwise."""
-    system.require_motion()
+    require_motion(system)
     linearised = isinstance(system, LinearisedModel)
-    if not isinstance(system, Model) or linearised or system.assembled or not system.nonlinear:
+    if not isinstance(system, Model) or linearised or system.assembled or not is_nonlinear(system):
         raise LinearModelError(
-            f"{what} requires the formulas of a mechanism, and {system.name} has only numerical "
+            f"{what} requires the formulas of a mechanism, and {system.labels.name} has only numerical "
             "matrices; export these to a .mat file"
         )
     return system
@@ -42,7 +44,7 @@ def require_formulas(system: PeriodicSystem, what: str) -> Model:
 
 def identifier(model: Model) -> str:
     """Name of the model as a C identifier."""
-    name = re.sub(r"\W", "_", model.name, flags=re.ASCII)
+    name = re.sub(r"\W", "_", model.labels.name, flags=re.ASCII)
     return name if name[:1].isalpha() else f"model_{name}"
 
 
@@ -99,7 +101,7 @@ def _header(model: Model, functions: dict[str, "casadi.Function"]) -> str:
         *_listed("q", model, model.coordinates),
         *_listed("y", model, model.outputs if "outputs" in functions else ()),
         *_listed("p", model, tuple(model.parameters)),
-        f"/* Values of p of case {_plain(str(model.case))}, with those that were set. */",
+        f"/* Values of p of case {_plain(str(model.labels.case))}, with those that were set. */",
         f"extern const double {name}_parameters[{max(len(model.parameters), 1)}];",
         "",
         f"/* {_ARGUMENTS}",
@@ -150,12 +152,12 @@ def _wrapper(model: Model, name: str, function: "casadi.Function") -> str:
 
 
 def _banner(model: Model) -> list[str]:
-    options = "".join(f", {name}={value}" for name, value in model.options.items())
+    options = "".join(f", {name}={value}" for name, value in model.labels.options.items())
     numbers = versions()
     tools = f"parametric-vibration {numbers['parametric-vibration']} with CasADi {numbers['casadi']}"
     return [
-        f"/* {_plain(model.title)}",
-        f"   model {_plain(model.name)}, code {model.model_hash}{_plain(options)}",
+        f"/* {_plain(model.labels.title)}",
+        f"   model {_plain(model.labels.name)}, code {model.labels.model_hash}{_plain(options)}",
         f"   written by {tools} */",
     ]
 
@@ -164,8 +166,8 @@ def _listed(symbol: str, model: Model, names: Sequence[str]) -> list[str]:
     """C comment with name, unit and meaning of each entry of an array."""
     lines = []
     for k, name in enumerate(names):
-        default = model.units.get(name, ""), model.meanings.get(name, "")
-        unit, meaning = model.parameter_labels[name] if symbol == "p" else default
+        default = model.labels.units.get(name, ""), model.labels.meanings.get(name, "")
+        unit, meaning = model.labels.parameter_labels[name] if symbol == "p" else default
         lines.append(f"   {symbol}[{k}]  {name} ({unit or '1'}): {_plain(meaning)}")
     return [f"/* {symbol}:", *lines, "*/", ""] if lines else []
 

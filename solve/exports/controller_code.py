@@ -65,13 +65,13 @@ def controller_code(result: Controller, stem: str, samples: int) -> tuple[str, s
     phase = np.arange(samples) * (period / samples)
     tables, between = _Tables.of(result, phase), _Tables.of(result, phase + period / (2 * samples))
     error = max(_interpolation_error(a, b) for a, b in zip(tables[1:], between[1:], strict=True))
-    name = re.sub(r"\W", "_", f"{result.system.name}_controller", flags=re.ASCII)
+    name = re.sub(r"\W", "_", f"{result.system.labels.name}_controller", flags=re.ASCII)
     name = name if name[:1].isalpha() else f"c_{name}"
     observer = result.compensator is not None
     numbers = versions()["parametric-vibration"]
     signals = "x_hat" if observer else "x"
     lines = [
-        f"/* Feedback u = -K(phase) {signals} + f(phase) of {result.system.name.replace('*/', '')},",
+        f"/* Feedback u = -K(phase) {signals} + f(phase) of {result.system.labels.name.replace('*/', '')},",
         f"   designed for {result.speed!r} rad/s; written by parametric-vibration {numbers}. SI units.",
         f"   x: {', '.join(result.states)}; u: {', '.join(result.signals)}",
         f"   {samples} phases per {period!r} rad, interpolated linearly with the relative error {error:.1e}.",

@@ -16,7 +16,7 @@ from solve.exports.c_code import c_code
 from solve.exports.controller_code import controller_code, controller_mat
 from solve.exports.fmu import fmu
 from solve.exports.state_space import SAMPLES, StateSpace, state_space
-from solve.labels import require_vibration
+from solve.labels import require_motion, require_vibration, speed_or_usual
 from solve.results.contents import versions
 from solve.results.controller import Controller
 from solve.results.files import AtomicFiles, checked
@@ -128,7 +128,7 @@ def mat_file(space: StateSpace, stability: Stability) -> bytes:
         arrays["b"] = matrices.b
     content: dict[str, Any] = {name: np.moveaxis(array, 0, -1) for name, array in arrays.items()}
     texts = {name: _cells(values) for name, values in names._asdict().items()}
-    labels = system.parameter_labels
+    labels = system.labels.parameter_labels
     content |= {
         "phase": space.phase,
         "speed": float(space.speed),
@@ -139,13 +139,13 @@ def mat_file(space: StateSpace, stability: Stability) -> bytes:
         "spectral_radius": stability.spectral_radius,
         "verdict": stability.verdict,
         **texts,
-        "parameter_names": _cells(tuple(system.parameters)),
-        "parameter_values": np.array(list(system.parameters.values()), dtype=float),
-        "parameter_units": _cells(tuple(labels[name][0] for name in system.parameters)),
-        "model": system.name,
-        "title": system.title,
-        "model_case": str(system.case or ""),
-        "options": _cells(tuple(f"{name}={value}" for name, value in system.options.items())),
+        "parameter_names": _cells(tuple(system.labels.parameters)),
+        "parameter_values": np.array(list(system.labels.parameters.values()), dtype=float),
+        "parameter_units": _cells(tuple(labels[name][0] for name in system.labels.parameters)),
+        "model": system.labels.name,
+        "title": system.labels.title,
+        "model_case": str(system.labels.case or ""),
+        "options": _cells(tuple(f"{name}={value}" for name, value in system.labels.options.items())),
         "warnings": _cells(tuple(stability.warnings)),
         "versions": _cells(tuple(f"{name} {version}" for name, version in versions().items())),
     }
@@ -163,21 +163,21 @@ _Contents = tuple[Mapping[Path, bytes], list[str]]
 
 
 def _mat(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Contents:
-    system.require_motion()
-    omega = system.speed_or_usual(speed)
+    require_motion(system)
+    omega = speed_or_usual(system, speed)
     space, stability = state_space(system, omega, samples), floquet(system, omega)
     return {file: mat_file(space, stability)}, stability.warnings
 
 
 def _c(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Contents:
     source, header = c_code(system, file.stem)
-    warnings = list(system.equation_warnings)
+    warnings = list(system.labels.equation_warnings)
     return {file: source.encode(), file.with_suffix(".h"): header.encode()}, warnings
 
 
 def _fmu(system: PeriodicSystem, file: Path, speed: float | str | None, samples: int) -> _Contents:
-    system.require_motion()
-    content, warnings = fmu(system, system.speed_or_usual(speed))
+    require_motion(system)
+    content, warnings = fmu(system, speed_or_usual(system, speed))
     return {file: content}, warnings
 
 

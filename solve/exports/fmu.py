@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import require_load
 from solve.errors import MissingLibraryError, NoLoadError, ValueOutOfBoundsError
 from solve.exports.c_code import identifier, require_formulas
 from solve.exports.state_space import signals
@@ -21,7 +22,7 @@ from solve.kernel.compiler import CompilerError, c_compiler
 from solve.model.model import Model
 from solve.model.sampling import symbol
 from solve.newton.orbits import nonlinear
-from solve.system import PeriodicSystem, require_load
+from solve.system import PeriodicSystem
 from solve.threads import symbolic
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
     """Variables with start values, and warnings about the orbit from which these are taken."""
     n, names = model.n, signals(model)
     state, sizes, warnings = _start(model, speed)
-    meanings = [model.meanings.get(name, "") for name in model.coordinates]
+    meanings = [model.labels.meanings.get(name, "") for name in model.coordinates]
     rate_meanings = [f"rate of {name}" for name in model.coordinates]
     force_meanings = [f"force along {name}" for name in model.coordinates]
     columns = names.states, names.state_units, [*meanings, *rate_meanings], state.tolist(), sizes.tolist()
@@ -130,9 +131,12 @@ def _variables(model: Model, speed: float) -> tuple[_Variables, list[str]]:
     ]
     acceleration = _Variable("acceleration", "rad/s^2", "acceleration of the drive", 0.0)
     parameters = [
-        _Variable(name, *model.parameter_labels[name], value) for name, value in model.parameters.items()
+        _Variable(name, *model.labels.parameter_labels[name], value)
+        for name, value in model.parameters.items()
     ]
-    outputs = [_Variable(name, model.units[name], model.meanings[name], None) for name in model.outputs]
+    outputs = [
+        _Variable(name, model.labels.units[name], model.labels.meanings[name], None) for name in model.outputs
+    ]
     variables = _Variables(drive, states[:n], states[n:], [acceleration, *forces], parameters, outputs)
     return variables, warnings
 
@@ -233,7 +237,7 @@ def _explicit(model: Model) -> "casadi.Function":
 def _described(content: bytes, model: Model, variables: _Variables, speed: float) -> bytes:
     """Model description from CasADi, with units, start values of the states and the period added."""
     root = ET.fromstring(content)
-    root.set("description", model.title)
+    root.set("description", model.labels.title)
     root.set("generationTool", "parametric-vibration, CasADi")
     scalars = [variable for group in variables for variable in group]
     units = ET.Element("UnitDefinitions")

@@ -20,10 +20,11 @@ from solve.exports.state_space import (
     python_control,
     signals,
 )
+from solve.labels import require_motion
 from solve.methods.fourier import MOST_UNKNOWNS
 from solve.methods.hill import toeplitz, together
 from solve.period.grid import Grid
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, multiplier_count, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
 
 if TYPE_CHECKING:
@@ -206,7 +207,7 @@ class HarmonicTransfer:
         control = python_control()
         orders, N = self.orders, self.harmonics
         A, B, C, D = self._spectra.lifted(orders, N, self.rotation)
-        size, (p, r) = self.system.multiplier_count, self._spectra.D.shape[1:]
+        size, (p, r) = multiplier_count(self.system), self._spectra.D.shape[1:]
         A = _real(A, orders, orders, size, size)
         B, C = _real(B, orders, N, size, r), _real(C, N, orders, p, size)
         names = self.signals
@@ -220,7 +221,8 @@ class HarmonicTransfer:
     def __repr__(self) -> str:
         names = self.signals
         return (
-            f"Harmonic transfer function of {self.system.name} at {self.system.speed_unit.text(self.speed)}, "
+            f"Harmonic transfer function of {self.system.labels.name} at "
+            f"{self.system.labels.speed_unit.text(self.speed)}, "
             f"orders -{self.harmonics} … {self.harmonics}\ninputs  {', '.join(names.inputs)}\n"
             f"outputs {', '.join(names.outputs)}\n"
             f"error {self.error:.1e} with {self.orders} orders of the states"
@@ -275,7 +277,7 @@ def harmonic_transfer(
     ((3, 1, 3, 1), 0.333148302)
     """
     omega, rtol = speed_in_si(speed), checked_rtol(rtol)
-    system.require_motion()
+    require_motion(system)
     most = _most_orders(system)
     if not (isinstance(harmonics, int | np.integer) and 0 <= harmonics <= most):
         raise ValueOutOfBoundsError(
@@ -287,8 +289,8 @@ def harmonic_transfer(
             f"orders is {orders!r}; allowed for {system.n} coordinates and {harmonics} harmonics: "
             f"{least} … {most}"
         )
-    system.checked(omega)
-    system = system.shown_in(omega)
+    check(system, omega)
+    system = shown_in(system, omega)
     first = orders if orders is not None else min(least + _highest_frequency(system, omega), most)
     while True:
         transfer = HarmonicTransfer(system, omega, int(harmonics), int(first), rtol, signals(system))
@@ -299,7 +301,7 @@ def harmonic_transfer(
 
 def _most_orders(system: PeriodicSystem) -> int:
     """Largest number of harmonics of the states for which twice as many fit into dense matrices."""
-    return (MOST_UNKNOWNS // system.multiplier_count - 1) // 4
+    return (MOST_UNKNOWNS // multiplier_count(system) - 1) // 4
 
 
 def _highest_frequency(system: PeriodicSystem, speed: float) -> int:

@@ -14,7 +14,7 @@ from solve.period.grid import Grid
 from solve.single import floquet
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, solve_riccati
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
 
 _ORDERS, _HARMONICS = 16, 2
@@ -191,7 +191,7 @@ class _Transfer(NamedTuple):
         inputs: Sequence[str] | None,
         rtol: float,
     ) -> "_Transfer":
-        plant = Plant(system.shown_in(speed_in_si(speed)), speed_in_si(speed))
+        plant = Plant(shown_in(system, speed_in_si(speed)), speed_in_si(speed))
         plant.require_inputs()
         plant.require_names(tuple(outputs))
         names = system.inputs if inputs is None else inputs
@@ -200,7 +200,7 @@ class _Transfer(NamedTuple):
         stability = floquet(plant.system, plant.speed, rtol=rtol)
         if stability.verdict != "asymptotically stable":
             raise ControlError(
-                f"{system.name} is {stability.verdict}; norms require an asymptotically stable system"
+                f"{system.labels.name} is {stability.verdict}; norms require an asymptotically stable system"
             )
         base = 2 * np.pi / system.period * plant.speed
         folded = np.abs(np.imag(stability.exponents)) % base

@@ -11,12 +11,14 @@ import numpy as np
 
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
+from solve.equations import output_values
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
 from solve.first_order import FirstOrderSystem
+from solve.labels import require_motion
 from solve.matrices import SAME_PHASE, leading
 from solve.period.points import rate_of
 from solve.studies.control.plant import linear_outputs, output_slopes, reference_state, state_names
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.units import speed_in_si
 
 if TYPE_CHECKING:
@@ -62,8 +64,8 @@ def signals(system: PeriodicSystem) -> Signals:
     those outputs of the model that have derivatives. First-order states x have inputs load_x, unless
     inputs are named."""
     names = system.coordinates
-    units = [system.units.get(name, "") for name in names]
-    inertial = len(names) - system.first_order
+    units = [system.labels.units.get(name, "") for name in names]
+    inertial = len(names) - len(system.states)
     outputs = linear_outputs(system)
     loads = [f"{'force' if at < inertial else 'load'}_{name}" for at, name in enumerate(names)]
     result = Signals(
@@ -71,26 +73,26 @@ def signals(system: PeriodicSystem) -> Signals:
         tuple(loads),
         (*names, *outputs),
         (*units, *(f"{unit}/s" if unit not in ("", "1") else "1/s" for unit in units[:inertial])),
-        tuple(_FORCES.get(unit, "") for unit in units[:inertial]) + ("",) * system.first_order,
-        (*units, *(system.units.get(name, "") for name in outputs)),
+        tuple(_FORCES.get(unit, "") for unit in units[:inertial]) + ("",) * len(system.states),
+        (*units, *(system.labels.units.get(name, "") for name in outputs)),
     )
     if not isinstance(system, FirstOrderSystem):
         return result
     if system.inputs:
-        units = tuple(system.units.get(name, "") for name in system.inputs)
+        units = tuple(system.labels.units.get(name, "") for name in system.inputs)
         result = result._replace(inputs=system.inputs, input_units=units)
     if system.outputs:
-        units = tuple(system.units.get(name, "") for name in system.outputs)
+        units = tuple(system.labels.units.get(name, "") for name in system.outputs)
         result = result._replace(outputs=system.outputs, output_units=units)
     return result
 
 
 def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coefficients:
     """Coefficients at phases (k,) and a speed in rad/s."""
-    n, k, inertial = system.n, len(phase), system.n - system.first_order
+    n, k, inertial = system.n, len(phase), system.n - len(system.states)
     M, damping, K, d = system.at(phase, speed)
-    inverse = np.linalg.inv(leading(M, damping, system.first_order))
-    rate = rate_of(M, damping, K, d, system.first_order)[..., :-1]
+    inverse = np.linalg.inv(leading(M, damping, len(system.states)))
+    rate = rate_of(M, damping, K, d, len(system.states))[..., :-1]
     B = np.zeros((k, n + inertial, n))
     B[:, n:], B[:, inertial:n] = inverse[:, :inertial], inverse[:, inertial:]
     C, D = np.zeros((k, n, n + inertial)), np.zeros((k, n, n))
@@ -103,7 +105,7 @@ def coefficients(system: PeriodicSystem, speed: float, phase: Array) -> Coeffici
         by_a, by_v, by_q = slopes[..., 0, :], slopes[..., 1, :], slopes[..., 2, :]
         by_state = np.concatenate((by_q, by_v), axis=-1) + by_a @ rate[:, n:]
         C, D = np.concatenate((C, by_state), axis=1), np.concatenate((D, by_a @ inverse), axis=1)
-        values = system.output_values(phase, speed, *state[::-1])
+        values = output_values(system, phase, speed, *state[::-1])
         constant = np.stack([values[name] for name in names], axis=1)
         constant -= np.einsum("kpsn,snk->kp", slopes, state)
         y0 = np.concatenate((y0, constant), axis=1)
@@ -203,7 +205,7 @@ class StateSpace:
     def __repr__(self) -> str:
         names = self.signals
         return (
-            f"State space of {self.system.name} at {self.system.speed_unit.text(self.speed)}, "
+            f"State space of {self.system.labels.name} at {self.system.labels.speed_unit.text(self.speed)}, "
             f"{len(self.phase)} phases\nstates  {', '.join(names.states)}\n"
             f"inputs  {', '.join(names.inputs)}\noutputs {', '.join(names.outputs)}"
         )
@@ -247,10 +249,10 @@ def state_space(system: PeriodicSystem, speed: float | str, samples: int = SAMPL
     ([[0.0, 1.0], [-2.0, -0.05]], [[0.0], [0.5]])
     """
     omega = speed_in_si(speed)
-    system.require_motion()
+    require_motion(system)
     require_integer("samples", samples)
-    system.checked(omega)
-    system = system.shown_in(omega)
+    check(system, omega)
+    system = shown_in(system, omega)
     require_size("samples", samples, each=20 * (system.n + len(system.outputs)) * system.n)
     phase = np.arange(samples) * (system.period / samples)
     return StateSpace(

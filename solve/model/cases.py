@@ -339,13 +339,13 @@ def _require_known_keys(table: Mapping[str, Any], allowed: set[str], kind: str) 
             raise UnknownNameError(kind, key, allowed)
 
 
-def case_text(name: str, title: str, system: Labels, sources: Mapping[str, str]) -> str:
-    """Text of a case file with the parameters of a system, every number with its unit and source. sources:
+def case_text(name: str, title: str, labels: Labels, sources: Mapping[str, str]) -> str:
+    """Text of a case file with the parameters of labels, every number with its unit and source. sources:
     sources of some parameters by name."""
-    unchanged = f"as in case {system.case}" if system.case else "as given"
+    unchanged = f"as in case {labels.case}" if labels.case else "as given"
     lines = [f"[case.{name}]", f"title = {json.dumps(title)}", f"[case.{name}.parameters]"]
-    for parameter, value in system.parameters.items():
-        unit, source = system.parameter_labels[parameter][0], sources.get(parameter, unchanged)
+    for parameter, value in labels.parameters.items():
+        unit, source = labels.parameter_labels[parameter][0], sources.get(parameter, unchanged)
         lines.append(
             f"{parameter} = {{ value = {value!r}, unit = {json.dumps(unit)}, source = {json.dumps(source)} }}"
         )

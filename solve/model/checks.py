@@ -11,7 +11,7 @@ from solve.errors import MatricesError
 from solve.matrices import PERIODIC, changes, negligible_changes, require_inertia, with_neighbours
 from solve.model.domain import BISECTIONS
 from solve.model.sampling import MatrixSampler
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, in_phase
 
 _CHECK_PHASES = 128
 """Phases per period at which the matrices are checked. A choice."""
@@ -34,7 +34,7 @@ def require_valid(system: PeriodicSystem, speed: float) -> None:
     """Raise MatricesError unless the matrices at a speed (rad/s) are periodic and M is positive definite."""
     phase = _check_phases(system)
     phases = with_neighbours(phase, phase + system.period, system.period)
-    for symbol, change in changes(system.in_phase(phases, speed), speed):
+    for symbol, change in changes(in_phase(system, phases, speed), speed):
         raise MatricesError(
             f"{symbol} is not periodic: it changes by {change:.3g} over the period "
             f"{system.period:.6g}; check the mechanism's period and fundamental motion, and integer "

@@ -11,6 +11,7 @@ import numpy as np
 from solve.approximation import interpolated, slope, slopes
 from solve.arrays import Array
 from solve.contracts import Columns, Formulas
+from solve.equations import entries_of, output_values
 from solve.labels import SPEED
 from solve.model.formulas import c_text
 from solve.model.sampling import Sampler, by_rows, symbol
@@ -319,7 +320,7 @@ class AssembledDependence:
         def column(at: int) -> Array:
             def value(system: PeriodicSystem, omega: float, step: float) -> Array:
                 a, v, q = (state.T for state in _by_order(states + step * moved[..., at]))
-                return np.asarray(system.output_values(phase, omega, q, omega * v, omega**2 * a)[name])
+                return np.asarray(output_values(system, phase, omega, q, omega * v, omega**2 * a)[name])
 
             return self._slope(self._names[at], speed, value)
 
@@ -349,7 +350,7 @@ class AssembledDependence:
 
                 def entries(number: float) -> Array:
                     system, omega = moved(number)
-                    return system.entries(phase, omega)
+                    return entries_of(system, phase, omega)
 
                 return slopes(entries, self._value(name, speed))
 
@@ -371,7 +372,7 @@ class AssembledDependence:
         return slopes(lambda number: value(*moved(number), number - at), at)[self._less]
 
     def _value(self, name: str, speed: float) -> float:
-        return speed if name == SPEED else self._system.parameters[name]
+        return speed if name == SPEED else self._system.labels.parameters[name]
 
     def _moved(self, name: str, speed: float) -> Callable[[float], tuple[PeriodicSystem, float]]:
         """Function that maps a value of the named parameter, or of the speed, to a system and a speed."""

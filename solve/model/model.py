@@ -1,16 +1,19 @@
 """Periodic systems whose matrices, outputs and bounds come from a generated module."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, partial
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
+from solve.capabilities import Capabilities, Evaluation
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
+from solve.equations import require_desired_motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
 from solve.labels import require_vibration
 from solve.matrices import by_the_phase, split_entries
@@ -21,19 +24,13 @@ from solve.model.derivatives import ModelDerivatives, SlopesCache
 from solve.model.generated import model_module, module_of
 from solve.model.many_points import ModelPoints
 from solve.model.modes import DampedSampler, beyond_critical
+from solve.model.outputs import ModelOutputs
 from solve.model.sampling import MatrixSampler, Sampler, folded, tangent
-from solve.model.setup import Setup, stated_lines
-from solve.system import PeriodicSystem
-
-if TYPE_CHECKING:
-    import casadi
+from solve.model.setup import Setup, labels_of, left_out, stated_lines
+from solve.system import PeriodicSystem, shown_in
 
 
-_KINKS = "ignores steps and kinks"
-"""Words of the sentences of generated modules on switches that depend on the motion."""
-
-
-class Model(PeriodicSystem):
+class Model(PeriodicSystem, Evaluation):
     """System whose matrices, outputs and bounds come from a generated module; see `solve.load`.
 
     Parameters
@@ -61,24 +58,13 @@ class Model(PeriodicSystem):
         module = setup.module
         super().__init__(matrices, [name for name, *_ in coordinates], module.PERIOD, setup.breaks)
         self.setup, self.module = setup, module
-        self._formulas: dict[tuple[str, ...], Formulas | None] = {}
+        self._outputs = ModelOutputs(setup)
         self.slopes: SlopesCache = {}
-        self.name, self.title, self.model_hash = module.NAME, module.TITLE, module.FILE_SHA256
-        self.case, self.case_speed, self.parameters = setup.case.name, setup.case.speed, setup.case.parameters
-        self.parameter_sources = setup.case.sources
-        self.equations = getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),))
-        self.options = setup.options
-        self.sketch_unit = next((unit for _, unit, _ in getattr(module, "SKETCH", ())), self.sketch_unit)
-        self.parameter_labels = {name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS}
         self.outputs = tuple(name for name, *_ in module.OUTPUTS)
         inputs = getattr(module, "INPUTS", ())
         self.inputs = tuple(name for name, *_ in inputs)
         self.fits = setup.case.fits
-        fitted = (fit.sentence for fit in self.fits.values())
-        self.equation_warnings = (*self.left_out, *fitted)
-        described = (*coordinates, *module.OUTPUTS, *inputs)
-        self.units = {name: unit for name, unit, _ in described}
-        self.meanings = {name: meaning for name, _, meaning in described}
+        self.labels = labels_of(setup, (*coordinates, *module.OUTPUTS, *inputs))
         self.validity = {name: module.VALIDITY[name] for name in self.coordinates if name in module.VALIDITY}
 
     @classmethod
@@ -90,14 +76,14 @@ class Model(PeriodicSystem):
 
     def _repr_html_(self) -> str:
         """HTML of the title and the linearised equations, for notebooks."""
-        return "".join(f"<p>{line}</p>" for line in (escape(self.title), *self.equations))
+        return "".join(f"<p>{line}</p>" for line in (escape(self.labels.title), *self.labels.equations))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Rebuild the model when it is copied or pickled, because CasADi's memory belongs to one thread of
         one process."""
         origin = getattr(self.module, "CODE", None) or Path(self.module.__file__ or "")
-        arguments = type(self), origin, self.setup.case, self.options
-        return _rebuilt, arguments, {"speed_unit": self.speed_unit}
+        arguments = type(self), origin, self.setup.case, self.labels.options
+        return _rebuilt, arguments, {"labels": self.labels}
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
@@ -120,10 +106,28 @@ class Model(PeriodicSystem):
         UnknownNameError, ValueOutOfBoundsError
         """
         model = self.of(self.setup.varied(parameters or {}, options or {}))
-        model.speed_unit = self.speed_unit
+        model.labels = replace(model.labels, speed_unit=self.labels.speed_unit)
         if not options:
             model.slopes = self.slopes
         return model
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Parameters of the case, with changes, in the units declared by the model."""
+        return self.labels.parameters
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(
+            outputs=self._outputs if self.outputs else None,
+            validity=self,
+            evaluation=self,
+            variation=self,
+            nonlinear=self if hasattr(self.module, "residual") else None,
+            domain=self._require_desired_motion,
+            sketch=self._sketched,
+            varying=self._varying_at,
+        )
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         checked_parameters(self.module, {**self.parameters, **parameters})
@@ -133,12 +137,10 @@ class Model(PeriodicSystem):
         """Sampler of the generated matrices; None if the matrices are assembled."""
         return self._matrices if isinstance(self._matrices, MatrixSampler) else None
 
-    def entries(self, phase: Array, speed: float) -> Array:
-        if self.sampler is None:
-            return super().entries(phase, speed)
-        entries = self.entries_over(phase, np.array([speed]))[0]
-        # The base class raises the error.
-        return entries if np.isfinite(entries).all() else super().entries(phase, speed)
+    def entries(self, phase: Array, speed: float) -> Array | None:
+        over = self.entries_over(phase, np.array([speed]))
+        # The evaluation of the matrices raises the error.
+        return over[0] if over is not None and np.isfinite(over).all() else None
 
     def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
         sampler = self.sampler
@@ -148,27 +150,27 @@ class Model(PeriodicSystem):
         table, entry, power = terms
         return table, speeds[:, None] ** power, entry
 
-    def entries_over(self, phase: Array, speeds: Array) -> Array:
+    def entries_over(self, phase: Array, speeds: Array) -> Array | None:
         if self.sampler is None:
-            return super().entries_over(phase, speeds)
+            return None
         entries = by_the_phase(self.sampler.entries(phase, speeds), speeds, self.n)
         entries[~self.setup.exist(speeds)] = np.nan
         return entries
 
-    def require_desired_motion(self, speeds: Array) -> None:
+    def _require_desired_motion(self, speeds: Array) -> None:
         if len(missing := speeds[~self.setup.exist(speeds)]) and self.setup.domain:
-            self.setup.domain.require(float(missing[0]), self.speed_unit.text(float(missing[0])))
+            self.setup.domain.require(float(missing[0]), self.labels.speed_unit.text(float(missing[0])))
 
     def many_points(self, names: Sequence[str]) -> ModelPoints | None:
         return None if self.sampler is None else ModelPoints(self.setup, self.n, names)
 
-    def checked(self, speed: float) -> None:
+    def _check(self, speed: float) -> None:
         """As for any system. Also checks that the fundamental motion exists, that generated matrices jump
         only at the breaks, and that M is positive definite. Raises DesiredMotionError, MatricesError."""
-        self.shown_in(speed).require_desired_motion(np.array([speed]))
+        require_desired_motion(shown_in(self, speed), np.array([speed]))
         if not self._valid_at_all_speeds:
             require_no_jump(self, speed)
-            super().checked(speed)
+            super()._check(speed)
             require_valid(self, speed)
 
     @cached_property
@@ -198,42 +200,28 @@ class Model(PeriodicSystem):
         """
         fields = [field for field, *_ in getattr(self.module, "FIELDS", ())]
         if name not in fields:
-            raise UnknownNameError(f"field of {self.name}", name, fields)
+            raise UnknownNameError(f"field of {self.labels.name}", name, fields)
         fraction = np.asarray(position, dtype=float)
         if not ((fraction >= 0) & (fraction <= 1)).all():
             raise ValueOutOfBoundsError(f"position is {position}; allowed: fractions of the length, 0 to 1")
         shapes = self.setup.function("fields").map(fraction.size)(fraction.reshape(1, -1))
         return shapes.full().T.reshape(*fraction.shape, self.n)
 
-    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        lines = stated_lines(self.setup, phase, speed, q, fineness)
-        return lines or super().sketched(phase, speed, q)
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """Sentences on the nonlinear terms that the linearised equations neglect."""
-        sentences = getattr(self.module, "NONLINEAR", ())
-        if any(_KINKS in text for text in sentences) and self.setup.event_finder is None:
-            # The options exclude the terms.
-            return tuple(text for text in sentences if _KINKS not in text)
-        return sentences
+    def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
+        return stated_lines(self.setup, phase, speed, q, fineness)
 
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
         ratios = self.setup.ratios
         overdamped = [] if ratios is None or ratios.max() <= 1 else [beyond_critical(ratios.max())]
-        texts = [*super().warnings(speed), *overdamped]
-        return texts if linear else [text for text in texts if text not in self.left_out]
+        texts = [*self.labels.equation_warnings, *overdamped]
+        return texts if linear else [text for text in texts if text not in left_out(self.setup)]
 
-    @property
-    def nonlinear(self) -> bool:
-        return hasattr(self.module, "residual")
-
-    def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        if not self.nonlinear:
-            return super().along(motion)
+    def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return LinearisedModel(self, motion, compiled)
 
-    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
+    def along_events(
+        self, motion: Motion, speed: float, compiled: Columns | None = None
+    ) -> "LinearisedModel":
         linearised = self.along(motion, compiled)
         if self.setup.event_finder is not None:
             linearised.meet(self.setup.event_finder.along(motion, speed))
@@ -255,8 +243,6 @@ class Model(PeriodicSystem):
         return self.setup.ratios is not None
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
-        if not self.nonlinear:
-            return super().marcher(sizes, count, rtol)
         from solve.model.integration import ModelIntegrator, damped_residual
 
         residual = self.setup.function("residual_varying")
@@ -264,7 +250,7 @@ class Model(PeriodicSystem):
             residual = damped_residual(residual, self.sampler.damping, self.period)
         return ModelIntegrator(residual, self.setup.p, self.module.PERIOD, sizes, count, rtol)
 
-    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+    def _varying_at(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
         return self.varying_about(phase, speed, acceleration, *np.zeros((2, len(phase), self.n)))
 
     def varying_about(self, phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
@@ -296,41 +282,12 @@ class Model(PeriodicSystem):
 
     @cached_property
     def tangent_formulas(self) -> Formulas | None:
-        """C code of the matrices of `tangent`; None if unavailable."""
+        """Matrices of `tangent` as C code; None if unavailable."""
         return self.setup.formulas("residual", (), tangent)
 
-    @cached_property
-    def _outputs(self) -> "casadi.Function":
-        return self.setup.function("outputs")
-
-    @cached_property
-    def _outputs_varying(self) -> "casadi.Function":
-        return self.setup.function("outputs_varying")
-
-    def output_values(
-        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
-    ) -> Mapping[str, Array]:
-        if not self.outputs:
-            return {}
-        drive, state = (phase[None], np.atleast_2d(speed)), (q, qd, qdd, self.setup.p)
-        if acceleration == 0:
-            values = self._outputs.call([*drive, *state])
-        else:
-            values = self._outputs_varying.call([*drive, acceleration, *state])
-        return {name: value.full()[0] for name, value in zip(self.outputs, values, strict=True)}
-
-    def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
-        names = tuple(sorted(varied))
-        if names not in self._formulas:
-            generated = self.outputs and hasattr(self.module, "outputs")
-            self._formulas[names] = self.setup.formulas("outputs", names) if generated else None
-        return self._formulas[names]
-
-    def input_matrix(self, phase: Array, speed: float) -> Array:
-        if not self.inputs:
-            return self._checked_inputs([], phase)
+    def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
         entries = self._input_entries(phase, np.full(len(phase), speed), np.zeros(0))
-        return self._checked_inputs([entries.reshape(len(phase), self.n, -1)], phase)
+        return [entries.reshape(len(phase), self.n, -1)]
 
     @cached_property
     def _input_entries(self) -> Sampler:
@@ -345,7 +302,7 @@ class Model(PeriodicSystem):
         names = list(quantities)
         rows = [row for row in self.module.LIMITS if row[0] in names]
         validity = {name: bound for name, bound in self.validity.items() if linear and name in names}
-        return [*super().limits(names, linear), *stated_limits(rows, validity, self.units)]
+        return stated_limits(rows, validity, self.labels.units)
 
 
 of_model = first_is(Model, such_as="solve.load('cam')", demand=require_vibration)
@@ -359,10 +316,6 @@ class LinearisedModel(Model):
     apply.
     """
 
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        return ()
-
     @cached_property
     def derivatives(self) -> ModelDerivatives:
         return self.model.derivatives.about_motion(round(self.period / self.model.period))
@@ -373,12 +326,24 @@ class LinearisedModel(Model):
         starts = np.arange(round(motion.nodes[-1] / model.period)) * model.period
         self.breaks = tuple((starts[:, None] + np.array(model.breaks)).ravel().tolist())
         self.period, self.validity = float(motion.nodes[-1]), {}
-        self.speed_unit = model.speed_unit
+        fitted = (text for text in self.labels.equation_warnings if text not in left_out(model.setup))
+        unit = model.labels.speed_unit
+        self.labels = replace(self.labels, equation_warnings=tuple(fitted), speed_unit=unit)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.model, self.motion), {"breaks": self.breaks, "events": self.events}
 
-    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(linearisation=self)
+
+    def meet(self, events: Events) -> None:
+        """Add the phases at which the motion passes switches to the breaks."""
+        self.events, self.breaks = events, tuple(sorted({*self.breaks, *events.phases}))
+
+    def along_events(
+        self, motion: Motion, speed: float, compiled: Columns | None = None
+    ) -> "LinearisedModel":
         return self.model.along_events(motion, speed, compiled)
 
     def _along(self, phase: Array, speed: float) -> Matrices:
@@ -386,7 +351,7 @@ class LinearisedModel(Model):
 
     def _tangent(self, phase: Array, speed: float) -> Array:
         """M, C, K by rows and d (3n² + n, k) at phases (k,), without modal damping."""
-        self.model.require_desired_motion(np.array([speed]))
+        require_desired_motion(self.model, np.array([speed]))
         speeds, states = np.full(len(phase), speed), self._motion_states(phase, speed)
         formulas, entries = self.model.tangent_formulas if self._compiled else None, None
         if self._compiled and formulas:
@@ -408,21 +373,21 @@ class LinearisedModel(Model):
         states = (state.T for state in self._motion_states(phase, speed))
         return self.model.setup.residual_roundoff(phase, np.full(len(phase), speed), *states, self.setup.p)
 
-    def entries(self, phase: Array, speed: float) -> Array:
+    def entries(self, phase: Array, speed: float) -> Array | None:
         if self.model.assembled:
-            return super().entries(phase, speed)
+            return None
         entries = by_the_phase(self._tangent(phase, speed).T[None], np.array([speed]), self.n)[0]
-        # The base class raises the error.
-        return entries if np.isfinite(entries).all() else super().entries(phase, speed)
+        # The evaluation of the matrices raises the error.
+        return entries if np.isfinite(entries).all() else None
 
-    def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
+    def along(self, motion: Motion, compiled: Columns | None = None) -> "LinearisedModel":
         return self.model.along(motion, compiled)
 
     def event_normals(self, motion: Motion, speed: float) -> Array:
         finder = self.setup.event_finder
         phases = np.array(self.events.phases)
         if finder is None or not len(phases):
-            return super().event_normals(motion, speed)
+            return np.zeros((0, 1 + 2 * self.n))
         return finder.normals(motion, speed, phases)
 
     def varied(

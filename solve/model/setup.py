@@ -11,6 +11,7 @@ import numpy as np
 from solve.arrays import Array, Plane
 from solve.contracts import Formulas
 from solve.errors import ValueOutOfBoundsError
+from solve.labels import Labels
 from solve.model.bounds import checked_options, checked_parameters, measured
 from solve.model.cases import Case
 from solve.model.domain import Domain
@@ -21,6 +22,9 @@ from solve.threads import symbolic
 
 if TYPE_CHECKING:
     import casadi
+
+_KINKS = "ignores steps and kinks"
+"""Words of the sentences of generated modules on switches that depend on the motion."""
 
 _CONDITION_PHASES = 720
 """Phases per period at which conditions on the parameters are checked. A choice."""
@@ -237,3 +241,33 @@ def _text_of(
 def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "casadi.Function":
     """Function that returns the bounds on the round-off in the residual."""
     return roundoff_bound(module.residual(**dict(options)), ("speed", "p"))
+
+
+def left_out(setup: Setup) -> tuple[str, ...]:
+    """Sentences on the nonlinear terms that the linearised equations neglect."""
+    sentences = getattr(setup.module, "NONLINEAR", ())
+    if any(_KINKS in text for text in sentences) and setup.event_finder is None:
+        # The options exclude the terms.
+        return tuple(text for text in sentences if _KINKS not in text)
+    return sentences
+
+
+def labels_of(setup: Setup, described: Sequence[tuple[str, str, str]]) -> Labels:
+    """Labels of the model. described: name, unit and meaning of coordinates, outputs and inputs."""
+    module, case = setup.module, setup.case
+    return Labels(
+        name=module.NAME,
+        title=module.TITLE,
+        case=case.name,
+        case_speed=case.speed,
+        model_hash=module.FILE_SHA256,
+        options=setup.options,
+        parameters=case.parameters,
+        parameter_labels={name: (unit, meaning) for name, unit, meaning, _ in module.PARAMETERS},
+        parameter_sources=case.sources,
+        equations=getattr(module, "EQUATIONS", (getattr(module, "NO_EQUATIONS", ""),)),
+        sketch_unit=next((unit for _, unit, _ in getattr(module, "SKETCH", ())), "m"),
+        equation_warnings=(*left_out(setup), *(fit.sentence for fit in case.fits.values())),
+        units={name: unit for name, unit, _ in described},
+        meanings={name: meaning for name, _, meaning in described},
+    )

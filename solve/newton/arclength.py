@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from solve.equations import events_of, nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
 from solve.newton.iteration import on
@@ -51,7 +52,8 @@ def first_point(parameters: ContinuationParameters, orbit: Orbit) -> Point:
     first, last = parameters.ranges[0]
     unknowns = Unknowns(on(grid, orbit.curve), np.array([first]))
     towards = Unknowns(parameters.task.rest(grid), np.array([last - first]))
-    if parameters.task_at(unknowns.values).system.along_events(orbit.curve, orbit.speed).events.phases:
+    system = parameters.task_at(unknowns.values).system
+    if events_of(nonlinear_of(system).along_events(orbit.curve, orbit.speed)).phases:
         unknowns = replace(unknowns, curve=orbit.curve)
     return Manifold(parameters).first(unknowns, towards, grid)
 

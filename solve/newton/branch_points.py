@@ -6,7 +6,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import NoOrbitError
-from solve.labels import SPEED
+from solve.labels import SPEED, unit_of
 from solve.newton.iteration import Task, add, on
 from solve.period.curve import Curve
 from solve.period.grid import Grid
@@ -163,4 +163,4 @@ class ContinuationParameters:
     def text(self, values: Array) -> str:
         """Text of values with their units."""
         shown = [pair for pair in zip(self.names, values, strict=True) if pair[0] != DAMPING]
-        return ", ".join(self.task.system.unit_of(name).text(float(value), ".4g") for name, value in shown)
+        return ", ".join(unit_of(self.task.system, name).text(float(value), ".4g") for name, value in shown)

@@ -6,9 +6,10 @@ import numpy as np
 
 from solve.arguments import require_integer
 from solve.arrays import Array
+from solve.equations import require_bounds
 from solve.errors import MissingValueError, NoOrbitError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
-from solve.labels import SPEED
+from solve.labels import SPEED, in_own_unit, speed_or_usual
 from solve.methods.radau import Radau
 from solve.newton.arclength import first_point, follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point
@@ -21,7 +22,7 @@ from solve.newton.switching import Followed, follow_doublings
 from solve.newton.unforced import energy, follow_modes_of
 from solve.period.curve import Curve
 from solve.results.branch import KINDS, Branch
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import apart, checked_rtol, ramp_in_si
 
 _FIELDS = "figures", "figure_errors", "multipliers", "radius", "errors", "repeats"
@@ -144,8 +145,8 @@ def continuation(
         name, first, last = range_of(system, over)
         if isinstance(speeds, tuple):
             raise ValueOutOfBoundsError(f"speeds are {speeds!r}; give one speed, since {name} varies")
-        speed = system.speed_or_usual(speeds)
-    system = system.shown_in(speed)
+        speed = speed_or_usual(system, speeds)
+    system = shown_in(system, speed)
     task = Task(system, float(speed), int(periods), Radau(), used, rtol)
     return ContinuationParameters(task, (name,), np.array([[first, last]], dtype=float)), notes
 
@@ -161,15 +162,15 @@ def range_of(system: PeriodicSystem, over: str) -> tuple[str, float, float]:
         raise ValueOutOfBoundsError(usage)
     if name == SPEED:
         return name, *ramp_in_si(values)
-    require_name(f"parameter of {system.name}", name, system.parameters)
+    require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
     try:
-        first, last = (system.in_own_unit(name, f"{end} {unit}".strip()) for end in ends)
+        first, last = (in_own_unit(system, name, f"{end} {unit}".strip()) for end in ends)
     except ValueError:
         raise ValueOutOfBoundsError(usage) from None
     if first == last:
         raise ValueOutOfBoundsError(usage)
     for value in (first, last):
-        system.require_bounds({name: value})
+        require_bounds(system, {name: value})
     return name, float(first), float(last)
 
 

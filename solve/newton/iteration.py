@@ -13,6 +13,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale, correction, solved_along
 from solve.contracts import Matrices, Motion
+from solve.equations import nonlinear_of
 from solve.errors import LinearModelError, NoOrbitError, SolveError, StepsError
 from solve.kernel.formulas import columns_by
 from solve.methods.collocation import Collocated, Collocation
@@ -65,7 +66,7 @@ class Task:
 
     def speed_text(self, speed: float) -> str:
         """Format a speed (rad/s) with its unit."""
-        return self.system.speed_unit.text(speed, ".4g")
+        return self.system.labels.speed_unit.text(speed, ".4g")
 
     @property
     def period(self) -> float:
@@ -115,7 +116,9 @@ def at_rest(n: int, grid: Grid) -> Curve:
 
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
     """Rigid-body modes of a system linearised about the fundamental motion; None if it has none."""
-    free_machine = free(OnePoint(system.along(at_rest(system.n, Grid.uniform(1, system.period))), speed))
+    free_machine = free(
+        OnePoint(nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period))), speed)
+    )
     return None if free_machine is None else free_machine.modes
 
 
@@ -187,7 +190,7 @@ class _CorrectionNorm:
         if curve is self._curve:
             return False
         task, self._curve = self._task, curve
-        along = task.system.along(curve, columns_by(task.engine))
+        along = nonlinear_of(task.system).along(curve, columns_by(task.engine))
         scale = CoordinateScale(along, curve, task.speed, self._grid.steps)
         change, largest = correction(curve, solutions)
         self._floor, self._roundoff = scale.of(largest), np.zeros_like(largest)
@@ -262,7 +265,7 @@ def on(grid: Grid, motion: Motion) -> Curve:
 def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
-    along = task.system.along_events(curve, task.speed, columns_by(task.engine))
+    along = nonlinear_of(task.system).along_events(curve, task.speed, columns_by(task.engine))
     if along.breaks != task.breaks:
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
@@ -329,7 +332,8 @@ class Newton(Method):
 
     def along(self, curve: Motion) -> PeriodicSystem:
         """System linearised along a curve, with its events."""
-        return self.task.system.along_events(curve, self.task.speed, columns_by(self.task.engine))
+        equations, task = nonlinear_of(self.task.system), self.task
+        return equations.along_events(curve, task.speed, columns_by(task.engine))
 
     @property
     def corrector(self) -> Collocated:

@@ -12,6 +12,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Columns, Matrices
+from solve.equations import derivatives_of, events_of
 from solve.errors import NoOrbitError, SolveError
 from solve.kernel.engines import COMPILED
 from solve.kernel.formulas import columns_by
@@ -24,7 +25,7 @@ from solve.period.curve import Curve
 from solve.period.grid import Grid
 from solve.period.multipliers import Multipliers
 from solve.period.points import OnePoint
-from solve.system import PeriodicSystem, derivatives_of
+from solve.system import PeriodicSystem, in_phase
 
 _BLOCKS, _MANY_STATES = 8, 24
 """Number of blocks of the period whose initial states are unknowns, and number of states above which there is
@@ -115,7 +116,7 @@ class _Equations:
     def at(self, phase: Array) -> Matrices:
         """Ω²M, ΩC, K (m, n, n) and the loads (m, n, 1 + k) at phases (m,)."""
         speed = self.task.speed
-        M, C, K, d = self.along.in_phase(phase, speed)
+        M, C, K, d = in_phase(self.along, phase, speed)
         return M, C, K, np.concatenate((d[..., None], self.by_parameters(phase)), axis=-1)
 
     def by_parameters(self, phase: Array) -> Array:
@@ -123,11 +124,11 @@ class _Equations:
         compiled: Columns | None = columns_by(self.task.engine)
         names = [name for name in self.names if name != DAMPING]
         dependence = derivatives_of(self.along).by(names, compiled)
-        curve, beside = self.motion, bool(self.along.events.phases)
+        curve, beside = self.motion, bool(events_of(self.along).phases)
         states = np.stack([state.T for state in curve.states(phase, (2, 1, 0), beside)], axis=1)
         columns = -dependence.residual(phase, self.task.speed, states)
         if DAMPING in self.names:
-            M = self.along.in_phase(phase, self.task.speed)[0]
+            M = in_phase(self.along, phase, self.task.speed)[0]
             columns = np.concatenate((columns, -M @ states[:, 1, :, None]), axis=-1)
         return columns
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import CoordinateScale
+from solve.equations import nonlinear_of
 from solve.errors import NoOrbitError
 from solve.kernel.formulas import columns_by
 from solve.newton.branch_points import (
@@ -260,7 +261,7 @@ class Manifold:
 
     def _scale(self, unknowns: Unknowns, grid: Grid) -> CoordinateScale:
         task = self.parameters.task_at(unknowns.values)
-        along = task.system.along(unknowns.curve, columns_by(task.engine))
+        along = nonlinear_of(task.system).along(unknowns.curve, columns_by(task.engine))
         return CoordinateScale(along, unknowns.curve, task.speed, grid.steps)
 
 

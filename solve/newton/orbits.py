@@ -9,6 +9,7 @@ from solve.certify.all_multipliers import Spectrum, refined_multipliers, rigid_m
 from solve.certify.certified import Failed
 from solve.certify.refinement import certified
 from solve.contracts import Motion
+from solve.equations import events_of, nonlinear_of
 from solve.errors import (
     NoOrbitError,
     ResonanceError,
@@ -26,7 +27,7 @@ from solve.period.grid import Grid
 from solve.period.points import OnePoint
 from solve.results.special_orbits import NonlinearOrbit
 from solve.single import request
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speed_in_si
 
@@ -106,8 +107,8 @@ def nonlinear(
     omega, rule, (used, notes) = speed_in_si(speed), chosen(method), chosen_engine(engine)
     require_integer("periods", periods)
     solve_request = request(steps, rtol, used, True)
-    system.checked(omega)
-    system = system.shown_in(omega)
+    check(system, omega)
+    system = shown_in(system, omega)
     task = Task(system, omega, int(periods), _collocated(rule, system, omega), used, solve_request.rtol)
     search = _Search(task, steps, notes, all_multipliers)
     return search.find() if start is None else search.certified(search.iterate(start), "start")
@@ -115,7 +116,7 @@ def nonlinear(
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
     rest = at_rest(system.n, Grid.uniform(1, system.period))
-    ((method, _),) = chosen_for(rule, OnePoint(system.along(rest), speed))
+    ((method, _),) = chosen_for(rule, OnePoint(nonlinear_of(system).along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(
             f"method is {method.name}; nonlinear orbits support radau, gauss and auto"
@@ -164,7 +165,7 @@ class _Search:
         if unstable is not None:
             return replace(unstable, settled=False)
         raise NoOrbitError(
-            f"no periodic orbit of {self.task.system.name} was reached at "
+            f"no periodic orbit of {self.task.system.labels.name} was reached at "
             f"{self.task.speed_text(self.task.speed)}; {'; '.join(failed)}; there may be no stable "
             "orbit of this period: try more periods or another speed, or give an orbit or a transient "
             "as the start"
@@ -231,6 +232,6 @@ class _Search:
             failed=tuple(failed),
             periods=task.periods,
             settled=settled,
-            events=linearised.events.phases,
-            grazing=linearised.events.grazing,
+            events=events_of(linearised).phases,
+            grazing=events_of(linearised).grazing,
         )

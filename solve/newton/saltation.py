@@ -10,6 +10,7 @@ multiplies the variation. For continuous forces S = I."""
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import event_normals, events_of
 from solve.methods.collocation import Collocated
 from solve.methods.method import Steps
 from solve.period.curve import Curve
@@ -30,7 +31,7 @@ def steps_with_saltation(
     if not forces_jump(along, curve):
         return None
     nodes = _nodes(along, curve)
-    normals = along.event_normals(curve, speed)
+    normals = event_normals(along, curve, speed)
     steps = method.discretise(OnePoint(along, speed), grid).steps
     A, b = steps.A.copy(), steps.b.copy()
     for node, S in zip(nodes, _matrices(curve, nodes, normals), strict=True):
@@ -42,7 +43,7 @@ def steps_with_saltation(
 
 def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
     """Whether forces jump at an event of an orbit, decided by jumps of its accelerations."""
-    if not along.events.phases:
+    if not events_of(along).phases:
         return False
     before, after = _beside(curve, _nodes(along, curve))
     return bool(np.abs(after - before).max() > _JUMP * np.abs(curve.sampled(1, 2)).max())
@@ -50,7 +51,7 @@ def forces_jump(along: PeriodicSystem, curve: Curve) -> bool:
 
 def _nodes(along: PeriodicSystem, curve: Curve) -> Array:
     """Indices (k,) of the nodes at the events."""
-    return np.abs(curve.nodes[:, None] - np.array(along.events.phases)).argmin(axis=0)
+    return np.abs(curve.nodes[:, None] - np.array(events_of(along).phases)).argmin(axis=0)
 
 
 def _beside(curve: Curve, nodes: Array) -> tuple[Array, Array]:

@@ -7,15 +7,17 @@ import numpy as np
 
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
+from solve.equations import is_nonlinear, nonlinear_of
 from solve.errors import LinearModelError, SolveError, ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
+from solve.labels import speed_or_usual
 from solve.methods.radau import Radau
 from solve.newton.iteration import Task, joined
 from solve.newton.orbits import nonlinear
 from solve.newton.strategies import linear_sizes
 from solve.results.scatter import Scatter
 from solve.results.special_orbits import NonlinearOrbit
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol
 
@@ -82,11 +84,13 @@ def scatter(
         raise ValueOutOfBoundsError(f"seed is {seed!r}; allowed: an integer from 0 on")
     if not 0 < spread < np.inf:
         raise ValueOutOfBoundsError(f"spread is {spread}; allowed: a number above 0")
-    omega, (used, _) = system.speed_or_usual(speed), chosen_engine(engine)
-    if not system.nonlinear:
-        raise LinearModelError(f"{system.name} is linear by construction; all motions lead to one orbit")
-    system.checked(omega)
-    system = system.shown_in(omega)
+    omega, (used, _) = speed_or_usual(system, speed), chosen_engine(engine)
+    if not is_nonlinear(system):
+        raise LinearModelError(
+            f"{system.labels.name} is linear by construction; all motions lead to one orbit"
+        )
+    check(system, omega)
+    system = shown_in(system, omega)
     task = Task(system, omega, 1, Radau(), used, checked_rtol(rtol))
     sizes = linear_sizes(task, task.grid(_STATES))
     scales = np.concatenate((sizes, omega * sizes))
@@ -113,7 +117,7 @@ def _settled(task: Task, start: Array, sizes: Array, most: int) -> list[Array]:
     """Motions over the period of the orbit after the motion from a state has settled; empty if it does not
     settle."""
     n, system = task.system.n, task.system
-    march = system.marcher(sizes, _STATES, _RTOL)
+    march = nonlinear_of(system).marcher(sizes, _STATES, _RTOL)
     state, motions = start / np.repeat([1.0, task.speed], n), list[Array]()
     scale = np.tile(sizes, 2)
     for turn in range(_TURNS):

@@ -74,7 +74,8 @@ def _require_coordinates(names: tuple[str, ...], task: Task) -> None:
     system = task.system
     if names != system.coordinates:
         raise ValueOutOfBoundsError(
-            f"the start has coordinates {', '.join(names)}; {system.name} has {', '.join(system.coordinates)}"
+            f"the start has coordinates {', '.join(names)}; {system.labels.name} has "
+            f"{', '.join(system.coordinates)}"
         )
 
 
@@ -82,7 +83,9 @@ def _checked(motion: Any, task: Task) -> Motion:
     """Return the motion and its nodes after a check of its number of coordinates."""
     count = len(motion(np.zeros(1)))
     if count != task.system.n:
-        raise ValueOutOfBoundsError(f"start has {count} coordinates; {task.system.name} has {task.system.n}")
+        raise ValueOutOfBoundsError(
+            f"start has {count} coordinates; {task.system.labels.name} has {task.system.n}"
+        )
     return motion
 
 

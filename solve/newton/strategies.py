@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from solve.arrays import Array
+from solve.capabilities import Capabilities, Nonlinear
 from solve.certify.correction import corrected
 from solve.contracts import Columns, Matrices, Motion
+from solve.equations import nonlinear_of
 from solve.errors import NoOrbitError, SolveError
 from solve.newton.iteration import Converged, Task, interpolate, iterate, joined, without_zeros
 from solve.period.curve import Curve
@@ -53,16 +55,22 @@ _PERTURBATION = 1e-3
 on an unstable rest. A choice."""
 
 
-class PartiallyLoadedSystem(PeriodicSystem):
+class PartiallyLoadedSystem(PeriodicSystem, Nonlinear):
     """System with only a fraction of the residual at rest as load: r - (1 - fraction) r(φ, Ω, 0, 0, 0)."""
 
     def __init__(self, system: PeriodicSystem, fraction: float, rest: Motion):
         super().__init__(system.at, system.coordinates, system.period, system.breaks)
         self._system, self._fraction, self._rest = system, fraction, rest
 
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(nonlinear=self)
+
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
         # Both are linearised in the same way, so that without load rest is an orbit to the last digit.
-        tangent, at_rest = (self._system.along(curve, compiled) for curve in (motion, self._rest))
+        tangent, at_rest = (
+            nonlinear_of(self._system).along(curve, compiled) for curve in (motion, self._rest)
+        )
 
         def matrices(phase: Array, speed: float) -> Matrices:
             M, C, K, d = tangent.at(phase, speed)
@@ -199,7 +207,7 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
     change from start to end of this period, without rigid-body motion."""
     system, count = task.system, max(1, grid.steps // task.periods)
     sizes = linear_sizes(task, grid)
-    march = system.marcher(sizes, count, _RTOL)
+    march = nonlinear_of(system).marcher(sizes, count, _RTOL)
     state = np.concatenate((_PERTURBATION * sizes, 0 * sizes))
     relative = np.eye(system.n) if task.rigid is None else task.rigid.relative[0][0]
     latest: list[Array] = []
@@ -216,7 +224,7 @@ def _march(task: Task, grid: Grid) -> Iterator[tuple[int, Curve, float]]:
 def motion_from(task: Task, state: Array, sizes: Array, states: int, rtol: float) -> Curve:
     """Motion over the period of the orbit from a state (2n,) q and q' at phase 0, by integration with a
     number of states per period of the system. sizes (n,): of the coordinates."""
-    march, turns = task.system.marcher(sizes, states, rtol), []
+    march, turns = nonlinear_of(task.system).marcher(sizes, states, rtol), []
     for turn in range(task.periods):
         turns.append(march(state, turn * task.system.period, task.speed))
         state = turns[-1][:2, :, -1].ravel()

@@ -13,8 +13,10 @@ import numpy as np
 from solve.arguments import require_integer, require_size
 from solve.arrays import Array
 from solve.contracts import Integrator, Matrices, driven
+from solve.equations import nonlinear_of, require_desired_motion, varying_of
 from solve.errors import FileError, ResonanceError, SolveError, TransientError, ValueOutOfBoundsError
 from solve.first_order import MixedSystem
+from solve.labels import require_motion
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
 from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
@@ -27,7 +29,7 @@ from solve.period.points import OnePoint
 from solve.results.orbit import Orbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol, ramp_in_si, speed_in_si
 
@@ -133,10 +135,10 @@ def transient(
         given = _read(Path(start), system)
     if speeds is not None:
         ramp = ramp_in_si(speeds)
-        return _run_up(system.shown_in(max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
+        return _run_up(shown_in(system, max(ramp)), ramp, int(turns), given, nonlinear, rtol, engine)
     assert speed is not None
     omega, march_rtol = speed_in_si(speed), max(_MARCH_RTOL * rtol, _MIN_MARCH_RTOL)
-    system = system.shown_in(omega)
+    system = shown_in(system, omega)
     linear = _linear(system, omega, min(1e-6, march_rtol), engine, nonlinear and given != ORBIT)
     ends, integration = np.full(turns + 1, omega), _Integration(system, linear, nonlinear, rtol)
     nodes, motion, error, notes = integration.run(_state(given, system, linear), ends)
@@ -167,9 +169,9 @@ def _run_up(
 ) -> Transient:
     """Motion while the square of the speed changes linearly with the phase, that is, at constant
     acceleration."""
-    system.require_motion()
+    require_motion(system)
     ends = np.sqrt(np.linspace(ramp[0] ** 2, ramp[1] ** 2, turns + 1))
-    system.require_desired_motion(ends)
+    require_desired_motion(system, ends)
     if start == ORBIT and ramp[0] == 0:
         raise ValueOutOfBoundsError("start is 'orbit', and there is no orbit at speed 0; give start 'rest'")
     first = periodic(system, ramp[0], rtol=1e-6, engine=engine) if start == ORBIT else None
@@ -228,8 +230,8 @@ class _Integration:
         if not self.nonlinear:
             return StepMarcher(self.system, sizes, count, march_rtol)
         # Raises LinearModelError for a linear system.
-        self.system.along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
-        return self.system.marcher(without_zeros(sizes), count, march_rtol)
+        nonlinear_of(self.system).along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
+        return nonlinear_of(self.system).marcher(without_zeros(sizes), count, march_rtol)
 
 
 def _damping_note(march: Integrator) -> list[str]:
@@ -284,11 +286,11 @@ def _read(file: Path, system: PeriodicSystem) -> tuple[Array, Array]:
         ) from None
     if names != system.coordinates:
         raise FileError(
-            f"start '{file}' has coordinates {', '.join(names)}; {system.name} has "
+            f"start '{file}' has coordinates {', '.join(names)}; {system.labels.name} has "
             f"{', '.join(system.coordinates)}"
         )
-    if model != system.name:
-        raise FileError(f"start '{file}' belongs to {model}; give a state of {system.name}")
+    if model != system.labels.name:
+        raise FileError(f"start '{file}' belongs to {model}; give a state of {system.labels.name}")
     return q, qd
 
 
@@ -373,7 +375,7 @@ class _PeriodSteps:
         if self.ends[0] == self.ends[1]:
             return OnePoint(self._system, self._mean_speed)
         system = self._system
-        inertial, states = system.coordinates[: system.n - system.first_order], system.states
+        inertial, states = system.coordinates[: system.n - len(system.states)], system.states
         made = MixedSystem(self._matrices, inertial, states, system.period, self._breaks)
         return OnePoint(made, self._mean_speed)
 
@@ -384,7 +386,7 @@ class _PeriodSteps:
 
     def _matrices(self, s: Array, _: float) -> Matrices:
         phase, speed, acceleration = driven(s, *self.ends, self._system.period)
-        return self._system.varying(phase, speed, acceleration)
+        return varying_of(self._system)(phase, speed, acceleration)
 
     @cached_property
     def _breaks(self) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from solve.arguments import require_integer
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel.engines import chosen_engine
-from solve.labels import SPEED
+from solve.labels import SPEED, speed_or_usual
 from solve.methods.radau import Radau
 from solve.newton.arclength import first_point, follow_branch
 from solve.newton.branch_points import ContinuationParameters, Point
@@ -19,7 +19,7 @@ from solve.newton.starts import Start
 from solve.period.quantities import FIGURES
 from solve.results.branch import DOUBLING, FOLD
 from solve.results.special_curves import CUSP, SpecialCurves
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.units import checked_rtol
 
 _MAX_ABS = FIGURES.index("max_abs")
@@ -127,8 +127,8 @@ def _continuation(
         ranges.append(ends)
     if names[0] == names[1]:
         raise ValueOutOfBoundsError(f"over gives {names[0]} twice; give two different parameters")
-    omega = ranges[names.index(SPEED)][0] if SPEED in names else system.speed_or_usual(speed)
-    task = Task(system.shown_in(omega), float(omega), int(periods), Radau(), used, rtol)
+    omega = ranges[names.index(SPEED)][0] if SPEED in names else speed_or_usual(system, speed)
+    task = Task(shown_in(system, omega), float(omega), int(periods), Radau(), used, rtol)
     return ContinuationParameters(task, tuple(names), np.array(ranges)), notes
 
 

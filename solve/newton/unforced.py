@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from solve.arrays import Array
+from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
@@ -70,11 +71,12 @@ def energy(system: PeriodicSystem, curve: Curve, speed: float) -> float:
     the elastic forces on a straight line to the coordinates at phase 0."""
     zero = np.zeros(1)
     q, v = curve(zero)[:, 0], speed * curve(zero, 1)[:, 0]
-    M = system.along(curve).at(zero, speed)[0][0]
+    equations = nonlinear_of(system)
+    M = equations.along(curve).at(zero, speed)[0][0]
     nodes, weights = np.polynomial.legendre.leggauss(2)
     places = ((np.arange(_PANELS)[:, None] + (nodes + 1) / 2) / _PANELS).ravel()
     line = _Line(q, system.period)
-    _, _, K, d = system.along(line).at(places * system.period, speed)
+    _, _, K, d = equations.along(line).at(places * system.period, speed)
     forces = np.einsum("kij,kj->ki", K, places[:, None] * q) - d
     return float(v @ M @ v / 2 + np.tile(weights / 2 / _PANELS, _PANELS) @ forces @ q)
 
@@ -93,11 +95,11 @@ class _Line:
 def _small_vibrations(task: Task) -> tuple[Array, Array]:
     """Frequencies (n,) in rad/s and shapes (n, n) of vibrations about rest. Raises ValueOutOfBoundsError."""
     system = task.system
-    along = system.along(at_rest(system.n, Grid.uniform(1, system.period)))
+    along = nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period)))
     phase = np.arange(_PHASES) * (system.period / _PHASES)
     M, C, K, d = along.at(phase, task.speed)
     limit = _IS_ZERO * np.abs(K).max() + np.zeros(1)
-    loads = EPS * along.roundoff(phase, task.speed)
+    loads = EPS * roundoff_of(along, phase, task.speed)
     found = [
         (np.abs(d) > 64 * loads, "a load or an acceleration of the reference motion"),
         (task.speed * np.abs(C) > limit, "damping or gyroscopic terms"),
@@ -107,8 +109,8 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
     for present, words in found:
         if present.any():
             raise ValueOutOfBoundsError(
-                f"the equations of {system.name} at rest contain {words}; unforced orbits need constant "
-                "equations without load and damping: set these to zero, such as --set F=0 --set c=0"
+                f"the equations of {system.labels.name} at rest contain {words}; unforced orbits need "
+                "constant equations without load and damping: set these to zero, such as --set F=0 --set c=0"
             )
     squares, shapes = eigh((K[0] + K[0].T) / 2, M[0])
     return np.sqrt(np.maximum(squares, 0.0)), shapes / np.abs(shapes).max(axis=0)

@@ -13,7 +13,7 @@ from solve.arrays import Array
 from solve.contracts import Statistics
 from solve.errors import UnknownNameError, ValueOutOfBoundsError, require_name
 from solve.period.quantities import FIGURES
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, multiplier_count
 
 HARMONIC, PHASE = "harmonic", "phase"
 """Amplitude and phase angle of a harmonic, whose number follows the word."""
@@ -75,20 +75,20 @@ class Named:
             return cls(text, "1", RADIUS)
         found = _NUMBERED.fullmatch(subject)
         if found is None or found[1] not in _PARTS:
-            raise UnknownNameError(f"quantity of {system.name}", text, _examples(known))
+            raise UnknownNameError(f"quantity of {system.labels.name}", text, _examples(known))
         kind, number = found[1], int(found[2])
         if dot:
             require_name(f"part of {subject}", figure, _PARTS[kind])
-        if not 1 <= number <= system.multiplier_count:
+        if not 1 <= number <= multiplier_count(system):
             raise ValueOutOfBoundsError(
-                f"{text}: {system.name} has the multipliers 1 to {system.multiplier_count}, in order "
+                f"{text}: {system.labels.name} has the multipliers 1 to {multiplier_count(system)}, in order "
                 "of decreasing modulus"
             )
         return cls(text, _WORDS[kind], kind, figure, number)
 
     @classmethod
     def _of_turn(cls, system: PeriodicSystem, text: str, subject: str, figure: str) -> "Named":
-        unit = system.units.get(subject, "")
+        unit = system.labels.units.get(subject, "")
         if not figure:
             raise ValueOutOfBoundsError(f"'{text}' names no statistic; add one, such as {text}.max_abs")
         found = _NUMBERED.fullmatch(figure)

@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
+from solve.equations import terms_of, used_entries_of
 from solve.matrices import leading, split_entries
 from solve.system import PeriodicSystem
 
@@ -167,7 +168,8 @@ class _OfSystem:
     bytes_a_phase: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        for name in ("n", "first_order", "period", "breaks"):
+        object.__setattr__(self, "first_order", len(self.system.states))
+        for name in ("n", "period", "breaks"):
             object.__setattr__(self, name, getattr(self.system, name))
 
 
@@ -185,9 +187,9 @@ class OnePoint(_OfSystem):
         return self
 
     def tables(self, phase: Array) -> Tables:
-        terms = self.system.terms(phase, np.array([self.speed]))
+        terms = terms_of(self.system, phase, np.array([self.speed]))
         if terms is None:
-            entries, numbers = self.system.used_entries(phase, self.speed)
+            entries, numbers = used_entries_of(self.system, phase, self.speed)
             return Tables(entries[None], np.ones((1, len(numbers))), numbers, self.n, self.first_order)
         return Tables(*terms, self.n, self.first_order)
 
@@ -206,7 +208,7 @@ class AtSpeeds(_OfSystem):
         return AtSpeeds(self.system, self.speeds[positions])
 
     def tables(self, phase: Array) -> Tables:
-        terms = self.system.terms(phase, self.speeds)
+        terms = terms_of(self.system, phase, self.speeds)
         assert terms is not None
         return Tables(*terms, self.n, self.first_order)
 

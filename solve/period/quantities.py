@@ -11,6 +11,7 @@ import numpy as np
 from solve.arguments import SMALL
 from solve.arrays import Array
 from solve.contracts import Formulas, Statistics
+from solve.equations import output_formulas, output_values
 from solve.errors import ValueOutOfBoundsError
 from solve.kernel import formulas as kernel
 from solve.kernel.engines import COMPILED, NUMPY
@@ -327,7 +328,7 @@ def compiled_output_figures(
 ) -> Array | None:
     """Fields of `Statistics` (o, 7) of each output at a speed in rad/s, by compiled code; None if it is not
     available."""
-    formulas = system.output_formulas() if engine == COMPILED else None
+    formulas = output_formulas(system) if engine == COMPILED else None
     if formulas is None:
         return None
     formulas = formulas._replace(values=formulas.values[None])
@@ -344,7 +345,7 @@ def output_figures(system: PeriodicSystem, curve: PeriodicCurve, speed: float, e
         return compiled
 
     def outputs(phase: Array, *state: Array) -> Array:
-        values = system.output_values(phase[0], speed, *(part[0] for part in state))
+        values = output_values(system, phase[0], speed, *(part[0] for part in state))
         return np.array([[values[name] for name in system.outputs]])
 
     positions = range(len(system.outputs))
@@ -375,12 +376,12 @@ def _outputs_at(system: PeriodicSystem, phase: Array, speed: float, curve: Curve
     """Outputs (o, k) at phases (k,)."""
     q, v, a = (curve.sampled(_A_STEP, order) for order in range(3))
     state = q, speed * v, speed**2 * a
-    formulas = system.output_formulas() if engine == COMPILED else None
+    formulas = output_formulas(system) if engine == COMPILED else None
     if formulas is not None:
         made = kernel.columns(formulas, (phase[None], np.full((1, len(phase)), speed), *state))
         if made is not None:
             return made
-    values = system.output_values(phase, speed, *state)
+    values = output_values(system, phase, speed, *state)
     return np.array([values[name] for name in system.outputs])
 
 

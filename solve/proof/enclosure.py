@@ -111,7 +111,7 @@ def assumption(system: PeriodicSystem, instructions: Instructions, rounded: bool
     the instructions prove it."""
     texts, multiple = [_ALL_WITHIN if rounded else EXACT], multiple_of_pi(system.period)
     if not isinstance(system, Model):
-        texts.append(_OF_FUNCTIONS if system.samples is None else _OF_SAMPLES)
+        texts.append(_OF_FUNCTIONS if system.capabilities.samples is None else _OF_SAMPLES)
     if multiple is None or not repeats(instructions, multiple):
         texts.append("the equations on one period are continued periodically")
     return "; ".join(texts)

@@ -16,6 +16,7 @@ import casadi
 import numpy as np
 
 from solve.arrays import EPS, Array
+from solve.equations import nonlinear_of
 from solve.errors import NoOrbitError
 from solve.methods.fourier import Fourier
 from solve.model.model import LinearisedModel
@@ -180,7 +181,7 @@ def harmonics_of(system: LinearisedModel, speed: float) -> FourierCurve:
         phases = grid.nodes[:-1]
         curve = FourierCurve.through(grid.nodes, system.motion(phases, 0).T)
         for _ in range(_CORRECTIONS):
-            q, _ = Fourier().collocated(OnePoint(system.along(curve), speed), phases)
+            q, _ = Fourier().collocated(OnePoint(nonlinear_of(system).along(curve), speed), phases)
             curve = FourierCurve.through(grid.nodes, q)
         sizes = np.abs(curve.coefficients).max(axis=0)
         last = sizes[-max(1, int(_TAIL * len(sizes))) :]

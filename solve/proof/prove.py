@@ -129,7 +129,7 @@ def require_provable(system: PeriodicSystem, nonlinear: bool = False) -> Periodi
     if nonlinear and system.breaks:
         raise LinearModelError(
             "a proof of a nonlinear orbit needs equations without jumps or kinks in the phase; "
-            f"{system.name} has breaks"
+            f"{system.labels.name} has breaks"
         )
     from solve.proof.instructions import Instructions
     from solve.proof.symbolic import linearised

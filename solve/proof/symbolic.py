@@ -117,8 +117,8 @@ def linearised(system: PeriodicSystem) -> casadi.Function:
     with _unsimplified():
         outputs = (
             _called(system, phase, speed)
-            if system.samples is None
-            else _matrices(system, _interpolated(system.samples, phase))
+            if system.capabilities.samples is None
+            else _matrices(system, _interpolated(system.capabilities.samples, phase))
         )
         parameters = casadi.SX.sym("p", 0)
         return casadi.Function("linearised", [phase, speed, parameters], casadi.cse(outputs))

@@ -76,7 +76,7 @@ def read_npz(path: str | Path, speed: float | str | None = None) -> Read:
     >>> import numpy as np, tempfile
     >>> file = tempfile.mkdtemp() + "/oscillator.npz"
     >>> np.savez(file, M=np.ones((8, 1, 1)), K=np.full((8, 1, 1), 4.0), speed=1.0)
-    >>> read_npz(file).case_speed
+    >>> read_npz(file).labels.case_speed
     '1.0 rad/s'
     """
     return _read(path, ".npz", speed)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from solve.errors import MissingValueError, ModelFileError, SolveError, ValueOutOfBoundsError, require_name
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, built_by, relabelled
 
 
 def read_python(file: Path, parameters: Mapping[str, float | str] | None = None) -> PeriodicSystem:
@@ -42,15 +42,14 @@ def _built(file: Path, function: Callable[..., Any], values: Mapping[str, float]
     made = _called(file, partial(function, **values))
     if not isinstance(made, PeriodicSystem):
         raise ModelFileError(f"system() of '{file}' returns {type(made).__name__}; {_ALLOWED}")
-    made.parameters, made.builder = dict(values), partial(_built, file, function)
+    made = built_by(made, partial(_built, file, function), values)
     return _labelled(made, file)
 
 
 def _labelled(system: PeriodicSystem, file: Path) -> PeriodicSystem:
     """System with the name of its file, unless it has a name of its own."""
-    if system.name == PeriodicSystem.name:
-        system.name = file.stem
-    return system
+    own = system.labels.name != PeriodicSystem.labels.name
+    return system if own else relabelled(system, name=file.stem)
 
 
 def _values(file: Path, function: Callable[..., Any], given: Mapping[str, float | str]) -> dict[str, float]:

@@ -1,13 +1,15 @@
 """Systems that another program sampled at one speed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from solve.arrays import Array
+from solve.capabilities import Capabilities, Validity
 from solve.errors import FileError
 from solve.first_order import FirstOrderSystem, MixedSystem
+from solve.labels import Labels
 from solve.system import PeriodicSystem
 
 _SAME_SPEED = 1e-3
@@ -44,17 +46,19 @@ class Source:
     operating_points: Mapping[str, Array] = field(default_factory=dict)
 
 
-class OfSource:
+class OfSource(Validity):
     """Mixin that adds the labels of a source, and a warning at other speeds."""
 
     source: Source
+    labels: Labels
 
     def of_source(self, source: Source) -> None:
         """Set the labels of the source. Returns the system."""
         if source.speed is not None and not (np.isfinite(source.speed) and source.speed > 0):
             raise FileError(f"{source.name}: speed is {source.speed:g} rad/s; allowed: a finite speed > 0")
-        vars(self).update(
-            source=source,
+        self.source = source
+        self.labels = replace(
+            self.labels,
             name=source.name,
             title=source.title,
             case_speed=None if source.speed is None else f"{source.speed!r} rad/s",
@@ -62,8 +66,12 @@ class OfSource:
             meanings=dict(source.meanings),
         )
 
+    @property
+    def capabilities(self) -> Capabilities:
+        return super().capabilities._replace(validity=self)  # type: ignore[misc]
+
     def warnings(self, speed: float, linear: bool = True) -> list[str]:
-        found = super().warnings(speed, linear)  # type: ignore[misc]
+        found = list(self.labels.equation_warnings)
         sampled = self.source.speed
         if sampled is not None and abs(speed - sampled) > _SAME_SPEED * sampled:
             found.append(f"the matrices were sampled at {sampled:.6g} rad/s, not at {speed:.6g} rad/s")

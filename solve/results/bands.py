@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import warnings_of
 from solve.results.contents import Column, Columns, HeaderRows, digits, speeds_of
 from solve.results.formatting import listed
 from solve.results.result import Figure, Result
@@ -83,7 +84,7 @@ class Bands(Sequence[Band], Result):
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the equations, one sentence each."""
-        return self.system.warnings(self.range[1])
+        return warnings_of(self.system, self.range[1])
 
     def plot(self, sweep: Sweep | None = None) -> Figure:
         """Figure of the spectral radius over the solved speeds, or over those of a sweep, with the bands
@@ -96,7 +97,7 @@ class Bands(Sequence[Band], Result):
     @property
     def columns(self) -> Columns:
         """Columns of the table, with one row per band."""
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         low, high = [band.low for band in self], [band.high for band in self]
         lows = [f"{'< ' * band.open_low}{unit.of(band.low):.3f}" for band in self]
         highs = [f"{'< ' * band.open_high}{unit.of(band.high):.3f}" for band in self]
@@ -116,7 +117,7 @@ class Bands(Sequence[Band], Result):
     @property
     def summary(self) -> str:
         """Sentence on the number of bands and their ranges."""
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         if not self:
             return f"No unstable band found from {unit.span(*self.range)}."
         bands = listed([unit.span(band.low, band.high, form=".5g") for band in self])

@@ -8,7 +8,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics
-from solve.labels import SPEED
+from solve.equations import limits_of, warnings_of
+from solve.labels import SPEED, unit_of
 from solve.period.curve import FourierCurve
 from solve.period.multipliers import SURE, UNIT_CIRCLE, VERDICTS
 from solve.period.quantities import FIGURES
@@ -236,7 +237,7 @@ class Branch(BranchPoints):
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
         sentences, worst = [*self.notes, *filter(None, [self.ended])], float(self.errors[:, 0].max())
-        sentences += self.system.warnings(float(self.speeds.max()), linear=False)
+        sentences += warnings_of(self.system, float(self.speeds.max()), linear=False)
         if worst > self.rtol:
             sentences.append(f"relative errors of the orbits are up to {worst:.1e}, above rtol {self.rtol:g}")
         if self.repeats.any():
@@ -250,7 +251,7 @@ class Branch(BranchPoints):
     def _beyond_limits(self) -> list[str]:
         """Violated limits of the model, one sentence each, with the first violation."""
         sentences = []
-        for limit in self.system.limits(self.quantities, linear=False):
+        for limit in limits_of(self.system, self.quantities, linear=False):
             figures = self.figures[:, self.quantities.index(limit.quantity)]
             left = np.asarray(limit.exceeded(Statistics(*figures.T)))
             if left.any():
@@ -260,7 +261,7 @@ class Branch(BranchPoints):
 
     def _where(self, which: Array) -> str:
         """Text that describes the location of points (P,)."""
-        first = self.system.unit_of(self.over).text(float(self.values[int(which.argmax())]), self._digits)
+        first = unit_of(self.system, self.over).text(float(self.values[int(which.argmax())]), self._digits)
         return f" (at {first}; {int(which.sum())} of {len(which)} points)"
 
     @property
@@ -277,7 +278,7 @@ class Branch(BranchPoints):
         for number, name in enumerate(self.quantities):
             columns += self._columns_of(name, number)
         if len(self.energies):
-            unit = "J" if set(map(system.units.get, system.coordinates)) <= {"m", "rad"} else ""
+            unit = "J" if set(map(system.labels.units.get, system.coordinates)) <= {"m", "rad"} else ""
             heading = headed("energy", unit)
             columns.append(
                 ("energy", Column(self.energies, unit, "energy from rest", heading, digits(".5g")))
@@ -298,7 +299,7 @@ class Branch(BranchPoints):
     def _columns_of(self, name: str, number: int) -> list[tuple[str, Column]]:
         """Columns of the statistics of a quantity. Tables show the largest moduli of the first
         coordinates."""
-        unit, meaning = self.system.units.get(name, ""), self.system.meanings.get(name, name)
+        unit, meaning = self.system.labels.units.get(name, ""), self.system.labels.meanings.get(name, name)
         columns = []
         for figure in _SHOWN:
             values = self.figures[:, number, FIGURES.index(figure)]
@@ -312,7 +313,7 @@ class Branch(BranchPoints):
     @property
     def summary(self) -> str:
         """Sentences on the range, the special points and the jumps."""
-        unit, values = self.system.unit_of(self.over), self.values[self.numbers == 0]
+        unit, values = unit_of(self.system, self.over), self.values[self.numbers == 0]
 
         def texts(points: Sequence[dict[str, Any]]) -> str:
             return ", ".join(unit.text(point[self.over], ".6g") for point in points)
@@ -332,7 +333,7 @@ class Branch(BranchPoints):
 
     def _jump_text(self, jump: Mapping[str, Any], at: str) -> str:
         name, ends = self.system.coordinates[0], [jump["from"], jump["to"]]
-        factor, shown = prefixed(self.system.units.get(name, ""), max(end or 0.0 for end in ends))
+        factor, shown = prefixed(self.system.labels.units.get(name, ""), max(end or 0.0 for end in ends))
         before, after = (None if end is None else f"{end * factor:.4g} {shown}".strip() for end in ends)
         where = "to no stable orbit of this branch" if after is None else f"to {after}"
         return f"A slow sweep {jump['direction']} jumps at {at}: max|{name}| from {before} {where}."

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.labels import unit_of
 from solve.period.multipliers import ASYMPTOTICALLY_STABLE, STABLE, UNDETERMINED, UNSTABLE, VERDICTS
 from solve.period.named import Named
 from solve.results.contents import Column, Columns, HeaderRows, columns_by_name, to_json
@@ -199,7 +200,7 @@ class ChartPoints(Result):
 
     def span(self, name: str, values: Array) -> str:
         """Text of the range of values of a quantity."""
-        unit = self.system.unit_of(name)
+        unit = unit_of(self.system, name)
         low, high = values.min(), values.max()
         return unit.text(high) if unit.text(low) == unit.text(high) else unit.span(low, high, "…")
 
@@ -241,7 +242,7 @@ class Chart(ChartPoints):
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about failed points and about violated bounds of the model, one sentence each."""
-        warnings = [*self.system.equation_warnings, *self.beyond]
+        warnings = [*self.system.labels.equation_warnings, *self.beyond]
         if not self.failures:
             return warnings
         reason, total = next(iter(self.failures.values())), len(self.results)
@@ -349,4 +350,4 @@ class Chart(ChartPoints):
         """Unit and meaning of a quantity."""
         if name == "speed":
             return "rad/s", "speed of rotation"
-        return self.system.parameter_labels.get(name, ("", ""))
+        return self.system.labels.parameter_labels.get(name, ("", ""))

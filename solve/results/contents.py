@@ -121,7 +121,7 @@ def speeds_of(
 ) -> Column:
     """Column of speeds in rad/s. Tables show them in the system's unit of speed, whose name replaces "{}" in
     the heading."""
-    unit = system.speed_unit
+    unit = system.labels.speed_unit
     return Column(
         speeds, "rad/s", meaning, heading.format(unit.name), lambda value: f"{unit.of(value):{form}}", axes
     )
@@ -133,7 +133,7 @@ def varied_column(
     """Column of values of the speed (rad/s) or of a parameter."""
     if name == SPEED:
         return speeds_of(system, values, heading="{}", form=form, axes=axes)
-    return Column(values, *system.parameter_labels[name], name, digits(form), axes)
+    return Column(values, *system.labels.parameter_labels[name], name, digits(form), axes)
 
 
 def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tuple[str, Column]]:
@@ -148,7 +148,7 @@ def peak_columns(system: PeriodicSystem, peaks: Array, beside: int) -> list[tupl
 
 def peak_column(system: PeriodicSystem, name: str, peaks: Array, is_shown: bool) -> Column:
     """Column of the largest moduli of a coordinate or output. Tables show it if `is_shown`."""
-    unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
+    unit, meaning = system.labels.units.get(name, ""), system.labels.meanings.get(name, name)
     factor, shown = prefixed(unit, float(np.nanmax(peaks, initial=0.0)))
     heading = headed(f"max|{name}|", shown) if is_shown else ""
     return Column(peaks, unit, f"max_abs of {meaning}", heading, digits(".5g", factor))
@@ -210,7 +210,9 @@ def curves_of(
     """Columns of time, phase, coordinates (n, k) and outputs (k,) at k phases."""
     curves = [("time", (time, "s", "time")), ("phase", (phase, "rad", "phase of the drive"))]
     for name, values in (*zip(system.coordinates, q, strict=True), *outputs.items()):
-        curves.append((name, (values, system.units.get(name, ""), system.meanings.get(name, ""))))
+        curves.append(
+            (name, (values, system.labels.units.get(name, ""), system.labels.meanings.get(name, "")))
+        )
     return [(name, Column(*curve, axes=("phase",))) for name, curve in curves]
 
 
@@ -260,9 +262,9 @@ def to_json(value: Any) -> Any:
 def model_info(system: PeriodicSystem) -> dict[str, Any]:
     """Model, case, hash of the generated code, parameters and options. A user's own system has no case."""
     return {
-        "model": system.name,
-        "case": system.case,
-        "model_hash": system.model_hash,
-        "parameters": dict(system.parameters),
-        "options": dict(system.options),
+        "model": system.labels.name,
+        "case": system.labels.case,
+        "model_hash": system.labels.model_hash,
+        "parameters": dict(system.labels.parameters),
+        "options": dict(system.labels.options),
     }

@@ -202,7 +202,7 @@ class Controller(Result):
         """Sentence on the stability of the closed loop."""
         what = "error of the estimates" if self.kind == "kalman" else "closed loop"
         return (
-            f"At {self.system.speed_unit.text(self.speed)} the {what} is {self.verdict}: "
+            f"At {self.system.labels.speed_unit.text(self.speed)} the {what} is {self.verdict}: "
             f"spectral radius {self.stability.spectral_radius:.6g}."
         )
 

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array, runs
+from solve.equations import warnings_of
 from solve.results.contents import Column, Columns, HeaderRows, digits, rows_of, sized, speeds_of
 from solve.results.formatting import measured, named, prefixed
 from solve.results.result import Figure, Result
@@ -138,7 +139,7 @@ class SolvedSpeeds(Result):
     def decimals(self) -> str:
         """Number format of speeds: three decimals, but not more than the seven digits to which speeds are
         accurate."""
-        before = math.floor(math.log10(self.system.speed_unit.of(float(self.speeds[-1]))))
+        before = math.floor(math.log10(self.system.labels.speed_unit.of(float(self.speeds[-1]))))
         return f".{min(3, max(0, 6 - before))}f"
 
     @property
@@ -182,7 +183,7 @@ class CriticalSpeeds(SolvedSpeeds):
     def warnings(self) -> list[str]:
         """Warnings about the equations, unstable ranges, unbounded responses and undefined frequencies, one
         sentence each."""
-        sentences, unit = self.system.warnings(float(self.speeds[-1])), self.system.speed_unit
+        sentences, unit = warnings_of(self.system, float(self.speeds[-1])), self.system.labels.speed_unit
         if self.unstable_ranges:
             ranges = unit.spans((low, high) for low, high, _ in self.unstable_ranges)
             sentences.append(
@@ -213,7 +214,7 @@ class CriticalSpeeds(SolvedSpeeds):
     @property
     def summary(self) -> str:
         """Sentence on the highest maximum of the response."""
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         between = f"between {unit.span(self.speeds[0], self.speeds[-1], word='and')}"
         maxima = self.maxima("response")
         response = named(self.figure, self.quantity)
@@ -224,7 +225,7 @@ class CriticalSpeeds(SolvedSpeeds):
             where = unit.spans(zip(self.unbounded, self.unbounded, strict=True))
             return f"{response} has {count} {between}, unbounded {where}."
         speed, height = max(maxima, key=lambda maximum: maximum[1])
-        size = measured(height, self.system.units.get(self.quantity, ""))
+        size = measured(height, self.system.labels.units.get(self.quantity, ""))
         return f"{response} has {count} {between}, the highest, {size}, at {unit.text(speed)}."
 
     @property
@@ -282,7 +283,7 @@ class CriticalSpeeds(SolvedSpeeds):
             maxima = (getattr(row, way) for row in self.rows)
             return [maximum and getattr(maximum, name) for maximum in maxima]
 
-        rows, unit = self.rows, self.system.units.get(self.quantity, "")
+        rows, unit = self.rows, self.system.labels.units.get(self.quantity, "")
         raised = any(row.radius for row in rows)
         # Tables show a maximum of |ρ| in place of a missing one of Re ρ.
         either = [(row.multiplier or row.radius or _NOWHERE).speed for row in rows]
@@ -330,7 +331,7 @@ class CriticalSpeeds(SolvedSpeeds):
         return column if shown is None else column._replace(text=column._replace(values=shown).texts)
 
     def header_rows(self) -> HeaderRows:
-        span = self.system.speed_unit.span(self.speeds[0], self.speeds[-1], "and")
+        span = self.system.labels.speed_unit.span(self.speeds[0], self.speeds[-1], "and")
         return [("between", span), *[("M, C, K", "constant over the period")] * self.constant_matrices]
 
 

@@ -112,7 +112,7 @@ class Fitted(Result):
     @property
     def summary_values(self) -> dict[str, Any]:
         return {
-            "fitted": dict(self.system.parameters),
+            "fitted": dict(self.system.labels.parameters),
             "data": self.data,
             "intervals": self.parameters,
             "correlations": self.correlations,
@@ -148,4 +148,4 @@ class Fitted(Result):
             name: f"fitted to {self.data}; 95 % interval {interval.low:.6g} to {interval.high:.6g}"
             for name, interval in self.parameters.items()
         }
-        return case_text("fitted", f"fitted to {self.data}", self.system, sources)
+        return case_text("fitted", f"fitted to {self.data}", self.system.labels, sources)

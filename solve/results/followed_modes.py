@@ -7,7 +7,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import warnings_of
 from solve.errors import require_name
+from solve.labels import unit_of
 from solve.results.contents import Column, Columns, FileContents, HeaderRows, to_json
 from solve.results.formatting import listed
 from solve.results.result import ResultOver
@@ -171,7 +173,7 @@ class FollowedModes(ModesOver):
             sentences.append(f"relative errors of the exponents are up to {worst:.1e}: {steps}")
         for position, reason in self.failures.items():
             sentences.append(f"no result at {self.text_of(float(self.values[position]))}: {reason}")
-        return [*sentences, *self.system.warnings(float(self.speeds.max()))]
+        return [*sentences, *warnings_of(self.system, float(self.speeds.max()))]
 
     def _ambiguity(self, kind: str, reason: str) -> list[str]:
         """Sentence on ambiguous pairs of one kind."""
@@ -183,7 +185,7 @@ class FollowedModes(ModesOver):
 
     def text_of(self, value: float) -> str:
         """Text of a value of the varied quantity, which is the speed in rad/s or a parameter."""
-        return self.system.unit_of(self.over).text(value, ".6g")
+        return unit_of(self.system, self.over).text(value, ".6g")
 
     def record(self) -> dict[str, Any]:
         """JSON object of `solve modes --json`."""
@@ -213,7 +215,7 @@ class FollowedModes(ModesOver):
             "error": Column(self.errors, "1/s", "estimated error of the exponent", axes=axes),
         }
         if self.parameters:
-            labels = self.system.parameter_labels[self.over]
+            labels = self.system.labels.parameter_labels[self.over]
             columns = {self.over: Column(self.values, *labels, axes=("point",)), **columns}
         return columns
 
@@ -232,7 +234,7 @@ class FollowedModes(ModesOver):
 
     def header_rows(self) -> HeaderRows:
         low, high = self.values.min(), self.values.max()
-        span = self.system.unit_of(self.over).span(float(low), float(high))
+        span = unit_of(self.system, self.over).span(float(low), float(high))
         rows = [("over", f"{self.over}, {len(self.values)} values from {span}")]
         added = len(self.path) - len(self.values)
         rows.append(("followed", f"{len(self.labels)} modes, {added} further values added"))

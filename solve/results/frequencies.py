@@ -11,6 +11,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import ModeShape
+from solve.equations import freedoms_of, structure_of
+from solve.labels import unit_of
 from solve.model.bounds import measured
 from solve.period.natural import NaturalFrequencies
 from solve.results.contents import (
@@ -27,7 +29,7 @@ from solve.results.formatting import fixed, headed
 from solve.results.result import Result
 from solve.results.rigid_body import RigidBodyMode
 from solve.results.serialization import stored_property
-from solve.system import PeriodicSystem, structure_of
+from solve.system import PeriodicSystem
 
 _MOST_LINKS = 3
 """Maximum number of links alone in a table."""
@@ -129,7 +131,7 @@ class Frequencies(Roots):
     @property
     def freedoms(self) -> int:
         """Number of degrees of freedom, after subtraction of the constraints of inextensible links."""
-        return self.system.freedoms
+        return freedoms_of(self.system)
 
     def shapes(self, number: int = 0) -> list[ModeShape]:
         """Mode shapes at the position with index `number`. Raises ValueOutOfBoundsError for systems that are
@@ -240,8 +242,8 @@ class Variation(Roots):
     @property
     def columns(self) -> Columns:
         """Columns of the table, with one row per value of the parameter."""
-        unit, _ = self.system.parameter_labels[self.parameter]
-        title = headed(self.parameter, self.system.unit_of(self.parameter).name)
+        unit, _ = self.system.labels.parameter_labels[self.parameter]
+        title = headed(self.parameter, unit_of(self.system, self.parameter).name)
         varied = partial(fixed, magnitude=float(np.abs(self.values).max()), digits=5)
         columns = {self.parameter: Column(self.values, unit, "varied", title, varied)}
         shown, several = self.statistics(1), self.several
@@ -310,7 +312,7 @@ class Findings(Result):
     def _shape_record(self, shape: ModeShape) -> dict[str, Any]:
         links = {}
         by_link = zip(shape.places, shape.displacements, shape.transverse, strict=True)
-        for link, (place, moved, transverse) in zip(self.here.system.links, by_link, strict=True):
+        for link, (place, moved, transverse) in zip(self.here.system.labels.links, by_link, strict=True):
             curves = dict(zip(("x", "y", "dx", "dy"), (*place.T, *moved.T), strict=True))
             links[link.name] = {**curves, "transverse": transverse}
         return {"frequency": shape.frequency, "modal_mass": shape.modal_mass, "links": links}
@@ -318,7 +320,7 @@ class Findings(Result):
     @property
     def summary(self) -> str:
         """Sentence on the lowest frequencies at the position."""
-        where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.moves else ""
+        where = f" at {math.degrees(self.here.positions[0]):.6g}°" if self.here.system.labels.moves else ""
         omegas, growth_rates = (roots[0] for roots in self.here._roots)
         growing = np.isnan(omegas) & np.isfinite(growth_rates)
         texts = np.array(self.here.texts(0, ".4g", 1 / (2 * math.pi)), dtype=object)[~growing]
@@ -331,12 +333,13 @@ class Findings(Result):
         place = f"{math.degrees(self.here.positions[0]):.6g}°"
         system = self.system
         values = {
-            name: measured(system.parameters[name], system.parameter_labels[name][0]) for name in self.first
+            name: measured(system.labels.parameters[name], system.labels.parameter_labels[name][0])
+            for name in self.first
         }
         at = [
             ("at", f"{name}={value}, the first possible value of the range") for name, value in values.items()
         ]
-        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.moves, *at]
+        return [("freedoms", str(self.here.freedoms)), *[("position", place)] * self.system.labels.moves, *at]
 
     @property
     def system(self) -> PeriodicSystem:  # type: ignore[override]

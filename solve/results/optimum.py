@@ -155,4 +155,4 @@ class Optimum(Result):
             name: f"optimum of {self.minimised}; bounds {parameter.low:.6g} to {parameter.high:.6g}"
             for name, parameter in self.parameters.items()
         }
-        return case_text("optimum", f"least {self.minimised}", self.system, sources)
+        return case_text("optimum", f"least {self.minimised}", self.system.labels, sources)

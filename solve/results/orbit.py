@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.correction import equation_residual, linearisation_error
+from solve.equations import exceeded_limits, is_nonlinear, judged_quantities, output_values
 from solve.results.contents import (
     MOST_SHOWN,
     Column,
@@ -134,7 +135,7 @@ class Orbit(Stability, SolvedMotion):
     @stored_property
     def outputs(self) -> Mapping[str, Array]:
         """Outputs (m+1,) at the nodes, by name."""
-        return dict(self.system.output_values(self.phase, self.speed, self.q, self.qd, self.qdd))
+        return dict(output_values(self.system, self.phase, self.speed, self.q, self.qd, self.qdd))
 
     @stored_property
     def residual(self) -> float:
@@ -152,7 +153,7 @@ class Orbit(Stability, SolvedMotion):
         estimate is the size of one correction of Newton's method on the same grid, and accurate while it is
         small. NaN if this correction has no solution, None for linear systems.
         """
-        if not self.system.nonlinear:
+        if not is_nonlinear(self.system):
             return None
         certified = self.certified
         grid, engine = certified.solutions.grid, certified.request.engine
@@ -164,19 +165,19 @@ class Orbit(Stability, SolvedMotion):
         """Warnings about the accuracy and about quantities outside the bounds of the model, one sentence
         each."""
         system = self.system
-        names = {*system.judged_quantities, *(() if system.outputs_apart else system.outputs)}
+        names = {*judged_quantities(system), *(() if system.labels.outputs_apart else system.outputs)}
         figures = {name: self.statistics(name) for name in sorted(names)}
-        return [*super().warnings, *system.judged(figures), *self._non_periodic_outputs]
+        return [*super().warnings, *exceeded_limits(system, figures), *self._non_periodic_outputs]
 
     @property
     def _non_periodic_outputs(self) -> list[str]:
         """Warnings about outputs that change by a constant per period, such as unlimited angles."""
         system, phase = self.system, self.system.period * np.array([0.137, 0.281, 0.618])
-        if system.outputs_apart or not system.solvable:
+        if system.labels.outputs_apart or not system.labels.solvable:
             return []
         state, texts = self.state(phase), []
         now, later = (
-            system.output_values(start, self.speed, *state) for start in (phase, phase + system.period)
+            output_values(system, start, self.speed, *state) for start in (phase, phase + system.period)
         )
         for name, values in now.items():
             change = later[name] - values
@@ -191,7 +192,7 @@ class Orbit(Stability, SolvedMotion):
     @property
     def summary(self) -> str:
         """Sentence on the verdict and the largest moduli of the coordinates."""
-        units, names = self.system.units, self.coordinates[:MOST_SHOWN]
+        units, names = self.system.labels.units, self.coordinates[:MOST_SHOWN]
         largest = ((name, abs(self.statistics(name).max_abs)) for name in names)
         maxima = [f"max|{greek(name)}| = {measured(size, units.get(name, ''))}" for name, size in largest]
         more = len(self.coordinates) - len(maxima)
@@ -253,7 +254,7 @@ class Orbit(Stability, SolvedMotion):
         curves, rates = curves_of(system, self.time, self.phase, q, outputs), []
         for suffix, word, per, rows in (("d", "velocity", "/s", qd), ("dd", "acceleration", "/s^2", qdd)):
             for name, values in zip(system.coordinates, rows, strict=True):
-                unit = system.units.get(name, "")
+                unit = system.labels.units.get(name, "")
                 rate = Column(values, unit and unit + per, f"{word} of {name}", axes=("phase",))
                 rates.append((name + suffix, rate))
         rates += stability.columns.items()

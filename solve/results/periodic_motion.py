@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.certified import Certified
 from solve.contracts import Statistics
+from solve.equations import output_values
 from solve.errors import MatricesError, ValueOutOfBoundsError, require_name
 from solve.period.curve import PeriodicCurve
 from solve.period.quantities import (
@@ -68,7 +69,7 @@ class PeriodicMotion:
         if name in self.system.coordinates:
             row = self.system.coordinates.index(name)
             return lambda phase: self.at(phase)[row]
-        return lambda phase: self.system.output_values(phase, self.speed, *self.state(phase))[name]
+        return lambda phase: output_values(self.system, phase, self.speed, *self.state(phase))[name]
 
     def statistics(self, name: str) -> Statistics:
         """Extrema and mean of a coordinate or output, evaluated on the continuous curve. Raises
@@ -110,7 +111,7 @@ class PeriodicMotion:
 
     def _is_evaluated_alone(self, cache: str) -> bool:
         """Whether an output is evaluated separately, because the values of all outputs are not cached yet."""
-        return self.system.outputs_apart and cache not in self.__dict__
+        return self.system.labels.outputs_apart and cache not in self.__dict__
 
     def evaluate_outputs(self) -> None:
         """Evaluate the statistics of all outputs together, for displays of all outputs."""
@@ -135,7 +136,7 @@ class PeriodicMotion:
     def output_samples(self) -> Mapping[str, Array]:
         """Outputs (samples + 1,) at equidistant phases that resolve their curves, including both ends."""
         phase = self._sample_phases
-        sampled = self.system.output_values(phase, self.speed, *self.state(phase))
+        sampled = output_values(self.system, phase, self.speed, *self.state(phase))
         return {name: np.append(sampled[name], sampled[name][0]) for name in self.system.outputs}
 
     @cached_property
@@ -163,7 +164,7 @@ class PeriodicMotion:
     def _outputs_at(self, phase: Array) -> Array:
         """Values of each output at phases of its own (o, k)."""
         flat = phase.ravel()
-        values = self.system.output_values(flat, self.speed, *self.state(flat))
+        values = output_values(self.system, flat, self.speed, *self.state(flat))
         return np.stack(
             [values[name].reshape(phase.shape)[row] for row, name in enumerate(self.system.outputs)]
         )
@@ -175,7 +176,10 @@ class PeriodicMotion:
 
         def quantity(name: str) -> dict[str, Any]:
             amplitudes, phases = self.harmonics(name, count)
-            labels = {"unit": system.units.get(name, ""), "meaning": system.meanings.get(name, "")}
+            labels = {
+                "unit": system.labels.units.get(name, ""),
+                "meaning": system.labels.meanings.get(name, ""),
+            }
             figures = self.statistics(name)._asdict()
             return {**labels, **figures, "harmonics": amplitudes, "phases": phases}
 
@@ -231,7 +235,7 @@ class SolvedMotion(PeriodicMotion):
 
         An output of an orbit from a file is exact at the file's samples, with a cubic spline between them.
         """
-        if self.system.solvable or name not in self.system.outputs:
+        if self.system.labels.solvable or name not in self.system.outputs:
             return super().signal(name)
         from scipy.interpolate import CubicSpline
 

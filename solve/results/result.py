@@ -63,7 +63,7 @@ class Result(Serializable):
     @property
     def _reduction(self) -> list[str]:
         """Sentence on the error of the system's reduction, for results without an estimate of this error."""
-        reduction = self.system.reduction
+        reduction = self.system.capabilities.reduction
         return [] if reduction is None else [reduction.sentence]
 
     @property

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import warnings_of
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, speeds_of
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
@@ -109,7 +110,7 @@ class Sensitivities(Result):
                     f"errors of the derivatives of {quantity} with respect to {', '.join(names)} "
                     f"exceed {100 * _UNCERTAIN:g} %; give a smaller rtol or more steps"
                 )
-        return [*sentences, *([] if self.speed is None else self.system.warnings(self.speed))]
+        return [*sentences, *([] if self.speed is None else warnings_of(self.system, self.speed))]
 
     @property
     def summary_values(self) -> dict[str, Any]:
@@ -233,7 +234,7 @@ class SensitivitiesOver(Result):
     def warnings(self) -> list[str]:
         """Warnings about speeds and quantities without derivatives, one sentence each."""
         return self._reduction + [
-            f"{reason} (at {self.system.speed_unit.text(self.speeds[index])})"
+            f"{reason} (at {self.system.labels.speed_unit.text(self.speeds[index])})"
             for index, reasons in self.reasons.items()
             for reason in reasons
         ]

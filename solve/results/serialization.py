@@ -10,15 +10,18 @@ import hashlib
 import json
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 
 from solve.arrays import Array
-from solve.contracts import DrawnLink, Matrices, ModeShape, Statistics
+from solve.capabilities import Capabilities, Outputs
+from solve.contracts import DrawnLink, Limit, Matrices, ModeShape, Statistics
+from solve.equations import freedoms_of, judged_quantities
 from solve.errors import FileError, ReopenedError, ResultKindError
+from solve.labels import Labels
 from solve.period.curve import Curve, FourierCurve
 from solve.period.floquet_modes import FloquetMode
 from solve.period.named import Named
@@ -33,9 +36,11 @@ CLASSES: dict[str, type] = {}
 
 _LABELS = (
     *("name", "title", "case", "case_speed", "model_hash", "options", "parameters", "parameter_labels"),
-    *("links", "moves", "vibrates", "outputs", "equation_warnings", "largest_of", "units", "meanings"),
-    *("period", "coordinates", "breaks", "freedoms", "judged_quantities", "speed_unit", "states", "inputs"),
+    *("links", "moves", "vibrates", "equation_warnings", "largest_of", "units", "meanings", "speed_unit"),
 )
+"""Labels of a system that files hold."""
+
+_DATA = "period", "coordinates", "breaks", "outputs", "states", "inputs"
 """Attributes of a system that files hold; those of earlier versions lack the last ones."""
 
 Kind = TypeVar("Kind", bound=type)
@@ -127,25 +132,44 @@ for _kind in (Curve, FourierCurve, FloquetMode, Named, Statistics, ModeShape, Dr
     serializable(_kind)
 
 
-class StoredSystem(PeriodicSystem):
+class StoredSystem(PeriodicSystem, Outputs):
     """Labels of a system, read from a file. Methods that need the equations raise ReopenedError."""
 
-    solvable = False
-    freedoms = 0  # type: ignore[assignment]
-    judged_quantities = ()  # type: ignore[assignment]
+    _FEWEST = 0
+    freedoms = 0
+    judged_quantities: tuple[str, ...] = ()
 
-    def __init__(self, labels: Mapping[str, Any]):
-        self.vibrates = labels["vibrates"]
-        super().__init__(self._refused, labels["coordinates"], labels["period"], labels["breaks"])
-        vars(self).update(labels)
+    def __init__(self, stored: Mapping[str, Any]):
+        super().__init__(self._refused, stored["coordinates"], stored["period"], stored["breaks"])
+        vars(self).update({name: value for name, value in stored.items() if name not in _LABELS})
+        self.labels = Labels(**{name: stored[name] for name in _LABELS if name in stored}, solvable=False)
 
     def _refused(self, *_: Any, **__: Any) -> Matrices:
         raise ReopenedError(
-            f"{self.name} was read from a file, which contains no equations; load the model and solve again"
+            f"{self.labels.name} was read from a file, which contains no equations; load the model and "
+            "solve again"
         )
 
-    output_values = varied = along = marcher = varying = _refused  # type: ignore[assignment]
-    structure = derivatives = property(_refused)  # type: ignore[assignment]
+    varied = output_values = frequencies = mode_shapes = pinned_frequencies = _refused  # type: ignore[assignment]
+    require_bounds = many_points = _refused
+    derivatives = moves_breaks = property(_refused)
+
+    @property
+    def most_frequencies(self) -> int:
+        """Maximum number of natural frequencies."""
+        return self.freedoms
+
+    def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
+        """No limits: the file contains the warnings."""
+        return []
+
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
+        """Warnings about the equations."""
+        return list(self.labels.equation_warnings)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(outputs=self, validity=self, structure=self, variation=self)  # type: ignore[arg-type]
 
 
 class _Encoder:
@@ -198,7 +222,10 @@ class _Encoder:
             if encoded is system:
                 return number
         self._encoded.append(system)
-        self.systems.append({name: self.plain(getattr(system, name)) for name in _LABELS})
+        labels = {name: self.plain(getattr(system.labels, name)) for name in _LABELS}
+        data = {name: getattr(system, name) for name in _DATA}
+        data |= {"freedoms": freedoms_of(system), "judged_quantities": judged_quantities(system)}
+        self.systems.append(labels | {name: self.plain(value) for name, value in data.items()})
         return len(self.systems) - 1
 
 

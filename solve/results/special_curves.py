@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from solve.arrays import Array
+from solve.labels import unit_of
 from solve.results.contents import Column, Columns, columns_by_name, digits, peak_columns, varied_column
 from solve.results.result import Result
 from solve.results.serialization import stored_property
@@ -104,7 +105,7 @@ class SpecialCurves(Result):
         """Sentence on the number of curves and their cusps."""
         count = len(set(self.numbers.tolist()))
         text = f"{count} curve{'s' * (count != 1)} of {self.kind}s."
-        units = [self.system.unit_of(name) for name in self.names]
+        units = [unit_of(self.system, name) for name in self.names]
         for row in self.values[self.cusps]:
             at = (
                 f"{name} = {unit.text(float(value), '.6g')}"

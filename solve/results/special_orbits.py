@@ -10,6 +10,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.certify.correction import corrected
 from solve.contracts import Statistics
+from solve.equations import exceeded_limits, judged_quantities, output_values, warnings_of
 from solve.errors import NoVibrationError, SolveError, ValueOutOfBoundsError
 from solve.period.curve import Curve, PeriodicCurve
 from solve.period.quantities import LEAST_SAMPLES, repeats_early
@@ -19,7 +20,7 @@ from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion, QuasiStatic, SolvedMotion
 from solve.results.serialization import stored_property
 from solve.results.stability import ErrorEstimate
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, check
 
 _STEPS = 256
 """Number of steps between the nodes of prescribed motion in files. A choice that does not affect the
@@ -150,9 +151,9 @@ class NonlinearOrbit(Orbit):
         q, v, a = (self.linear(phase, derivative) for derivative in range(3))
         if name in self.system.coordinates:
             return q[self.system.coordinates.index(name)]
-        if not self.system.solvable:
+        if not self.system.labels.solvable:
             return None
-        return self.system.output_values(phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
+        return output_values(self.system, phase, self.speed, q, self.speed * v, self.speed**2 * a)[name]
 
 
 class NoStability:
@@ -183,7 +184,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     @classmethod
     def of(cls, system: PeriodicSystem, speed: float) -> "RigidOrbit":
         """Prescribed motion at a speed in rad/s. Raises DesiredMotionError if it does not exist."""
-        system.checked(speed)
+        check(system, speed)
         no_solution: Any = None
         return cls(system, speed, no_solution, no_solution)
 
@@ -202,7 +203,7 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
         return self.state(np.atleast_1d(phase))[0]
 
     def statistics(self, name: str) -> Statistics:
-        if self.system.solvable:
+        if self.system.labels.solvable:
             return PeriodicMotion.statistics(self, name)
         return self.output_statistics[name]
 
@@ -213,19 +214,27 @@ class RigidOrbit(NoStability, Orbit):  # type: ignore[misc]
     @property
     def quasi_static(self) -> QuasiStatic:
         """Not available without coordinates. Raises NoVibrationError."""
-        raise NoVibrationError(f"{self.system.name} has no coordinates; omit the quasi-static solution")
+        raise NoVibrationError(
+            f"{self.system.labels.name} has no coordinates; omit the quasi-static solution"
+        )
 
     @stored_property
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
         system = self.system
-        names = sorted({*system.judged_quantities, *system.outputs})
+        names = sorted({*judged_quantities(system), *system.outputs})
         figures = {name: self.statistics(name) for name in names}
-        return [*system.warnings(self.speed), *system.judged(figures), *self._non_periodic_outputs]
+        return [
+            *warnings_of(system, self.speed),
+            *exceeded_limits(system, figures),
+            *self._non_periodic_outputs,
+        ]
 
     @property
     def summary(self) -> str:
-        return f"At {self.system.speed_unit.text(self.speed)} the motion is prescribed: nothing vibrates."
+        return (
+            f"At {self.system.labels.speed_unit.text(self.speed)} the motion is prescribed: nothing vibrates."
+        )
 
     @property
     def summary_values(self) -> dict[str, Any]:

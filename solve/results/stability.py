@@ -11,6 +11,7 @@ from solve.arrays import Array
 from solve.certify.all_multipliers import Spectrum
 from solve.certify.certified import Certified, InterpolationError, ReductionError
 from solve.certify.correction import liouville_defect
+from solve.equations import warnings_of
 from solve.methods.method import Method
 from solve.period.floquet_modes import FloquetMode
 from solve.period.multipliers import VERDICTS, Multipliers
@@ -132,7 +133,7 @@ class Solution(Result):
     @stored_property
     def reduction_error(self) -> ReductionError | None:
         """Estimated error of the reduction of the system; None for a full system."""
-        if not self.system.solvable or not self.certified.reduction:
+        if not self.system.labels.solvable or not self.certified.reduction:
             return None
         return self.certified.reduction[0]
 
@@ -140,7 +141,7 @@ class Solution(Result):
     def interpolation_error(self) -> InterpolationError | None:
         """Estimated error of the interpolation of sampled matrices, which is included in `error_estimate`;
         None for systems that are not sampled."""
-        if not self.system.solvable or not self.certified.interpolation:
+        if not self.system.labels.solvable or not self.certified.interpolation:
             return None
         return self.certified.interpolation[0]
 
@@ -269,7 +270,7 @@ class Stability(Solution):
 
     def _rigid_body_note(self, mode: RigidBodyMode) -> str:
         """Note that describes a rigid-body mode and its effect on the result."""
-        names, units = self.system.coordinates, self.system.units
+        names, units = self.system.coordinates, self.system.labels.units
         count = "its multiplier +1" if mode.damped else "its two multipliers +1"
         text = f"rigid-body mode {mode.ratio(names)}: spectral radius and verdict exclude {count}"
         if self.certified.solutions.curve is None:
@@ -292,13 +293,13 @@ class Stability(Solution):
         """Warnings about the result, one sentence each."""
         reduction = [] if self.reduction_error is None else self.reduction_error.warnings
         numerical = [*reduction, *self.certified.warnings(0), *self.spectrum.warnings]
-        return [*numerical, *self.system.warnings(self.speed)]
+        return [*numerical, *warnings_of(self.system, self.speed)]
 
     @property
     def summary(self) -> str:
         """Sentence on the verdict and its consequence."""
         consequence = _CONSEQUENCES[VERDICTS.index(self.verdict)].format(radius=self.spectral_radius)
-        speed = self.system.speed_unit.text(self.speed)
+        speed = self.system.labels.speed_unit.text(self.speed)
         subject = self._subject
         if self.rigid_body_modes and self.certified.solutions.curve is None:
             subject += " relative to rigid-body modes"
@@ -337,7 +338,7 @@ class Stability(Solution):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        labels = {"units": self.system.units, "meanings": self.system.meanings}
+        labels = {"units": self.system.labels.units, "meanings": self.system.labels.meanings}
         return {**super().metadata, **to_json(labels)}
 
     @property

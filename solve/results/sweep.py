@@ -97,7 +97,7 @@ class SweepPoint:
 
     def _figures(self, system: PeriodicSystem, names: Sequence[str]) -> dict[str, Any]:
         return {
-            name: {"unit": system.units.get(name, ""), **self.statistics[name]._asdict()}
+            name: {"unit": system.labels.units.get(name, ""), **self.statistics[name]._asdict()}
             for name in names
             if name in self.statistics
         }
@@ -139,12 +139,12 @@ class Sweep(Result):
         if results.verdicts[index] == FAILED:
             return SweepPoint(speed, error=results.failures[index], parameters=parameters)
         figures = (Statistics(*row.tolist()) for row in results.figures[index])
-        reduced = "reduce" in self.system.options
+        reduced = "reduce" in self.system.labels.options
         return SweepPoint(
             speed,
             dict(zip(results.kept.names, figures, strict=True)),
             float(results.spectral_radius[index]),
-            VERDICTS[results.verdicts[index]] if self.system.vibrates else "",
+            VERDICTS[results.verdicts[index]] if self.system.labels.vibrates else "",
             results.methods[index],
             int(results.steps[index]),
             ErrorEstimate(*results.errors[index].tolist()),
@@ -227,7 +227,7 @@ class Sweep(Result):
     def warnings(self) -> list[str]:
         """Warnings about the equations, and one sentence for each kind of warning or failure with its speeds.
         Texts that differ only in their numbers count as one kind, and the first is shown."""
-        of_equations = list(self.system.equation_warnings)
+        of_equations = list(self.system.labels.equation_warnings)
         reasons = {index: [f"no result: {text}"] for index, text in self.results.failures.items()}
         texts = {**self.results.warnings, **reasons}
         groups: dict[str, tuple[str, list[float]]] = {}
@@ -244,13 +244,13 @@ class Sweep(Result):
             return []
         most = [float(np.nanmax(column, initial=0.0)) for column in self.reductions.T]
         errors = f"up to {most[0]:.1e} of the orbits and {most[1]:.1e} of the multipliers"
-        return [f"reduce={self.system.options['reduce']}: relative errors of {errors}"]
+        return [f"reduce={self.system.labels.options['reduce']}: relative errors of {errors}"]
 
     def _where(self, speeds: Sequence[float]) -> str:
         """Text that describes the points with these speeds."""
         if self.parameters:
             return f"at {len(speeds)} of {len(self.speeds)} points"
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         first, span = f"at {unit.text(speeds[0])}", unit.span(min(speeds), max(speeds))
         if len(speeds) == 1:
             return first
@@ -307,9 +307,9 @@ class Sweep(Result):
         system, points, axes = self.system, self.points, ("row" if self.parameters else "speed",)
         columns = [("speed", speeds_of(system, self.speeds, axes=axes))]
         for name, values in self.parameters.items():
-            columns.append((name, Column(values, *system.parameter_labels[name], axes=axes)))
+            columns.append((name, Column(values, *system.labels.parameter_labels[name], axes=axes)))
         for name in self.results.kept.names:
-            unit, meaning = system.units.get(name, ""), system.meanings.get(name, name)
+            unit, meaning = system.labels.units.get(name, ""), system.labels.meanings.get(name, name)
             for figure in ("max", "min", "max_abs", "mean", "rms"):
                 values = self.figures(name, figure)
                 columns.append(

@@ -8,6 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import NoResultError
+from solve.labels import parts_of
 from solve.results.contents import MOST_SHOWN, Column, Columns, HeaderRows, digits, speeds_of, to_json
 from solve.results.result import Figure, Result
 from solve.results.serialization import stored_property
@@ -60,7 +61,7 @@ class Sweeps(Result):
         """Statistic (systems, P) of a coordinate or output, or the maximum over a group of outputs; NaN where
         a point failed. Raises UnknownNameError."""
         figure = figure or self.figure
-        names = next(iter(self.sweeps.values())).system.parts(quantity)
+        names = parts_of(next(iter(self.sweeps.values())).system, quantity)
         return np.max(
             [[sweep.figures(name, figure) for name in names] for sweep in self.sweeps.values()], axis=1
         )
@@ -95,7 +96,7 @@ class Sweeps(Result):
         """Columns of the table: one row per speed, one column per quantity and system."""
         columns = {"speed": speeds_of(self.system, self.speeds, axes=("speed",))}
         for name in self.quantities:
-            unit = self.system.units.get(name, "")
+            unit = self.system.labels.units.get(name, "")
             for label, values in zip(self.sweeps, self.figures(name), strict=True):
                 meaning = f"{self.figure} of {name}, {self.title} {label}"
                 columns[f"{name} {label}"] = Column(values, unit, meaning, axes=("speed",))
@@ -120,7 +121,7 @@ class Sweeps(Result):
         return {**super().record(), **to_json({"speeds": self.speeds, "systems": systems})}
 
     def header_rows(self) -> HeaderRows:
-        span = self.system.speed_unit.span(self.speeds.min(), self.speeds.max())
+        span = self.system.labels.speed_unit.span(self.speeds.min(), self.speeds.max())
         return [("over", f"{len(self.speeds)} speeds from {span}")]
 
 
@@ -157,7 +158,7 @@ class Validity(Result):
     @stored_property
     def warnings(self) -> list[str]:
         """Reasons why speeds have no result, one sentence per reason."""
-        unit, speeds = self.system.speed_unit, dict[str, list[float]]()
+        unit, speeds = self.system.labels.speed_unit, dict[str, list[float]]()
         for index, reason in self.failures.items():
             speeds.setdefault(reason, []).append(float(self.speeds[index]))
         return [
@@ -202,7 +203,8 @@ class Validity(Result):
         limit, highest = f"{100 * self.allowed:g} %", self.trusted_to
         if highest is None:
             return f"errors exceed {limit} from the lowest of these speeds on"
-        return f"errors of all coordinates are at most {limit} up to {self.system.speed_unit.text(highest)}"
+        speed = self.system.labels.speed_unit.text(highest)
+        return f"errors of all coordinates are at most {limit} up to {speed}"
 
     @property
     def summary(self) -> str:

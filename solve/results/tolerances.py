@@ -138,7 +138,11 @@ class Tolerances(Result):
     def columns(self) -> Columns:
         """Columns of the table, with one row per sample."""
         parameters = {
-            name: Column(column, self.system.parameter_labels[name][0], self.system.parameter_labels[name][1])
+            name: Column(
+                column,
+                self.system.labels.parameter_labels[name][0],
+                self.system.labels.parameter_labels[name][1],
+            )
             for name, column in zip(self.spreads, self.points.T, strict=True)
         }
         quantities = {
@@ -148,7 +152,7 @@ class Tolerances(Result):
         return {**parameters, **quantities, "weight": Column(self.weights, "1", "weight of the sample")}
 
     def header_rows(self) -> HeaderRows:
-        unit = self.system.speed_unit
+        unit = self.system.labels.speed_unit
         texts = [unit.text(float(speed)) for speed in self.speeds]
         shown = texts[0] if len(texts) == 1 else f"{len(texts)} speeds, {texts[0]} to {texts[-1]}"
         return [("speed", shown), ("samples", f"{self.samples}, {self.solves} solutions per speed")]

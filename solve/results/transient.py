@@ -9,6 +9,8 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import Statistics, driven
+from solve.equations import exceeded_limits, output_values, warnings_of
+from solve.labels import known_quantities
 from solve.period.curve import curves_through, interpolation_tolerance, sufficient_strides
 from solve.period.quantities import Quantities
 from solve.results.contents import (
@@ -120,11 +122,11 @@ class TransientMotion(Result):
     def outputs(self) -> Mapping[str, Array]:
         """Outputs (j,) by name."""
         states = self.q, self.qd, self._joined(2)
-        return dict(self.system.output_values(self.phase, self.speeds, *states, self.acceleration))
+        return dict(output_values(self.system, self.phase, self.speeds, *states, self.acceleration))
 
     def values(self, name: str) -> Array:
         """Values (j,) of a coordinate or output. Raises UnknownNameError."""
-        self.system.known_quantities([name])
+        known_quantities(self.system, [name])
         if name in self.system.coordinates:
             return self.q[self.system.coordinates.index(name)]
         return self.outputs[name]
@@ -154,7 +156,7 @@ class TransientMotion(Result):
         """Fields of `Statistics` (P, n + o, 7), from curves through every stride-th state, for the periods
         with indices (P,)."""
         system = self.system
-        groups = [[name] for name in system.outputs] if system.outputs_apart else [[*system.outputs]]
+        groups = [[name] for name in system.outputs] if system.labels.outputs_apart else [[*system.outputs]]
         curve, figures = curves_through(self.nodes[::stride], self.motions[turns][..., ::stride]), []
         for names in groups:
             outputs = partial(self._outputs_within, turns, names) if names else None
@@ -186,9 +188,7 @@ class TransientMotion(Result):
         first, last = self.ends[turns, None], self.ends[turns + 1, None]
         phase, speed, _ = driven(np.mod(s, self.system.period), first, last, self.system.period)
         states = (np.moveaxis(array, 1, 0).reshape(self.system.n, -1) for array in (q, qd, qdd))
-        outputs = self.system.output_values(
-            phase.ravel(), speed.ravel(), *states, acceleration=self.acceleration
-        )
+        outputs = output_values(self.system, phase.ravel(), speed.ravel(), *states, self.acceleration)
         return np.stack([outputs[name].reshape(s.shape) for name in names], axis=1)
 
     @cached_property
@@ -257,8 +257,8 @@ class Transient(TransientMotion):
     def warnings(self) -> list[str]:
         """Warnings about the result, one sentence each."""
         linear = not self.nonlinear
-        sentences = [*self.notes, *self.system.judged(self.extremes, linear)]
-        sentences += self.system.warnings(self.speed, linear)
+        sentences = [*self.notes, *exceeded_limits(self.system, self.extremes, linear)]
+        sentences += warnings_of(self.system, self.speed, linear)
         if not self.between <= interpolation_tolerance(self.rtol):
             error = f"{self.between:.1e}" if self._curves_resolved else "unknown"
             sentences.append(
@@ -294,7 +294,7 @@ class Transient(TransientMotion):
     def _record(self, name: str) -> dict[str, Any]:
         extremes = self.extremes[name]
         values = {"max": extremes.max, "min": extremes.min, "max_abs": extremes.max_abs}
-        return {"unit": self.system.units.get(name, ""), **values, "end": self.values(name)[-1]}
+        return {"unit": self.system.labels.units.get(name, ""), **values, "end": self.values(name)[-1]}
 
     @property
     def summary_values(self) -> dict[str, Any]:
@@ -312,7 +312,7 @@ class Transient(TransientMotion):
     @property
     def ramp_in_words(self) -> str:
         """Text that states the range of the speed."""
-        return self.system.speed_unit.span(self.ends[0], self.ends[-1])
+        return self.system.labels.speed_unit.span(self.ends[0], self.ends[-1])
 
     def plot(self, names: Sequence[str] | None = None) -> Figure:
         """Figure of each quantity, by default the coordinates, over the periods or, in a run-up, over time.

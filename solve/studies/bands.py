@@ -40,7 +40,7 @@ from solve.studies.speed_grids import (
 )
 from solve.studies.stability_samples import Evaluate, StabilitySamples, evaluator
 from solve.studies.tongues import find_narrow_tongues
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import ShownUnit, checked_tolerance, speeds_between
 
@@ -143,7 +143,7 @@ def bands(
     ['-1']
     """
     given_speeds = speeds_between(speeds, "bands")
-    system, omegas = system.shown_in(given_speeds[0]), np.array(given_speeds)
+    system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)
     ends = ends_with_matrices(system, omegas)
     task, notes = task_of(over_speed(system), method, rtol, engine, orbit=False)
     if free(OnePoint(system, ends[0])) is not None:
@@ -178,7 +178,7 @@ def bands(
         step("narrow bands")
         samples += find_narrow_tongues(evaluate, samples, middle, predicted=_PREDICTED if constant else 1.0)
         if samples.failed.any():
-            notes = [*notes, _failed_speeds_text(batch, by_speed(samples), system.speed_unit)]
+            notes = [*notes, _failed_speeds_text(batch, by_speed(samples), system.labels.speed_unit)]
         step("edges of bands")
         runs = _UnstableRuns(evaluate, checked_tolerance(tolerance), omegas[-1:])
         unstable_bands = runs.bands(by_speed(samples))

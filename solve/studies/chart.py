@@ -15,7 +15,9 @@ from solve.batch.family import SPEED, BuiltFamily, Family, SystemFamily
 from solve.batch.gathering import gathered
 from solve.batch.task import task_of
 from solve.contracts import Statistics
+from solve.equations import exceeded_limits, judged_quantities, require_bounds
 from solve.errors import LinearModelError, MissingValueError, NoResultError, ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.loading import load
 from solve.methods.choice import Rule
 from solve.model.model import Model
@@ -32,7 +34,7 @@ from solve.studies.point_values import kept_for, values_of
 from solve.studies.stability_samples import StabilitySamples, evaluator
 from solve.studies.sweep import parameter_values
 from solve.studies.tongues import find_narrow_tongues
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, multiplier_count, shown_in
 from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, checked_tolerance, speed_in_si, speeds_given
 
@@ -116,7 +118,7 @@ def chart(
     xs, ys = np.array(across), np.array(upwards)
     provable = _provable(model) if prove else None
     if isinstance(model, PeriodicSystem):
-        model = model.shown_in(across[0]).shown_in(upwards[0])
+        model = shown_in(shown_in(model, across[0]), upwards[0])
     if x_name == y_name:
         raise ValueOutOfBoundsError(f"x and y are both {x_name}; vary two different quantities")
     require_size("points", len(xs) * len(ys), NUMBERS_A_POINT)
@@ -127,7 +129,7 @@ def chart(
     stability, notes = task_of(family, method, rtol, engine, Kept(warnings=False), orbit=False)
     task = stability
     if quantity is not None and of_orbit:
-        kept = kept_for([quantity.named], family.example.judged_quantities)
+        kept = kept_for([quantity.named], judged_quantities(family.example))
         task, _ = task_of(family, method, rtol, engine, kept)
     batch = stability.batch(points)
     with progress.steps(3) as step:
@@ -140,8 +142,8 @@ def chart(
         evaluate = constant.evaluate if constant else evaluator(batch)
         search = BoundarySearch(evaluate, np.array([np.ptp(xs), np.ptp(ys)]), checked_tolerance(tolerance))
         solve_cut = partial(_cut, search, (x_name, y_name), (xs, ys))
-        system = family.example.shown_in(across[0]).shown_in(upwards[0])
-        at = partial(_at, batch, system.speed_unit)
+        system = shown_in(shown_in(family.example, across[0]), upwards[0])
+        at = partial(_at, batch, system.labels.speed_unit)
         solved = Chart(x_name, xs, y_name, ys, system, results, [], at, solve_cut, [*notes, *results.notes])
         if quantity is not None:
             values = values_of(quantity.named, solved_points, family.speeds(points), system.period)
@@ -170,7 +172,7 @@ def _provable(model: object) -> Model:
 def _stability(orbits: PointResults, batch: Batch, points: Array) -> PointResults:
     """Stability at points (P, 2), from the orbits. Points without an orbit, as at resonance, are solved
     separately."""
-    results = PointResults.blank(len(points), batch.family.example.multiplier_count, Kept(warnings=False))
+    results = PointResults.blank(len(points), multiplier_count(batch.family.example), Kept(warnings=False))
     for name in _OF_STABILITY:
         getattr(results, name)[:] = getattr(orbits, name)
     failed = np.flatnonzero(orbits.failed)
@@ -189,7 +191,7 @@ def _beyond(system: PeriodicSystem, orbits: PointResults, stability: PointResult
         return without
     least, largest = valid_figures.min(axis=0), valid_figures.max(axis=0)
     figures = {name: Statistics(*largest[k])._replace(min=least[k][1]) for k, name in enumerate(names)}
-    return [*without, *(f"at some points {text}" for text in system.judged(figures))]
+    return [*without, *(f"at some points {text}" for text in exceeded_limits(system, figures))]
 
 
 @dataclass(frozen=True)
@@ -283,12 +285,12 @@ def _family(
         )
     if not isinstance(model, PeriodicSystem):
         return BuiltFamily(model, names, points, _held(speed, names))
-    omega = _held(model.case_speed if speed is None else speed, names)
-    model.require_motion()
+    omega = _held(model.labels.case_speed if speed is None else speed, names)
+    require_motion(model)
     family = SystemFamily(model, names, omega)
     for extreme in (points[0], points[-1]):
         values = dict(zip(names, map(float, extreme), strict=True))
-        model.require_bounds({name: value for name, value in values.items() if name != SPEED})
+        require_bounds(model, {name: value for name, value in values.items() if name != SPEED})
     return family
 
 

@@ -22,7 +22,7 @@ from solve.period.points import OnePoint
 from solve.results.comparison import MULTIPLIERS, ORBIT, Comparison, Row
 from solve.results.orbit import Orbit
 from solve.single import periodic, request
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol, speed_in_si
 
@@ -83,7 +83,7 @@ def compare(
         A subclass for bad input, and if no periodic solution exists.
     """
     omega = speed_in_si(speed)
-    system = system.shown_in(omega)
+    system = shown_in(system, omega)
     given_counts = [] if steps is None else list(steps)
     for count in given_counts:
         require_integer("steps", count)

@@ -141,7 +141,7 @@ def constant_coefficients(batch: Batch) -> ConstantCoefficients | None:
     they vary, if some coordinates are of first order, or if the method is an approximation whose stability
     differs from that of the equations."""
     family = batch.family
-    if family.example.first_order:
+    if len(family.example.states):
         return None
     n, period = family.example.n, family.example.period
     if isinstance(batch.method, Method) and not batch.method.converges:

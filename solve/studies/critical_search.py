@@ -28,7 +28,7 @@ from solve.studies.stability_samples import (
     evaluator,
 )
 from solve.studies.tongues import find_narrow_tongues
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, multiplier_count
 
 _ASIDE = 0.25
 """Distance from a maximum at which the response is compared with it, as a fraction of the distance between
@@ -106,7 +106,7 @@ class CriticalSearch:
             return gathered(self.batch, speeds[:, None], self.kept)
         _, in_sweep, places = np.intersect1d(speeds, self.sweep.speeds, return_indices=True)
         unsolved = np.setdiff1d(np.arange(len(speeds)), in_sweep)
-        results = PointResults.blank(len(speeds), self.system.multiplier_count, self.kept)
+        results = PointResults.blank(len(speeds), multiplier_count(self.system), self.kept)
         results.insert(unsolved, gathered(self.batch, speeds[unsolved, None], self.kept))
         results.insert(in_sweep, selected(self.sweep.results, places, self.kept))
         return results
@@ -178,7 +178,7 @@ class CriticalSearch:
         """Ascending speeds and their results, with the speeds `others` (k,) solved and inserted."""
         others = np.setdiff1d(others, speeds)
         union = np.union1d(speeds, others)
-        merged = PointResults.blank(len(union), self.system.multiplier_count, self.kept)
+        merged = PointResults.blank(len(union), multiplier_count(self.system), self.kept)
         merged.insert(np.searchsorted(union, speeds), results)
         merged.insert(np.searchsorted(union, others), self.solve(others))
         return union, merged

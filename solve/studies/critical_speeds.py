@@ -14,6 +14,7 @@ from solve.arrays import Array
 from solve.batch.family import over_speed
 from solve.batch.task import task_of
 from solve.errors import require_name
+from solve.labels import known_quantities
 from solve.methods.choice import Rule
 from solve.period.multipliers import UNSTABLE
 from solve.results.critical_speeds import Critical, CriticalSpeeds
@@ -24,7 +25,7 @@ from solve.studies.critical_search import CriticalSearch, radius, real_part
 from solve.studies.mean_frequencies import MeanFrequencies, combinations, resonance_speeds, resonances
 from solve.studies.resonances import CLOSE, assign
 from solve.studies.speed_grids import ends_with_matrices, multiplier_rotation, no_rotation, without_result
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_tolerance, speeds_between
 
@@ -133,8 +134,8 @@ def _critical_speeds(
     system: PeriodicSystem, speeds: Sequence[float], settings: _Settings, sweep: Sweep | None = None
 ) -> CriticalSpeeds:
     """Critical speeds between ascending speeds (rad/s), with reuse of the solutions of a sweep."""
-    system, omegas, orders = system.shown_in(speeds[0]), np.array(speeds), settings.orders
-    (name,) = system.known_quantities(settings.quantity or system.coordinates[0])
+    system, omegas, orders = shown_in(system, speeds[0]), np.array(speeds), settings.orders
+    (name,) = known_quantities(system, settings.quantity or system.coordinates[0])
     require_size("orders", orders, len(omegas) * system.n**2)
     at_rest = MeanFrequencies(system, np.array([0.0]))
     search, grid, notes = _prepare(at_rest, omegas, name, settings, sweep)
@@ -247,7 +248,7 @@ def _divisions(frequencies: MeanFrequencies, rest: MeanFrequencies, orders: int)
 
 def _omissions(frequencies: MeanFrequencies, results: PointResults, orders: int) -> Iterator[str]:
     """Notes on speeds at which maxima are not searched for, and on speeds without a result."""
-    grid, unit = frequencies.speeds, frequencies.system.speed_unit
+    grid, unit = frequencies.speeds, frequencies.system.labels.speed_unit
     skipped = frequencies.lowest > (orders + 0.5) * grid
     if skipped.any():
         limit = unit.text(float(grid[skipped].max()), ".4g")

@@ -12,7 +12,7 @@ from solve.batch.task import task_of
 from solve.errors import MatricesError, StepsError
 from solve.methods.method import Method
 from solve.methods.radau import Radau
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, multiplier_count
 from solve.units import speeds_given
 
 _METHOD = Radau()
@@ -71,7 +71,7 @@ class PeriodicCurves:
             raise StepsError(f"steps is {steps!r}; allowed: even numbers of at least 2, such as 96")
         if system.breaks:
             raise MatricesError(
-                f"{system.name} has matrices that jump; steps must end at the jumps: use periodic at "
+                f"{system.labels.name} has matrices that jump; steps must end at the jumps: use periodic at "
                 "each speed"
             )
         self.system, self.steps, self.samples = system, steps, samples
@@ -89,7 +89,7 @@ class PeriodicCurves:
         speeds = np.array(speeds_given(speeds), dtype=float)
         n, coarse_steps = self.system.n, self.steps // 2
         coarse, fine = np.full((2, len(speeds), n, len(self.phase)), np.inf)
-        Phi = np.zeros((len(speeds), *2 * (self.system.multiplier_count,)))
+        Phi = np.zeros((len(speeds), *2 * (multiplier_count(self.system),)))
         for steps, positions, solutions in self._batch.solutions(speeds[:, None], coarse_steps, self.steps):
             assert solutions.curve is not None
             if steps == coarse_steps:

@@ -81,7 +81,7 @@ class Design:
     @property
     def start(self) -> Array:
         """Variables x (r,) of the parameters of the model."""
-        values = np.array([self.model.parameters[name] for name in self.names])
+        values = np.array([self.model.labels.parameters[name] for name in self.names])
         return (values - self.low) / (self.high - self.low)
 
     def parameters(self, x: Array) -> Mapping[str, float]:

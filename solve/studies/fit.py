@@ -9,6 +9,7 @@ import numpy as np
 from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
+from solve.labels import bounds_in_own_unit
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
 from solve.results.fit import Channel, Fitted, Interval
@@ -16,6 +17,7 @@ from solve.studies.fit_diagnostics import diagnose
 from solve.studies.fit_problem import Problem, require_elastic_modes
 from solve.studies.least_squares import Minimum, minimise
 from solve.studies.measured import measured
+from solve.system import shown_in
 from solve.terminal import progress
 from solve.units import speed_in_si
 
@@ -86,11 +88,11 @@ def fit(
     if not names:
         raise ValueOutOfBoundsError("no parameters to fit are given; give their names, such as k1, k2")
     for name in names:
-        require_name(f"parameter of {model.name}", name, model.parameters)
+        require_name(f"parameter of {model.labels.name}", name, model.parameters)
     model.derivatives.by(names)
     sets = measured(data, model, None if speed is None else speed_in_si(speed))
     require_elastic_modes(model, sets)
-    model = model.shown_in(sets[0].speed)
+    model = shown_in(model, sets[0].speed)
     problem = Problem(model, sets, names, method, rtol)
     count = sum(len(values) for values in problem.measured)
     if count <= len(names):
@@ -113,7 +115,7 @@ def _limits(problem: Problem, bounds: Bounds) -> tuple[Array, Array]:
                 f"bounds are given for {name}, which is not free; add it to the free parameters, or "
                 "leave out its bounds"
             )
-        least, most = problem.model.bounds_in_own_unit(name, ends)
+        least, most = bounds_in_own_unit(problem.model, name, ends)
         at = list(problem.names).index(name)
         if problem.by_logarithm[at]:
             low[at], high[at] = np.log(least) if least > 0 else -np.inf, np.log(most)

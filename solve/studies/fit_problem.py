@@ -108,7 +108,7 @@ class Problem:
     def described(self, x: Array) -> str:
         """Text that lists the free parameters with values and units."""
         values = zip(self.names, self.values(x).tolist(), strict=True)
-        units = self.model.parameter_labels
+        units = self.model.labels.parameter_labels
         return ", ".join(f"{name} = {with_its_unit(value, units[name][0])}" for name, value in values)
 
     def varied(self, x: Array) -> Model:
@@ -174,7 +174,7 @@ def _natural_frequencies(model: Model, data: Measured, names: Sequence[str]) -> 
     modes, position = _modes(data), np.array([data.position])
     count = int(modes.max()) + 1
     values = natural(model, position, count).signed[0, modes]
-    if model.structure is None:
+    if model.capabilities.structure is None:
         derivatives = _eigenvalue_derivatives(model, position, names)[:, modes]
         elastic = values != 0
         factor = np.where(elastic, 2 * np.abs(values), 1.0)
@@ -199,8 +199,8 @@ def require_elastic_modes(model: Model, sets: Sequence[Measured]) -> None:
             number = "1 rigid-body mode" if count == 1 else f"{count} rigid-body modes"
             raise ValueOutOfBoundsError(
                 f"mode {modes[first] + 1} was measured at {measured[first] / (2 * math.pi):.6g} Hz, but is "
-                f"a rigid-body mode of frequency 0: {model.name} has {number}, counted first; number the "
-                f"elastic modes in the file from {count + 1} on"
+                f"a rigid-body mode of frequency 0: {model.labels.name} has {number}, counted first; number "
+                f"the elastic modes in the file from {count + 1} on"
             )
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from solve.arguments import require_steps
 from solve.arrays import Array
 from solve.certify.mode_vectors import ModeVectors, mode_vectors
+from solve.equations import require_bounds
 from solve.errors import NoResultError, SolveError, StepsError, ValueOutOfBoundsError, require_name
 from solve.kernel.engines import chosen_engine
-from solve.labels import SPEED
+from solve.labels import SPEED, speed_or_usual, unit_of
 from solve.methods.choice import Rule, chosen, damping
 from solve.methods.method import Method
 from solve.period.points import OnePoint
@@ -20,7 +21,7 @@ from solve.results.followed_modes import FollowedModes
 from solve.studies.mode_identity import Identities, identified
 from solve.studies.mode_tracks import Sample, Tracks
 from solve.studies.sweep import Over, varied_values
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.threads import one_thread
 from solve.units import checked_rtol, speeds_between, speeds_given
@@ -51,7 +52,7 @@ class _Solver:
     def solved(self, x: float) -> ModeVectors:
         """Modes at a value of the parameter. Raises SolveError subclasses."""
         system, speed = self.at(x)
-        system.checked(speed)
+        check(system, speed)
         with one_thread(system.n):
             return mode_vectors(OnePoint(system, speed), self.method, self.steps, self.rtol, self.engine)
 
@@ -191,7 +192,7 @@ class _Points:
         """Points from the arguments of `follow_modes`. Raises SolveError subclasses."""
         if over is None:
             omegas = speeds_between([] if speeds is None else speeds, "followed modes")
-            return cls(system.shown_in(omegas[0]), SPEED, np.array(omegas), np.array(omegas))
+            return cls(shown_in(system, omegas[0]), SPEED, np.array(omegas), np.array(omegas))
         ranges = varied_values(over, system)
         if len(ranges) != 1:
             raise ValueOutOfBoundsError(
@@ -201,21 +202,21 @@ class _Points:
         numbers = np.unique(numbers)
         if len(numbers) < 2:
             raise ValueOutOfBoundsError(f"over gives one value of {name}; give two or more: {name}=A:B:N")
-        given_speeds = speeds_given(system.speed_or_usual(None) if speeds is None else speeds)
+        given_speeds = speeds_given(speed_or_usual(system, None) if speeds is None else speeds)
         if len(given_speeds) != 1:
             raise ValueOutOfBoundsError(
                 f"{len(given_speeds)} speeds and over {name}; give one speed with over"
             )
-        require_name(f"parameter of {system.name}", name, system.parameters)
+        require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
         for extreme in (numbers[0], numbers[-1]):
-            system.require_bounds({name: float(extreme)})
+            require_bounds(system, {name: float(extreme)})
         return cls(
-            system.shown_in(given_speeds[0]), name, numbers, np.full(len(numbers), float(given_speeds[0]))
+            shown_in(system, given_speeds[0]), name, numbers, np.full(len(numbers), float(given_speeds[0]))
         )
 
     def text(self, x: float) -> str:
         """Format a value with its unit."""
-        return self.system.unit_of(self.name).text(x, ".6g")
+        return unit_of(self.system, self.name).text(x, ".6g")
 
     def at(self, x: float) -> tuple[PeriodicSystem, float]:
         """System and speed at a value of the varied quantity."""

@@ -8,6 +8,7 @@ import numpy as np
 from solve.arguments import NUMBERS_A_POINT, require_size
 from solve.arrays import Array
 from solve.contracts import Matrices
+from solve.equations import freedoms_of, most_frequencies, require_desired_motion
 from solve.errors import (
     DesiredMotionError,
     MatricesError,
@@ -17,12 +18,13 @@ from solve.errors import (
     ValueOutOfBoundsError,
     require_name,
 )
+from solve.labels import in_own_unit
 from solve.matrices import require_inertia
 from solve.period.natural import NaturalFrequencies, natural_frequencies
 from solve.period.rigid_body import rigid_body_modes
 from solve.results.frequencies import Frequencies, Variation
 from solve.results.rigid_body import RigidBodyMode, rigid_body_modes_of
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, check, of_system
 from solve.units import require_size_of_number, speed_in_si, with_unit
 
 USUAL_COUNT = 4
@@ -75,7 +77,7 @@ def frequencies(
         raise ValueOutOfBoundsError(f"position is {position}; allowed: finite angles in rad, or '70 deg'")
     for value in positions:
         require_size_of_number("position", float(value))
-    require_size("positions", len(positions), system.freedoms**2 + NUMBERS_A_POINT)
+    require_size("positions", len(positions), freedoms_of(system) ** 2 + NUMBERS_A_POINT)
     natural_frequencies = natural(system, positions, _checked_count(system, count))
     return Frequencies(system, positions, *natural_frequencies, _rigid_body_modes(system, positions[:1]))
 
@@ -83,13 +85,13 @@ def frequencies(
 def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFrequencies:
     """Lowest modes at positions (m,). Raises MatricesError if M is singular, or if M or K does not exist at
     speed 0."""
-    if system.structure is not None:
-        omegas = system.structure.frequencies(positions, count)
+    if system.capabilities.structure is not None:
+        omegas = system.capabilities.structure.frequencies(positions, count)
         return NaturalFrequencies(omegas, np.full(omegas.shape, np.nan))
-    if system.first_order:
+    if len(system.states):
         raise MatricesError(
-            f"{system.name} has first-order states, such as {system.states[0]}, and no natural frequencies "
-            "of M and K; use floquet, whose modes have frequencies"
+            f"{system.labels.name} has first-order states, such as {system.states[0]}, and no natural "
+            "frequencies of M and K; use floquet, whose modes have frequencies"
         )
     M, _, K, _ = at_speed_zero(system, positions)
     require_inertia(M)
@@ -99,10 +101,10 @@ def natural(system: PeriodicSystem, positions: Array, count: int) -> NaturalFreq
 def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     """Matrices M, C, K, d at positions (m,). Raises DesiredMotionError if the fundamental motion is undefined
     at speed 0, and MatricesError if the matrices are; its text names speed 0 if that is the only cause."""
-    unit = system.speed_unit
+    unit = system.labels.speed_unit
     elsewhere = f'for mean frequencies at running speeds use solve critical --speeds "A:B:N {unit.name}"'
     try:
-        system.require_desired_motion(np.zeros(1))
+        require_desired_motion(system, np.zeros(1))
     except DesiredMotionError as error:
         cause, _, _ = str(error).partition("; change ")
         raise DesiredMotionError(
@@ -112,21 +114,22 @@ def at_speed_zero(system: PeriodicSystem, positions: Array) -> Matrices:
     try:
         return system.at(positions, 0.0)
     except (MatricesError, ZeroDivisionError) as error:
-        running = speed_in_si(system.case_speed) if system.case_speed else _RUNNING
+        running = speed_in_si(system.labels.case_speed) if system.labels.case_speed else _RUNNING
         try:
-            system.checked(running)
+            check(system, running)
             system.at(positions, running)
         except (SolveError, ZeroDivisionError):
             raise error from None
         raise MatricesError(
-            f"{system.name} has no finite M, C, K at speed 0, where natural frequencies are evaluated, but "
-            f"at {unit.text(running, '.4g')} they are finite: a term divides by the speed; {elsewhere}"
+            f"{system.labels.name} has no finite M, C, K at speed 0, where natural frequencies are "
+            f"evaluated, but at {unit.text(running, '.4g')} they are finite: a term "
+            f"divides by the speed; {elsewhere}"
         ) from None
 
 
 def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[RigidBodyMode]:
     """Rigid-body modes of K at a position (1,); none for structures of beams."""
-    if system.links:
+    if system.labels.links:
         return []
     _, C, K, _ = system.at(position, 0.0)
     return rigid_body_modes_of(rigid_body_modes(K[None], C[None]))
@@ -134,8 +137,8 @@ def _rigid_body_modes(system: PeriodicSystem, position: Array) -> Sequence[Rigid
 
 def require_position(system: PeriodicSystem, position: object) -> None:
     """Raise NoMotionError if a position is given for a structure without motion."""
-    if position is not None and not system.moves:
-        raise NoMotionError(f"{system.name} is a structure at rest; leave out the position")
+    if position is not None and not system.labels.moves:
+        raise NoMotionError(f"{system.labels.name} is a structure at rest; leave out the position")
 
 
 def turn(system: PeriodicSystem, count: int = TURN) -> Array:
@@ -182,18 +185,18 @@ def frequencies_over(
     NoResultError
         If all values are refused.
     """
-    require_name(f"parameter of {system.name}", parameter, system.parameters)
+    require_name(f"parameter of {system.labels.name}", parameter, system.labels.parameters)
     if len(values) == 0 or len(positions) == 0:
         raise ValueOutOfBoundsError(
             f"{len(values)} values at {len(positions)} positions; give at least one of each"
         )
     k = _checked_count(system, count)
     require_size(
-        "values at all positions", len(values) * len(positions), system.freedoms**2 + NUMBERS_A_POINT
+        "values at all positions", len(values) * len(positions), freedoms_of(system) ** 2 + NUMBERS_A_POINT
     )
-    numbers = np.array([system.in_own_unit(parameter, value) for value in values])
+    numbers = np.array([in_own_unit(system, parameter, value) for value in values])
     roots = np.full((2, len(values), len(positions), k), math.nan)
-    pinned = {link.name: np.full(len(values), math.nan) for link in system.links}
+    pinned = {link.name: np.full(len(values), math.nan) for link in system.labels.links}
     errors: list[str | None] = []
     for number, value in enumerate(numbers.tolist()):
         try:
@@ -203,7 +206,9 @@ def frequencies_over(
             errors.append(str(error))
             continue
         errors.append(None)
-        pinned_links = varied.structure.pinned_frequencies() if varied.structure else {}
+        pinned_links = (
+            varied.capabilities.structure.pinned_frequencies() if varied.capabilities.structure else {}
+        )
         for link, frequency in pinned_links.items():
             pinned[link][number] = frequency
     if all(errors):
@@ -212,11 +217,11 @@ def frequencies_over(
 
 
 def _checked_count(system: PeriodicSystem, count: int | None) -> int:
-    most = system.most_frequencies
+    most = most_frequencies(system)
     if count is None:
         return min(USUAL_COUNT, most)
     if not (isinstance(count, int | np.integer) and 1 <= count <= most):
         raise ValueOutOfBoundsError(
-            f"count is {count}; allowed for {system.name} with these options: 1 … {most}"
+            f"count is {count}; allowed for {system.labels.name} with these options: 1 … {most}"
         )
     return count

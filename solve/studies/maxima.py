@@ -11,6 +11,7 @@ from solve.batch.gathering import gathered, unjudged
 from solve.period.multipliers import EPS
 from solve.results.critical_speeds import Maximum
 from solve.results.points import Kept, PointResults
+from solve.system import multiplier_count
 from solve.terminal import progress
 
 _PROMINENCE = 1e-2
@@ -86,7 +87,7 @@ class Trials:
         """Solutions at speeds (m,) in the brackets with the indices `numbers` (m,)."""
         if not self._on_one_grid:
             return gathered(self._batch, speeds[:, None], self._kept)
-        results = PointResults.blank(len(speeds), self._batch.family.example.multiplier_count, self._kept)
+        results = PointResults.blank(len(speeds), multiplier_count(self._batch.family.example), self._kept)
         steps = self._steps[numbers]
         for count in unique_integers(steps):
             at = np.flatnonzero(steps == count)

@@ -90,7 +90,7 @@ class MeanFrequencies:
         real = self.speeds[~self.imaginary & np.isfinite(self.values[:, 0])]
         speeds = real[:: max(1, len(real) // _SAMPLES)]
         shifts = np.array([shift_by_rates(self.system, speed) for speed in speeds.tolist()])
-        beyond, text = np.flatnonzero(shifts > limit), self.system.speed_unit.text
+        beyond, text = np.flatnonzero(shifts > limit), self.system.labels.speed_unit.text
         if not len(beyond):
             return []
         first, largest = float(speeds[beyond[0]]), int(shifts.argmax())

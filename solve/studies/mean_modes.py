@@ -47,8 +47,8 @@ def mean_modes(system: PeriodicSystem, speed: float) -> MeanModes:
     """
     step = system.period / _PHASES
     M, C, K, d = system.at((np.arange(_PHASES) + 0.5) * step, speed)
-    if system.first_order:
-        return _of_states(rate_of(M, C, K, d, system.first_order)[..., :-1], system.n)
+    if len(system.states):
+        return _of_states(rate_of(M, C, K, d, len(system.states))[..., :-1], system.n)
     if all((matrix == matrix[:1]).all() for matrix in (M, C, K)):
         M, C, K = M[:1], C[:1], K[:1]
     squares, shapes = np.linalg.eig(np.linalg.solve(M, K))
@@ -81,7 +81,7 @@ def shift_by_rates(system: PeriodicSystem, speed: float) -> float:
     With C they are moduli of eigenvalues. Gyroscopic forces change them, and damping that couples modes, but
     not modal damping. 0 if some are real, and with first-order coordinates, whose frequencies include C.
     """
-    if system.first_order:
+    if len(system.states):
         return 0.0
     halves = np.s_[: system.n], np.s_[system.n : 2 * system.n]
     phases = (np.arange(_FEW_PHASES) + 0.5) * system.period / _FEW_PHASES

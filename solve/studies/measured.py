@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arguments import require_size
 from solve.arrays import Array
+from solve.equations import most_frequencies
 from solve.errors import (
     CaseFileError,
     MissingLibraryError,
@@ -20,6 +21,7 @@ from solve.errors import (
     cause,
     require_name,
 )
+from solve.labels import known_quantities
 from solve.model.tables import cells_of, number_in, size_in_header
 from solve.results.fit import Channel
 from solve.results.orbit import Orbit
@@ -233,7 +235,7 @@ def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
                 Channel(measurement.speed, measurement.orders, name, measurement.at, values, computed)
             )
     if not channels:
-        unit = orbit.system.speed_unit
+        unit = orbit.system.labels.speed_unit
         speeds = (
             ", ".join(unit.text(measurement.speed) for measurement in sets if measurement.position is None)
             or "none"
@@ -292,11 +294,11 @@ def _frequencies(
             f"data: {read.path.name} has no column 'frequency (Hz)', or no rows; give the column, with at "
             "least one row"
         )
-    most = system.most_frequencies
+    most = most_frequencies(system)
     if not ((modes == np.round(modes)) & (modes >= 1) & (modes <= most)).all():
         raise ValueOutOfBoundsError(
-            f"data: {read.path.name} has modes from {modes.min():g} to {modes.max():g}; {system.name} has "
-            f"the modes 1 to {most}, counted from the lowest frequency"
+            f"data: {read.path.name} has modes from {modes.min():g} to {modes.max():g}; {system.labels.name} "
+            f"has the modes 1 to {most}, counted from the lowest frequency"
         )
     if not (columns[FREQUENCY] > 0).all():
         raise ValueOutOfBoundsError(
@@ -326,8 +328,8 @@ def _column(read: Record, names: list[str], system: PeriodicSystem, axis: str, p
     elif axis == "order" and name.endswith(_PHASE):
         unit = "rad"
     else:
-        (name,) = system.known_quantities([name])
-        unit = system.units.get(name, "") or "1"
+        (name,) = known_quantities(system, [name])
+        unit = system.labels.units.get(name, "") or "1"
     return read.values(place) * _size(read.titles[place], unit)
 
 

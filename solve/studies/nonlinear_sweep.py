@@ -16,6 +16,7 @@ from solve.period.multipliers import UNSTABLE, VERDICTS
 from solve.period.quantities import FIGURES
 from solve.results.points import Kept, PointResults
 from solve.results.special_orbits import NonlinearOrbit
+from solve.system import multiplier_count
 from solve.terminal import progress
 
 _ON_A_LINE = 1e-9
@@ -27,7 +28,7 @@ def nonlinear_points(task: Task, points: Array, store: str | Path | None) -> Poi
     is a store.
 
     Raises SolveError subclasses for errors that affect all points."""
-    multipliers = task.family.example.multiplier_count
+    multipliers = multiplier_count(task.family.example)
     results = PointResults.blank(len(points), multipliers, task.kept)
     orbits = dict[int, NonlinearOrbit]()
     with ExitStack() as opening:

@@ -8,7 +8,9 @@ import numpy as np
 
 from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
+from solve.equations import derivatives_of, is_nonlinear, require_bounds
 from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.labels import bounds_in_own_unit, speed_or_usual
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method
@@ -23,7 +25,7 @@ from solve.studies.fit import Bounds
 from solve.studies.optimum_search import ROUNDS, Search, State
 from solve.studies.requirements import bounds_of, kept_of, real_quantity, spreads_of
 from solve.studies.robust import Statistic, deviating
-from solve.system import PeriodicSystem, derivatives_of, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -114,9 +116,9 @@ def optimise(
     rule = chosen(method)
     if isinstance(rule, Method) and not isinstance(rule, Collocated):
         raise ValueOutOfBoundsError(f"method is {rule.name}; an optimum takes radau, gauss, or auto")
-    given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
+    given = speeds_given(speed_or_usual(model, None) if speeds is None else speeds)
     is_range = isinstance(speeds, str) and speeds.count(":") == 2
-    model = model.shown_in(given[0])
+    model = shown_in(model, given[0])
     names, low, high = _free(model, free)
     kept, bounds = kept_of(model, keep), bounds_of(model, subject)
     objective = real_quantity(model, minimise) if isinstance(minimise, str) else minimise
@@ -151,7 +153,7 @@ def _machines(
         )
     if not isinstance(design.model, Model):
         raise ValueOutOfBoundsError(
-            f"a robust optimum takes a model, not {design.model.name}; leave robust out"
+            f"a robust optimum takes a model, not {design.model.labels.name}; leave robust out"
         )
     return deviating(design, spreads_of(design.model, vary or {}), statistic.machines)
 
@@ -164,9 +166,9 @@ def _free(model: PeriodicSystem, free: Bounds) -> tuple[Sequence[str], Array, Ar
         raise ValueOutOfBoundsError("no parameter is free; give names with bounds, such as k1=4e4:1e5")
     ends = []
     for name in names:
-        ends.append(model.bounds_in_own_unit(name, free[name]))
+        ends.append(bounds_in_own_unit(model, name, free[name]))
         for end in ends[-1]:
-            model.require_bounds({name: end})
+            require_bounds(model, {name: end})
     derivatives_of(model).by(names)
     low, high = np.array(ends).T
     return names, low, high
@@ -200,7 +202,7 @@ def _optimum(search: Search, best: State, doubts: list[str], prove: bool) -> Opt
         minimised=text,
         unit=unit,
         parameters={
-            name: FreeParameter(design.model.parameters[name], value, low, high)
+            name: FreeParameter(design.model.labels.parameters[name], value, low, high)
             for (name, value), low, high in zip(
                 design.parameters(best.x).items(), design.low.tolist(), design.high.tolist(), strict=True
             )
@@ -223,7 +225,7 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
     design, model = search.design, search.design.varied(best.x)
     confirmed: dict[str, Any] = {}
     doubts: list[str] = []
-    if model.nonlinear and design.orbits:
+    if is_nonlinear(model) and design.orbits:
         try:
             orbits = [
                 nonlinear(model, each, method=design.method, rtol=design.rtol) for each in design.speeds
@@ -233,7 +235,9 @@ def _confirmed(search: Search, best: State, prove: bool) -> tuple[dict[str, Any]
         else:
             values = search.values([DesignPoint(orbit, design.names) for orbit in orbits])
             confirmed |= {"objective": float(values.max()), "verdicts": [orbit.verdict for orbit in orbits]}
-            unstable = [model.speed_unit.text(orbit.speed) for orbit in orbits if orbit.verdict == "unstable"]
+            unstable = [
+                model.labels.speed_unit.text(orbit.speed) for orbit in orbits if orbit.verdict == "unstable"
+            ]
             if unstable:
                 doubts.append(f"the nonlinear orbit is unstable at {', '.join(unstable)}")
     if prove:

@@ -132,7 +132,7 @@ class Search:
             state = self._descended(state.x)
         remaining, doubts = self._worse_between(state), self._missed_bands(state)
         if remaining:
-            texts = ", ".join(map(self.design.model.speed_unit.text, remaining))
+            texts = ", ".join(map(self.design.model.labels.speed_unit.text, remaining))
             doubts.append(f"at {texts} values are worse than at the optimised speeds; give more speeds")
         return state, doubts
 
@@ -261,7 +261,7 @@ class Search:
     def _missed_bands(self, state: State) -> list[str]:
         """Sentence on each unstable band of the range that contains no speed of the design."""
         speeds, model = self.design.speeds, self.design.varied(state.x)
-        text = model.speed_unit.text
+        text = model.labels.speed_unit.text
         try:
             found = bands(model, speeds, self.design.method, self.design.rtol)
         except SolveError as reason:

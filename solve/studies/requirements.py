@@ -11,6 +11,7 @@ import numpy as np
 
 from solve.arguments import unique_names
 from solve.arrays import Array
+from solve.equations import require_bounds
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
 from solve.model.model import Model
 from solve.model.spread import Spread, spread_of
@@ -75,8 +76,10 @@ class Kept:
         what, within, width = (part.strip() for part in text.partition(" within "))
         name, at, interval = what.partition("@")
         name, _, figure = name.partition(".")
-        require_name(f"coordinate or output of {system.name}", name, (*system.coordinates, *system.outputs))
-        unit = system.units.get(name, "1")
+        require_name(
+            f"coordinate or output of {system.labels.name}", name, (*system.coordinates, *system.outputs)
+        )
+        unit = system.labels.units.get(name, "1")
         tolerance = in_unit(_quantity(width, text), unit, text) if within else None
         if tolerance is not None and not tolerance > 0:
             raise ValueOutOfBoundsError(f"'{text}' has the tolerance {width}; allowed: numbers > 0")
@@ -123,15 +126,15 @@ def spreads_of(model: Model, vary: Mapping[str, str]) -> dict[str, Spread]:
     """Spreads of the varying parameters. Raises SolveError subclasses."""
     case, found = model.setup.case, {}
     for name in {**case.spreads, **vary}:
-        require_name(f"parameter of {model.name}", name, model.parameters)
-        unit, value = model.parameter_labels[name][0], model.parameters[name]
+        require_name(f"parameter of {model.labels.name}", name, model.parameters)
+        unit, value = model.labels.parameter_labels[name][0], model.parameters[name]
         if name in vary:
             found[name] = spread_of(name, vary[name], value, unit)
         else:
             found[name] = spread_of(name, case.spreads[name], value, unit, case.units.get(name))
         ends = [found[name].first] if found[name].normal else [found[name].low, found[name].high]
         for end in ends:
-            model.require_bounds({name: end})
+            require_bounds(model, {name: end})
     if not found:
         raise MissingValueError(
             "no parameter has a tolerance; state some in the case file, such as tolerance = '±2 %', or give "

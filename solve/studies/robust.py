@@ -121,7 +121,7 @@ def deviating(design: Design, spreads: Mapping[str, Spread], count: int) -> list
         others = {name: value for name, value in values.items() if name not in design.names}
         shift = np.array(
             [
-                values.get(name, design.model.parameters[name]) - design.model.parameters[name]
+                values.get(name, design.model.labels.parameters[name]) - design.model.labels.parameters[name]
                 for name in design.names
             ]
         )

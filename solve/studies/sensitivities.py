@@ -21,7 +21,7 @@ from solve.period.rigid_body import before_rigid
 from solve.results.bands import Bands
 from solve.results.critical_speeds import CriticalSpeeds, Maximum
 from solve.results.sensitivities import Sensitivities, SensitivitiesOver, Sensitivity
-from solve.system import PeriodicSystem, of_system
+from solve.system import PeriodicSystem, of_system, shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -101,7 +101,7 @@ def sensitivities_over(
     settings = method, steps, rtol, engine, nonlinear, periods
     given_speeds, (quantities, names) = speeds_given(speeds), quantities_by(system, of, by)
     texts = [quantity.text for quantity in quantities]
-    system, omegas = system.shown_in(given_speeds[0]), np.array(given_speeds)
+    system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)
     shape = len(omegas), len(texts), len(names)
     values, derivatives = np.full(shape[:2], np.nan, complex), np.full(shape, np.nan, complex)
     errors, reasons = np.full(shape, np.nan), {}
@@ -125,7 +125,7 @@ def sensitivities_over(
         raise NoResultError(f"no speed has a result; at the first, {reasons[0][0]}")
     if not (np.imag(values).any() or np.imag(derivatives).any()):
         values, derivatives = np.real(values), np.real(derivatives)
-    constant = [system.parameters.get(name, np.nan) for name in names]
+    constant = [system.labels.parameters.get(name, np.nan) for name in names]
     by_speed = np.where(np.array(names) == SPEED, omegas[:, None], constant)
     return SensitivitiesOver(system, omegas, texts, names, by_speed, values, derivatives, errors, reasons)
 
@@ -179,7 +179,9 @@ def speed_sensitivities(
     places = _edges(found) if is_bands else _maxima(found)
     differentiate = _of_edge if is_bands else _of_maximum
     if not places:
-        raise NoResultError(f"{system.name} has no edge or maximum between these speeds; give other speeds")
+        raise NoResultError(
+            f"{system.labels.name} has no edge or maximum between these speeds; give other speeds"
+        )
     by_name = {}
     with progress.task("speeds", len(places)):
         for name, of, speed in places:
@@ -192,7 +194,7 @@ def speed_sensitivities(
                 if sensitivity.reason
                 else sensitivity
             )
-    values = {name: system.parameters[name] for name in names}
+    values = {name: system.labels.parameters[name] for name in names}
     return Sensitivities(system, None, values, by_name, "", 0)
 
 

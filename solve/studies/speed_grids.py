@@ -10,7 +10,7 @@ from solve.errors import SolveError
 from solve.period.frozen import frozen
 from solve.period.points import OnePoint
 from solve.studies.stability_samples import Evaluate, StabilitySamples, crossing_function
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, check
 from solve.units import ShownUnit
 
 LIGHTLY_DAMPED = 0.5
@@ -107,7 +107,7 @@ def ends_with_matrices(system: PeriodicSystem, speeds: Array) -> tuple[float, fl
     def first_valid(speeds: Iterable[float]) -> float:
         for speed in speeds:
             try:
-                system.checked(speed)
+                check(system, speed)
             except SolveError as error:
                 errors.append(error)
                 continue

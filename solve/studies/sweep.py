@@ -16,7 +16,9 @@ from solve.batch.family import SPEED, Family, SystemFamily
 from solve.batch.store import made_folder
 from solve.batch.task import task_of
 from solve.contracts import Statistics
+from solve.equations import exceeded_limits, is_nonlinear, output_values, require_bounds, warnings_of
 from solve.errors import LinearModelError, MissingValueError, SolveError, ValueOutOfBoundsError, require_name
+from solve.labels import in_own_unit, known_quantities, parts_of
 from solve.methods.choice import Rule
 from solve.model.model import Model, of_model
 from solve.period.quantities import LEAST_SAMPLES, figures
@@ -27,7 +29,7 @@ from solve.results.sweep import Sweep
 from solve.results.sweeps import Sweeps, Validity
 from solve.single import periodic
 from solve.studies.nonlinear_sweep import nonlinear_points
-from solve.system import PeriodicSystem, of_any_system, of_system
+from solve.system import PeriodicSystem, of_any_system, of_system, shown_in
 from solve.terminal import progress
 from solve.units import evenly, speeds_given
 
@@ -101,9 +103,9 @@ def sweep(
     """
     values = varied_values(over, system)
     given_speeds = speeds_given(_speeds(system, speeds, over))
-    system, omegas = system.shown_in(given_speeds[0]), np.array(given_speeds)
-    names = system.known_quantities(quantities)
-    selection = Kept(names, system.known_quantities(spectra), harmonics if spectra else 0)
+    system, omegas = shown_in(system, given_speeds[0]), np.array(given_speeds)
+    names = known_quantities(system, quantities)
+    selection = Kept(names, known_quantities(system, spectra), harmonics if spectra else 0)
     if steps is not None:
         require_steps(steps)
     require_size("points", math.prod(map(len, (omegas, *values.values()))), NUMBERS_A_POINT)
@@ -112,7 +114,7 @@ def sweep(
         [coordinate.ravel() for coordinate in np.meshgrid(*values.values(), omegas, indexing="ij")]
     )
     for extreme in (points.min(axis=0), points.max(axis=0)) if values else ():
-        system.require_bounds(dict(zip(values, extreme.tolist(), strict=False)))
+        require_bounds(system, dict(zip(values, extreme.tolist(), strict=False)))
     task, notes = task_of(family, method, rtol, engine, selection, steps)
     if nonlinear and executor is not None:
         raise ValueOutOfBoundsError(
@@ -120,13 +122,13 @@ def sweep(
         )
     if nonlinear:
         results = nonlinear_points(task, points, store)
-    elif system.vibrates:
+    elif system.labels.vibrates:
         results = task.solved(task.batch(points), points, executor, store)
     elif store is None:
         results = _rigid_points(family, points, selection)
     else:
         raise ValueOutOfBoundsError(
-            f"{system.name} has no coordinates, and its sweep uses no store; omit the store"
+            f"{system.labels.name} has no coordinates, and its sweep uses no store; omit the store"
         )
     parameters = dict(zip(values, points.T, strict=False))
     return Sweep(system, points[:, -1], results, task.request.engine, [*notes, *results.notes], parameters)
@@ -156,7 +158,7 @@ def parameter_values(
     numbers: list[float] = []
     with suppress(TypeError, ValueError):
         texts = evenly(values, name) if isinstance(values, str) else values
-        numbers = [float(value) if system is None else system.in_own_unit(name, value) for value in texts]
+        numbers = [float(value) if system is None else in_own_unit(system, name, value) for value in texts]
     return numbers
 
 
@@ -171,11 +173,11 @@ def _speeds(system: PeriodicSystem, speeds: Any, over: Over | None) -> Any:
     """Speeds of a sweep; if only parameters vary, the speed of the case. Raises MissingValueError."""
     if speeds is not None or not over:
         return speeds
-    if system.case_speed is None:
+    if system.labels.case_speed is None:
         raise MissingValueError(
             "no speeds given, and the case states none; give speeds, such as '100:900:81 rpm'"
         )
-    return system.case_speed
+    return system.labels.case_speed
 
 
 def _rigid_points(family: Family, points: Array, kept: Kept) -> PointResults:
@@ -203,7 +205,7 @@ def _keep_rigid(results: PointResults, at: int, orbit: RigidOrbit) -> None:
         signal = orbit.signal(name)
         results.amplitudes[at, row], _ = harmonics_of(signal, system.period, results.kept.harmonics)
     limited = {name: Statistics(*statistics[system.outputs.index(name)].tolist()) for name in names}
-    texts = [*system.warnings(orbit.speed), *system.judged(limited)]
+    texts = [*warnings_of(system, orbit.speed), *exceeded_limits(system, limited)]
     if texts:
         results.warnings[at] = texts
 
@@ -213,7 +215,7 @@ def _output_figures(system: PeriodicSystem, speed: float) -> Array:
 
     def values(phase: Array) -> Array:
         none = np.zeros((0, len(phase)))
-        outputs = system.output_values(phase, speed, none, none, none)
+        outputs = output_values(system, phase, speed, none, none, none)
         return np.array([outputs[name] for name in system.outputs])
 
     def row_by_row(phase: Array) -> Array:
@@ -255,8 +257,10 @@ def variants(model: Model, name: str, values: Sequence[float | str]) -> dict[str
     >>> list(variants(solve.load("cam"), "k1", [1e4, 2e4]))
     ['10000', '20000']
     """
-    require_name(f"parameter or option of {model.name}", name, [*model.parameters, *model.options])
-    if name in model.options:
+    require_name(
+        f"parameter or option of {model.labels.name}", name, [*model.parameters, *model.labels.options]
+    )
+    if name in model.labels.options:
         models = {str(value): model.varied(options={name: value}) for value in values}
     else:
         numbers = [_number(model, name, value) for value in values]
@@ -311,19 +315,19 @@ def sweeps(
     given_speeds, quantities, by_label = speeds_given(speeds), unique_names(quantities), {}
     with progress.task("curves", len(systems)):
         for number, (label, system) in enumerate(systems.items()):
-            names = [name for quantity in quantities for name in system.parts(quantity)]
+            names = [name for quantity in quantities for name in parts_of(system, quantity)]
             with progress.subtask("curves"):
                 folder = None if store is None else made_folder(store) / str(number)
                 by_label[label] = sweep(
                     system, given_speeds, method, None, rtol, executor, names, store=folder
                 )
-    first = next(iter(systems.values())).shown_in(given_speeds[0])
+    first = shown_in(next(iter(systems.values())), given_speeds[0])
     return Sweeps(title, np.array(given_speeds), by_label, quantities, first)
 
 
 def _number(model: Model, name: str, value: float | str) -> float:
     try:
-        return model.in_own_unit(name, value)
+        return in_own_unit(model, name, value)
     except ValueError:
         raise ValueOutOfBoundsError(
             f"{name} is '{value}'; give a number in the model's unit or with a unit"
@@ -366,12 +370,13 @@ def validity(
     """
     if not 0 < at <= 1:
         raise ValueOutOfBoundsError(f"at is {at}; allowed: a fraction > 0 and up to 1, such as 0.05 for 5 %")
-    if not system.nonlinear:
+    if not is_nonlinear(system):
         raise LinearModelError(
-            f"{system.name} is linear by construction; validity requires a model with nonlinear equations"
+            f"{system.labels.name} is linear by construction; validity requires a model with "
+            "nonlinear equations"
         )
     given_speeds = speeds_given(speeds)
-    system, omegas = system.shown_in(given_speeds[0]), np.sort(given_speeds)
+    system, omegas = shown_in(system, given_speeds[0]), np.sort(given_speeds)
     errors, failures = np.full((len(omegas), system.n), np.nan), {}
     with progress.task("speeds", len(omegas)):
         for position, omega in enumerate(omegas.tolist()):

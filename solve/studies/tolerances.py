@@ -13,6 +13,7 @@ from solve.arrays import Array
 from solve.batch.family import SPEED, SystemFamily
 from solve.batch.task import task_of
 from solve.errors import SolveError, ValueOutOfBoundsError
+from solve.labels import speed_or_usual
 from solve.methods.choice import Rule, chosen
 from solve.methods.collocation import Collocated
 from solve.methods.method import Method
@@ -31,6 +32,7 @@ from solve.studies.probability import SEARCH_SPREAD, Mixture, centres_of, normal
 from solve.studies.requirements import bounds_of, real_quantity, spreads_of
 from solve.studies.sobol_indices import sobol_indices
 from solve.studies.tracked import leading
+from solve.system import shown_in
 from solve.terminal import progress
 from solve.units import speeds_given
 
@@ -182,8 +184,8 @@ def _machines(
 ) -> Machines:
     """Sampled machines from the arguments. texts: limits and quantities. Raises SolveError subclasses for
     invalid input."""
-    given = speeds_given(model.speed_or_usual(None) if speeds is None else speeds)
-    model = model.shown_in(given[0])
+    given = speeds_given(speed_or_usual(model, None) if speeds is None else speeds)
+    model = shown_in(model, given[0])
     spreads = spreads_of(model, vary)
     bounds = bounds_of(model, texts[0])
     signs = {bound.quantity.text: bound.sign for bound in reversed(bounds)}

@@ -12,7 +12,9 @@ import numpy as np
 
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
+from solve.equations import require_load, sketched
 from solve.errors import NoLoadError, ReopenedError, ValueOutOfBoundsError
+from solve.labels import known_quantities, require_motion, speed_or_usual
 from solve.methods.choice import Rule
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.transients import transient
@@ -20,7 +22,7 @@ from solve.results.files import PICTURES, checked, write_atomic
 from solve.results.formatting import round_magnification
 from solve.results.orbit import Orbit
 from solve.single import periodic
-from solve.system import PeriodicSystem, require_load
+from solve.system import PeriodicSystem, check, shown_in
 from solve.views.moving_picture import Drawn, Panel, gif, page_text, still
 from solve.views.panels import SAMPLES, shown, titled
 from solve.views.style import Figure, drawn
@@ -81,7 +83,7 @@ class Animation:
     def lines(self, phase: Array, scale: float) -> Mapping[str, Plane]:
         """Points x + iy (points, k) of the mechanism's lines at phases (k,), by name of the line. scale:
         magnification of the coordinates; 0 gives the rigid motion."""
-        return self.system.sketched(phase, self.speed, scale * self.vibration(phase))
+        return sketched(self.system, phase, self.speed, scale * self.vibration(phase))
 
     @property
     def title(self) -> str:
@@ -90,7 +92,7 @@ class Animation:
 
     @property
     def _shown(self) -> str:
-        if not self.system.vibrates:
+        if not self.system.labels.vibrates:
             return "rigid motion"
         if self.scale != 1:
             return f"{self.about} magnified {self.scale:g} times"
@@ -104,7 +106,7 @@ class Animation:
         """Content of a picture of positions (`still`) or of an animation."""
         count = frame_count(self.frames, self._free, still)
         phase = np.arange(count) * (self.span / count)
-        caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.vibrates else ""
+        caption = f"grey: rigid motion; blue: with the {self._shown}" if self.system.labels.vibrates else ""
         fine = np.linspace(0.0, self.span, SAMPLES)
         panels = [Panel(name, signal(fine), signal(phase)) for name, signal in self.signals.items()]
         rigid, moved = self.lines(phase, 0.0), self.lines(phase, self.scale)
@@ -134,7 +136,7 @@ class Animation:
         stream.write(gif(self.drawn(still=False)) if ending == ".gif" else self.html.encode())
 
     def __repr__(self) -> str:
-        return f"Animation of {self.title}; .save('{self.system.name}.gif') writes it"
+        return f"Animation of {self.title}; .save('{self.system.labels.name}.gif') writes it"
 
     def _repr_html_(self) -> str:
         """HTML frame with the page, for notebooks."""
@@ -191,18 +193,18 @@ def animate(
     require_magnification(scale)
     frame_count(frames, False, False)
     model = system.system if isinstance(system, Orbit) else system
-    if not model.solvable:
+    if not model.labels.solvable:
         raise ReopenedError("a result that was read from a file has no lines to draw; load the model again")
-    if model.vibrates:
-        model.require_motion()
-    model.sketched(np.zeros(1), 1.0, np.zeros((model.n, 1)))
+    if model.labels.vibrates:
+        require_motion(model)
+    sketched(model, np.zeros(1), 1.0, np.zeros((model.n, 1)))
     names = shown(model, show) if show else list((model.coordinates or model.outputs)[:_PANELS])
     if isinstance(system, Orbit):
         _require_nothing(speed is not None or nonlinear or method != "auto")
         return _scaled(_of_orbit(system, names, frames), scale)
-    omega = model.speed_or_usual(speed)
-    model.checked(omega)
-    animation = _calculated(model.shown_in(omega), omega, names, frames, nonlinear, method, rtol)
+    omega = speed_or_usual(model, speed)
+    check(model, omega)
+    animation = _calculated(shown_in(model, omega), omega, names, frames, nonlinear, method, rtol)
     return _scaled(animation, scale)
 
 
@@ -217,7 +219,7 @@ def _calculated(
 ) -> Animation:
     """Animation of the orbit, or of the free vibration if there is no load."""
     try:
-        if system.vibrates:
+        if system.labels.vibrates:
             require_load(system, omega)
     except NoLoadError:
         if nonlinear:
@@ -261,7 +263,7 @@ def _free(
     """Animation of the free vibration from q = 1 at rest, scaled so that the largest coordinate is 1."""
     from scipy.interpolate import CubicHermiteSpline
 
-    system.known_quantities(names)
+    known_quantities(system, names)
     outputs = [name for name in names if name not in system.coordinates]
     if outputs:
         raise ValueOutOfBoundsError(

@@ -6,6 +6,7 @@ from itertools import groupby, pairwise
 import numpy as np
 
 from solve.arrays import Array
+from solve.labels import unit_of
 from solve.results.branch import (
     DOUBLING,
     FOLD,
@@ -63,7 +64,7 @@ def branch_figure(branch: Branch) -> Figure:
 
 def _draw_branch(axes: Axes, branch: Branch, values: Array) -> None:
     """Draw the sections of a branch, each with one verdict, and the special points."""
-    places, labelled = branch.system.unit_of(branch.over).of(branch.values), set[str]()
+    places, labelled = unit_of(branch.system, branch.over).of(branch.values), set[str]()
     for number in range(int(branch.numbers.max()) + 1):
         in_branch = np.flatnonzero(branch.numbers == number)
         first = 0
@@ -99,7 +100,7 @@ def special_curves_figure(curves: SpecialCurves) -> Figure:
     first, second = curves.names
     with page(4.2, f"{title_of(curves.system)}: {curves.kind}s in two parameters") as sheet:
         axes, count = sheet.subplots(), int(curves.numbers.max(initial=-1)) + 1
-        units = [curves.system.unit_of(name) for name in curves.names]
+        units = [unit_of(curves.system, name) for name in curves.names]
         x, y = (unit.of(values) for unit, values in zip(units, curves.values.T, strict=True))
         for number, shade in enumerate(shades(count)):
             in_curve = curves.numbers == number
@@ -136,7 +137,7 @@ def scatter_figure(scatter: Scatter) -> Figure:
             axes.plot(
                 scatter.starts[lost, 0], scatter.starts[lost, n], "x", color=GREY, label="do not settle"
             )
-        unit = system.units.get(name, "")
+        unit = system.labels.units.get(name, "")
         axes.set_xlabel(headed(f"initial {name}", unit))
         axes.set_ylabel(headed(f"initial velocity of {name}", f"{unit}/s" if unit else ""))
         sheet.legend(loc="outside lower center", ncols=2)

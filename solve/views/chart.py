@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solve.arrays import Array
+from solve.labels import unit_of
 from solve.period.multipliers import UNDETERMINED
 from solve.results.chart import Chart, Cut
 from solve.results.formatting import headed, prefixed
@@ -54,7 +55,7 @@ def chart_figure(chart: Chart) -> Figure:
     """Figure of stable and unstable regions with growth ln|ρ| per period, or with the requested quantity, and
     of the boundaries."""
     system, names = chart.system, (chart.x_name, chart.y_name)
-    units = [system.unit_of(name) for name in names]
+    units = [unit_of(system, name) for name in names]
     with np.errstate(divide="ignore"):
         growth = np.log(chart.spectral_radius)
     field = Field(
@@ -288,9 +289,9 @@ def _boundary_table(chart: Chart) -> RenderableType:
 
 def _cut_table(cut: Cut, system: PeriodicSystem) -> RenderableType:
     """Table with one row per crossing."""
-    where = f"Along {cut.along} at {cut.across} = {system.unit_of(cut.across).text(cut.value)}"
+    where = f"Along {cut.along} at {cut.across} = {unit_of(system, cut.across).text(cut.value)}"
     if not cut.crossings:
         return text(f"\n{where}: no boundary")
-    unit = system.unit_of(cut.along)
+    unit = unit_of(system, cut.along)
     rows = [(unit.text(value, ".9g"), kind) for value, kind in cut.crossings]
     return table(where, "at", "kind", left=0, rows=rows)

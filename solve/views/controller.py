@@ -73,7 +73,7 @@ def controller_in_brief(result: Controller) -> RenderableType:
 def _vibration_table(result: Controller) -> RenderableType:
     rows = []
     for name, each in result.vibration.items():
-        factor, unit = prefixed(result.system.units.get(name, ""), max(each.without, each.controlled))
+        factor, unit = prefixed(result.system.labels.units.get(name, ""), max(each.without, each.controlled))
         values = (f"{factor * value:.5g}" for value in each)
         rows.append((name, unit, *values))
     title = "Periodic vibration: largest moduli, and root mean square with feedback"

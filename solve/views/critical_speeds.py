@@ -50,7 +50,7 @@ def critical_speeds_figure(found: CriticalSpeeds, *, campbell: bool = False) -> 
 @tables.register(CriticalSpeeds)
 def critical_speeds_tables(found: CriticalSpeeds) -> Sequence[RenderableType]:
     """Table of critical speeds; tables of unstable ranges and combinations."""
-    unit = found.system.speed_unit
+    unit = found.system.labels.speed_unit
     span = unit.span(found.speeds[0], found.speeds[-1])
     none = text(f"\nno maximum and no division up to order {found.orders} found from {span}")
     found_tables: list[RenderableType] = [_rows_table(found) if found.rows else none]
@@ -67,7 +67,7 @@ def _rows_table(found: CriticalSpeeds) -> Table:
     # The table fits 80 columns if the unit is in the title.
     columns["response_height"] = heights._replace(heading="height")
     of = heights.heading.replace("height", named(found.figure, found.quantity))
-    title = f"Critical speeds in {found.system.speed_unit.name}; height: {of}"
+    title = f"Critical speeds in {found.system.labels.speed_unit.name}; height: {of}"
     caption = "ω̄: mean of a natural frequency over the cycle, at the speed and at rest"
     for sign, rule in _CAPTIONS.items():
         if any(sign in row.explained[0] or (sign == "|ρ|" and row.radius) for row in found.rows):
@@ -89,7 +89,9 @@ def _combinations_table(found: CriticalSpeeds) -> Table:
     parts = [f"and {more} at lower speeds"] * bool(more)
     parts += ["i = j: parametric resonances of one mode"] * any(len({*one.modes}) == 1 for one in some)
     caption = "; ".join(parts) or None
-    return table_of(f"Combinations (ω̄i ± ω̄j)/k, {found.system.speed_unit.name}", columns, caption=caption)
+    return table_of(
+        f"Combinations (ω̄i ± ω̄j)/k, {found.system.labels.speed_unit.name}", columns, caption=caption
+    )
 
 
 def _curve(speeds: Array, values: Array, marks: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
@@ -160,18 +162,18 @@ def _draw_response(axes: Axes, found: CriticalSpeeds) -> None:
     speeds, response = _curve(
         found.speeds, stable, [*maxima, *_near_poles(found.speeds, stable, found.unbounded)]
     )
-    axes.plot(found.system.speed_unit.of(speeds), response * factor, color=BLUE)
+    axes.plot(found.system.labels.speed_unit.of(speeds), response * factor, color=BLUE)
     bounded = [(speed, height) for speed, height in maxima if math.isfinite(height)]
     shown_heights = np.abs([*stable[np.isfinite(stable)], *(height for _, height in bounded)])
     largest, least = shown_heights.max(initial=0.0) * factor, shown_heights.min(initial=np.inf) * factor
     if least > 0 and (found.unbounded or largest > MOST_DECADES * least):
         axes.set_yscale("log")
         axes.set_ylim(least / _ROOM, largest * _ROOM)
-    _draw_marks(axes, found.system.speed_unit, bounded, factor, BLUE, "maximum")
+    _draw_marks(axes, found.system.labels.speed_unit, bounded, factor, BLUE, "maximum")
     for at, speed in enumerate(found.unbounded):
         style = {"color": BLUE, "linewidth": 0.9, "linestyle": ":", "marker": "^", "markevery": [1]}
-        axes.axvline(found.system.speed_unit.of(speed), label="" if at else "unbounded", **style)
-    _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
+        axes.axvline(found.system.labels.speed_unit.of(speed), label="" if at else "unbounded", **style)
+    _shade(axes, found.system.labels.speed_unit, found.speeds, found.unstable)
     legend_above(axes, 5)
 
 
@@ -187,7 +189,7 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     # With resonances of higher orders only, the multiplier rotates faster than the speeds resolve.
     seen = lowest_elastic(found.frequencies) <= (found.orders + 0.5) * found.speeds
     speeds, real_part = _curve(found.speeds, np.where(seen, found.real_part, np.nan), maxima)
-    shown = found.system.speed_unit.of
+    shown = found.system.labels.speed_unit.of
     axes.plot(shown(speeds), rooted(real_part), color=VERMILION, linewidth=0.9, label="Re ρ")
     at, radius = _curve(found.speeds, found.radius, found.maxima("radius"))
     for sign, label in ((1, "±|ρ|"), (-1, None)):
@@ -196,21 +198,21 @@ def _draw_multiplier(axes: Axes, found: CriticalSpeeds) -> None:
     marked = ((found.maxima("radius"), GREY, "largest |ρ|"), (maxima, VERMILION, "largest Re ρ"))
     for some, color, name in marked:
         marks = [(speed, float(rooted(np.array(height)))) for speed, height in some]
-        _draw_marks(axes, found.system.speed_unit, marks, 1, color, name)
+        _draw_marks(axes, found.system.labels.speed_unit, marks, 1, color, name)
     reach = float(np.nanmax(found.radius, initial=1e-12))
     ticks = [size for size in 10.0 ** np.arange(-12, 4) if 1e-4 * reach < size <= 1.3 * reach][-3:]
     places = [0.0, *ticks, *(-size for size in ticks)]
     axes.set_yticks([float(rooted(np.array(place))) for place in places], [f"{place:g}" for place in places])
     axes.set_ylabel("dominant\nmultiplier")
     axes.set_title("dominant Floquet multiplier", loc="left", color=GREY)
-    _shade(axes, found.system.speed_unit, found.speeds, found.unstable)
+    _shade(axes, found.system.labels.speed_unit, found.speeds, found.unstable)
     legend_above(axes, 5)
 
 
 def _draw_campbell(axes: Axes, found: CriticalSpeeds) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    unit, divided = found.system.speed_unit, found.divided
+    unit, divided = found.system.labels.speed_unit, found.divided
     speeds = unit.of(found.speeds)
     orders = sorted({order for *_, order in divided})
     shown = sorted({mode for _, mode, _ in divided}) or [1 + int(found.frequencies.any(axis=0).argmax())]

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from solve import labels
 from solve.arrays import Array
-from solve.labels import SPEED
+from solve.labels import SPEED, unit_of
 from solve.period.quantities import spectrum
 from solve.results.fit import Channel, Fitted
 from solve.results.formatting import prefixed
@@ -42,7 +44,7 @@ def fit_figure(fitted: Fitted) -> Figure:
 def fit_tables(fitted: Fitted) -> Sequence[RenderableType]:
     """Tables of the parameters with their correlations, and of the differences between computed and measured
     values."""
-    names, unit_of = list(fitted.parameters), fitted.system.unit_of
+    names, unit_of = list(fitted.parameters), partial(labels.unit_of, fitted.system)
     correlated = [
         f"{names[i]} and {names[j]} {fitted.correlations[i, j]:+.3f}"
         for i in range(len(names))
@@ -60,7 +62,7 @@ def fit_tables(fitted: Fitted) -> Sequence[RenderableType]:
         caption=f"correlated: {', '.join(correlated)}" if correlated else None,
     )
     residual = text(f"\nresidual {100 * fitted.residual:.3g} % of the measured values")
-    return [parameters, differences_table(fitted.channels, fitted.system.speed_unit), residual]
+    return [parameters, differences_table(fitted.channels, fitted.system.labels.speed_unit), residual]
 
 
 def differences_table(channels: Sequence[Channel], unit: ShownUnit) -> Table:
@@ -106,7 +108,7 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str
     measured, computed = (
         np.abs(values) if np.iscomplexobj(values) else values for values in (each.measured, each.computed)
     )
-    unit = "rad/s" if each.position is not None else system.units.get(each.name, "")
+    unit = "rad/s" if each.position is not None else system.labels.units.get(each.name, "")
     factor, unit = prefixed(unit, float(np.abs(measured).max()))
     order = np.argsort(each.at, kind="stable")
     across = np.degrees(each.at[order]) if each.by_phase else each.at[order]
@@ -114,7 +116,7 @@ def _draw(axes: Axes, system: PeriodicSystem, each: Channel) -> tuple[float, str
     axes.plot(across, factor * measured[order], "o", markersize=3, color=VERMILION, label="measured")
     axes.plot(across, factor * computed[order], color=BLUE, label="computed", **line)
     axes.set_ylabel(labelled(each.name, unit))
-    axes.set_title(each.where(system.speed_unit), loc="left")
+    axes.set_title(each.where(system.labels.speed_unit), loc="left")
     axes.set_xlabel(each.axis)
     return factor, unit
 
@@ -169,7 +171,7 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
     ranked, names = result.ranked(quantity), list(result.by)
     rows = []
     for name in ranked[:MOST_ROWS]:
-        place, unit = names.index(name), "rad/s" if name == SPEED else result.system.unit_of(name).name
+        place, unit = names.index(name), "rad/s" if name == SPEED else unit_of(result.system, name).name
         error = f"{found.errors[place]:.0e}" if math.isfinite(found.errors[place]) else "–"
         derivative, elasticity = number(found.derivatives[place], 7), number(elasticities[name], 4)
         rows.append((name, f"{result.by[name]:.6g}", unit, derivative, error, elasticity))
@@ -187,7 +189,7 @@ def _table(result: Sensitivities, quantity: str) -> RenderableType:
 def sensitivities_over_figure(result: SensitivitiesOver) -> Figure:
     """Figure with one panel per quantity of its largest elasticities over speed; moduli for complex
     quantities."""
-    count, speeds = len(result.quantities), result.system.speed_unit.of(result.speeds)
+    count, speeds = len(result.quantities), result.system.labels.speed_unit.of(result.speeds)
     with panels_over(
         result.system, result.speeds, "what matters most", 0.7 + 2.2 * count, count, align=False
     ) as (page, panels):
@@ -211,7 +213,7 @@ def sensitivities_over_tables(result: SensitivitiesOver) -> Sequence[RenderableT
 
 
 def _over_table(result: SensitivitiesOver, place: int) -> RenderableType:
-    unit, quantity, ranked = result.system.speed_unit, result.quantities[place], result.ranked(place)
+    unit, quantity, ranked = result.system.labels.speed_unit, result.quantities[place], result.ranked(place)
     values, elasticities = result.values[:, place], result.elasticities[:, place][:, ranked]
     return table(
         f"Elasticities of {quantity}",

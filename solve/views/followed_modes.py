@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
-from solve.labels import SPEED
+from solve.labels import SPEED, unit_of
 from solve.results.contents import MOST_SHOWN
 from solve.results.followed_modes import CROSSING, FollowedModes, damping_ratios
 from solve.views.panels import HEADROOM, legend_above, panels_over, shades
@@ -106,7 +106,7 @@ def _draw_damping(axes: Axes, followed: FollowedModes) -> None:
 
 def _places(followed: FollowedModes, values: Array) -> Array:
     """Values of the varied quantity in the displayed unit."""
-    return followed.system.unit_of(followed.over).of(values)
+    return unit_of(followed.system, followed.over).of(values)
 
 
 def _styles(followed: FollowedModes) -> Sequence[dict[str, Any]]:
@@ -128,7 +128,7 @@ def followed_modes_tables(followed: FollowedModes) -> Sequence[RenderableType]:
 def _frequency_table(followed: FollowedModes) -> Table:
     """Table with one row per value: frequency and damping of the first modes."""
     shown = range(min(len(followed.labels), MOST_SHOWN - 1))
-    unit = followed.system.unit_of(followed.over)
+    unit = unit_of(followed.system, followed.over)
     step = math.ceil(len(followed.values) / MOST_ROWS)
     hertz = followed.frequencies / (2 * math.pi)
     rows = [
@@ -149,7 +149,7 @@ def _frequency_table(followed: FollowedModes) -> Table:
 def _mode_table(followed: FollowedModes) -> Table:
     """Table with one row per mode: its least damping, and its largest harmonics at the first value with a
     result."""
-    unit, rows, coordinates = followed.system.unit_of(followed.over), [], followed.system.coordinates
+    unit, rows, coordinates = unit_of(followed.system, followed.over), [], followed.system.coordinates
     for column, label in enumerate(followed.labels):
         ratios = followed.damping[:, column]
         if np.isnan(ratios).all():
@@ -176,7 +176,7 @@ def _mode_table(followed: FollowedModes) -> Table:
 
 def _meeting_table(followed: FollowedModes) -> Table:
     """Table with one row per crossing, veering and ambiguous pair."""
-    unit = followed.system.unit_of(followed.over)
+    unit = unit_of(followed.system, followed.over)
     rows = [
         (meeting.kind, " and ".join(meeting.modes), f"{unit.of(meeting.value):.8g}", f"{meeting.gap:.4g}")
         for meeting in followed.meetings

@@ -10,6 +10,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.contracts import DrawnLink, ModeShape
+from solve.equations import most_frequencies
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import MOST_SHOWN, Column, digits
 from solve.results.frequencies import Findings, Frequencies, Variation
@@ -52,9 +53,9 @@ def frequencies_figure(found: Frequencies) -> Figure:
     system = found.system
     if len(found.positions) > 1:
         return positions_figure(system, found.positions, found.signed)
-    if not system.links:
+    if not system.labels.links:
         raise ValueOutOfBoundsError(
-            f"{system.name} at one position has nothing to draw; draw the whole turn: --turn 36"
+            f"{system.labels.name} at one position has nothing to draw; draw the whole turn: --turn 36"
         )
     return shapes_figure(system, float(found.positions[0]), found.shapes())
 
@@ -74,14 +75,14 @@ def shapes_figure(system: PeriodicSystem, position: float, all_shapes: Sequence[
     low, high = _frame(shapes)
     width, height = high - low
     row = 0.3 + 0.95 * PAGE_WIDTH / columns * height / width
-    where = f" at {math.degrees(position):.4g}°" if system.moves else ""
+    where = f" at {math.degrees(position):.4g}°" if system.labels.moves else ""
     lowest = f", the lowest {len(shapes)} of {len(all_shapes)}" if len(shapes) < len(all_shapes) else ""
     with page(0.4 + rows * row, f"{title_of(system)}: mode shapes{where}{lowest}") as drawing:
         axes = drawing.subplots(rows, columns, squeeze=False)
         for place in axes.flat:
             place.set_axis_off()
         for k, (place, shape) in enumerate(zip(axes.flat, shapes, strict=False), start=1):
-            _draw_shape(place, shape, system.links)
+            _draw_shape(place, shape, system.labels.links)
             place.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
             hertz = shape.frequency / (2 * math.pi)
             place.set_title(f"{k}: {shape.frequency:.5g} rad/s, {hertz:.4g} Hz", pad=2)
@@ -198,7 +199,7 @@ def _label_frequencies(axes: Axes) -> None:
 @tables.register(Frequencies)
 def frequencies_tables(found: Frequencies) -> Sequence[Table]:
     """Table with one row per position, and statistics."""
-    listed = _lowest(min(found.values.shape[1], MOST_SHOWN), found.system.most_frequencies)
+    listed = _lowest(min(found.values.shape[1], MOST_SHOWN), most_frequencies(found.system))
     made = table_of(f"Over the turn, rad/s{listed}", found.columns, most=MOST_ROWS)
     made.add_section()
     for name, values in found.statistics(0).items():
@@ -230,12 +231,12 @@ def findings_tables(found: Findings) -> Sequence[RenderableType]:
         masses = [shape.modal_mass for shape in found.shapes]
         columns["mass"] = Column(masses, heading="modal mass (kg)", text=digits(".4g"))
         captions = [*captions, "per link: largest deflection, relative to the largest of the mode"]
-        for number, link in enumerate(found.system.links):
+        for number, link in enumerate(found.system.labels.links):
             bending = [np.abs(shape.transverse[number]).max() for shape in found.shapes]
             columns[link.name] = Column(bending, heading=link.name, text=digits(".3f"))
     further = (tables(result) for result in (found.turn, found.variation) if result is not None)
     caption = "\n".join(captions) or None
-    title = "Natural frequencies" + _lowest(len(roots), found.system.most_frequencies)
+    title = "Natural frequencies" + _lowest(len(roots), most_frequencies(found.system))
     return [table_of(title, columns, caption=caption), *itertools.chain(*further)]
 
 

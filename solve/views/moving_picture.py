@@ -107,7 +107,7 @@ def scene(drawn: Drawn) -> Scene:
         grid = figure.add_gridspec(len(drawn.panels), 2, width_ratios=(1.3, 1))
         axes = figure.add_subplot(grid[:, 0])
         movers = _mechanism(axes, drawn)
-        _framed(axes, low, high, drawn.system.sketch_unit)
+        _framed(axes, low, high, drawn.system.labels.sketch_unit)
         label = axes.text(0.02, 0.98, drawn.labels[0], transform=axes.transAxes, va="top")
         below = None
         for row, panel in enumerate(drawn.panels):
@@ -135,7 +135,7 @@ def still(drawn: Drawn) -> Figure:
                 continue
             for mover in _mechanism(axes, drawn):
                 mover.show(frame)
-            _framed(axes, low, high, drawn.system.sketch_unit)
+            _framed(axes, low, high, drawn.system.labels.sketch_unit)
             axes.label_outer()
             axes.set_title(drawn.labels[frame].replace(", ", "\n" if columns > 4 else ", "))
         _caption(figure, drawn)
@@ -225,7 +225,7 @@ def _panel(axes: Axes, drawn: Drawn, panel: Panel) -> list[Mover]:
     """Draw a quantity over the phase, with a mark at the phase of the frame."""
     from matplotlib.ticker import MultipleLocator
 
-    factor, unit = prefixed(drawn.system.units.get(panel.name, ""), float(np.abs(panel.curve).max()))
+    factor, unit = prefixed(drawn.system.labels.units.get(panel.name, ""), float(np.abs(panel.curve).max()))
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.plot(np.degrees(drawn.fine), factor * panel.curve, color=BLUE)
     axes.set_xlim(0.0, math.degrees(drawn.fine[-1]))

@@ -2,9 +2,11 @@
 speed, and free parameters within their bounds."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from solve import labels
 from solve.results.formatting import measured
 from solve.results.optimum import Curves, Optimum
 from solve.views.panels import (
@@ -57,7 +59,7 @@ def _draw_curves(axes: Axes, optimum: Optimum, curves: Curves) -> None:
 
 
 def _draw_over_speed(axes: Axes, optimum: Optimum) -> None:
-    speeds = optimum.system.speed_unit.of(optimum.speeds)
+    speeds = optimum.system.labels.speed_unit.of(optimum.speeds)
     for values, colour in ((optimum.values_before, GREY), (optimum.values, BLUE)):
         draw_through(axes, speeds, values, color=colour)
     axes.set_ylabel(labelled(optimum.minimised, optimum.unit if optimum.unit != "1" else ""))
@@ -85,7 +87,7 @@ def _draw_parameters(axes: Axes, optimum: Optimum, names: Sequence[str]) -> None
 @tables.register(Optimum)
 def optimum_tables(optimum: Optimum) -> Sequence[RenderableType]:
     """Tables of the objective, parameters, requirements, and values over speed."""
-    unit_of = optimum.system.unit_of
+    unit_of = partial(labels.unit_of, optimum.system)
     parameters = table(
         "Free parameters",
         *("parameter", "unit", "before", "optimum", "low", "high", "at bound"),

@@ -9,6 +9,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import require_name
+from solve.labels import known_quantities
 from solve.results.formatting import fixed, prefixed
 from solve.results.orbit import Orbit
 from solve.results.periodic_motion import PeriodicMotion
@@ -62,7 +63,7 @@ def orbit_figure(
     """Time history and spectrum of each quantity, and multipliers if the system has coordinates; see
     `Orbit.plot`."""
     require_name("scale", scale, SCALES)
-    system, vibrates = orbit.system, orbit.system.vibrates
+    system, vibrates = orbit.system, orbit.system.labels.vibrates
     motions = {name: _motion(orbit, name, quasi_static, harmonics) for name in shown(system, names)}
     heights = [0.95 + _ROW_HEIGHTS[len(motions) - 1] * len(motions), CIRCLE_ROW][: 1 + vibrates]
     labels = ("nonlinear", "linear") if isinstance(orbit, NonlinearOrbit) else ("dynamic", "quasi-static")
@@ -106,13 +107,13 @@ def _draw_curve(
     if motion.beside is not None:
         style = {"color": VERMILION, "linestyle": (0, (4, 2)), "linewidth": 1.0, "label": labels[1]}
         curves.append((motion.beside, style))
-    factor, unit = prefixed(system.units.get(name, ""), max(np.abs(y).max() for y, _ in curves))
+    factor, unit = prefixed(system.labels.units.get(name, ""), max(np.abs(y).max() for y, _ in curves))
     for values, style in curves:
         axes.plot(degrees, factor * values, **style)
     axes.set_xlim(0.0, math.degrees(system.period))
     axes.margins(y=0.08)
     axes.set_ylabel(labelled(name, unit))
-    meaning = textwrap.shorten(system.meanings.get(name, ""), _TITLE, placeholder=" …")
+    meaning = textwrap.shorten(system.labels.meanings.get(name, ""), _TITLE, placeholder=" …")
     axes.set_title(meaning, loc="left", color=GREY)
     return factor, unit
 
@@ -178,7 +179,7 @@ def orbit_tables(orbit: Orbit, quasi_static: bool = False) -> Sequence[Renderabl
     motion = [_extrema_table(orbit, "Motion over one period"), _order_table(orbit)]
     if quasi_static:
         motion.append(_extrema_table(orbit.quasi_static, "Quasi-static, without inertia and damping"))
-    return [*motion, *(stability_tables(orbit) if orbit.system.vibrates else [])]
+    return [*motion, *(stability_tables(orbit) if orbit.system.labels.vibrates else [])]
 
 
 @brief.register(RigidOrbit)
@@ -192,9 +193,9 @@ def _extrema_table(motion: PeriodicMotion, title: str) -> Table:
     """Table of extrema with their phases, and of means."""
     motion.evaluate_outputs()
     period, rows = motion.system.period, []
-    for name in motion.system.known_quantities():
+    for name in known_quantities(motion.system):
         values = motion.statistics(name)
-        factor, unit = prefixed(motion.system.units.get(name, ""), values.max_abs)
+        factor, unit = prefixed(motion.system.labels.units.get(name, ""), values.max_abs)
         high, low, mean = (
             fixed(value * factor, values.max_abs * factor) for value in (values.max, values.min, values.mean)
         )
@@ -213,10 +214,10 @@ def _order_table(orbit: Orbit) -> Table:
     """Table of the amplitudes and phase angles of the strongest harmonics; "–" for those below the error of
     the orbit."""
     rotation, rows = 2 * math.pi / orbit.system.period, []
-    for name in orbit.system.known_quantities():
+    for name in known_quantities(orbit.system):
         amplitudes, angles = orbit.harmonics(name, orbit.samples // 8)
         largest = orbit.statistics(name).max_abs
-        factor, _ = prefixed(orbit.system.units.get(name, ""), largest)
+        factor, _ = prefixed(orbit.system.labels.units.get(name, ""), largest)
         error, cells = orbit.error_estimate.orbit * largest, []
         for k in 1 + np.argsort(-amplitudes[1:], kind="stable")[: len(_RANKS)]:
             size = float(amplitudes[k]) * factor

@@ -9,7 +9,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.beams.observations import Contributions
 from solve.errors import NoResultError, ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
 from solve.results.contents import MOST_SHOWN, Column, digits, sized, speeds_of
 from solve.results.formatting import measured
@@ -63,7 +63,7 @@ def transient_figure(transient: Transient, names: Sequence[str] | None = None) -
 
 def _add_speeds(axes: Axes, transient: Transient) -> None:
     """Add an axis of speed at the top. The speed is linear in time."""
-    first, last = transient.system.speed_unit.of(transient.ends[[0, -1]])
+    first, last = transient.system.labels.speed_unit.of(transient.ends[[0, -1]])
     slope = (last - first) / transient.time[-1]
     above = axes.secondary_xaxis(
         "top", functions=(lambda t: first + slope * t, lambda speed: (speed - first) / slope)
@@ -77,7 +77,7 @@ def transient_tables(transient: Transient) -> Sequence[RenderableType]:
     outputs."""
     columns = {"": Column(range(1, transient.turns + 1), heading="turn")}
     for name, peaks in zip(transient.system.coordinates[:MOST_SHOWN], transient.peaks.T, strict=False):
-        columns[name] = sized(peaks, transient.system.units.get(name, ""), "", name, 6)
+        columns[name] = sized(peaks, transient.system.labels.units.get(name, ""), "", name, 6)
     distances = Column(transient.distances.max(axis=1), heading="from orbit", text=digits(".1e"))
     speeds = speeds_of(transient.system, transient.ends[1:], heading="to {}")
     columns["end"] = speeds if transient.ramp else distances
@@ -95,7 +95,7 @@ def transient_tables(transient: Transient) -> Sequence[RenderableType]:
 def _output_tables(transient: Transient) -> list[RenderableType]:
     rows = []
     for name in transient.outputs:
-        unit, extremes = transient.system.units.get(name, ""), transient.extremes[name]
+        unit, extremes = transient.system.labels.units.get(name, ""), transient.extremes[name]
         rows.append((name, measured(extremes.max, unit), measured(extremes.min, unit)))
     return [table("Outputs over all turns", "output", "max", "min", rows=rows)] if rows else []
 
@@ -106,7 +106,7 @@ BEHIND = {"color": "#C8C8C8", "linewidth": 5.0, "solid_capstyle": "round"}
 
 def require_turn(system: PeriodicSystem, name: str, curves: int) -> None:
     """Raise UnknownNameError, and ValueOutOfBoundsError for more curves than can be distinguished."""
-    system.known_quantities([name])
+    known_quantities(system, [name])
     if curves > MOST_CURVES:
         raise ValueOutOfBoundsError(
             f"{curves} curves to draw over the turn; allowed: up to {MOST_CURVES}, such as "
@@ -122,7 +122,7 @@ def turn_figure(orbits: Sequence[Orbit], name: str) -> Figure:
     """
     require_turn(orbits[0].system, name, len(orbits))
     ordered = sorted(orbits, key=lambda orbit: orbit.speed)
-    unit = orbits[0].system.speed_unit
+    unit = orbits[0].system.labels.speed_unit
     speeds = [orbit.speed for orbit in ordered]
     labels = distinct_labels(speeds, lambda speed, form: f"{unit.of(speed):{form}}")
     by_speed = dict(zip(labels, ordered, strict=True))
@@ -173,7 +173,7 @@ def contributions_figure(
     if uncoupled is not None:
         curves["uncoupled"] = uncoupled
     styles = {"all modes": {"color": BLACK, "linewidth": 2.0}, "uncoupled": {"color": VERMILION}}
-    about = f"modes at {model.speed_unit.text(speed)}"
+    about = f"modes at {model.labels.speed_unit.text(speed)}"
     return curves_figure(model, found.phase, curves, found.output, None, styles=styles, about=about)
 
 

@@ -116,7 +116,7 @@ class Report:
 
     def __repr__(self) -> str:
         return "\n".join(
-            [f"Report of {self.system.name}; .save('report.html') writes its page", *self.summary]
+            [f"Report of {self.system.labels.name}; .save('report.html') writes its page", *self.summary]
         )
 
 
@@ -128,12 +128,12 @@ def _page(report: Report) -> str:
         **{part.heading: _part(part) for part in report.parts},
         "How it was calculated": _settings(report),
     }
-    title = system.title or system.name
+    title = system.labels.title or system.labels.name
     links = "".join(f"<li>{_link(heading)}</li>" for heading in sections)
-    case = f", case {system.case}" if system.case else ""
+    case = f", case {system.labels.case}" if system.labels.case else ""
     body = f"""<header>
 <h1>{escape(title)}</h1>
-<p class="model">Model {escape(system.name + case)}</p>
+<p class="model">Model {escape(system.labels.name + case)}</p>
 </header>
 <main>
 {_section("Findings", _findings(report))}<nav aria-label="Parts of this report"><ol>{links}</ol></nav>
@@ -196,25 +196,25 @@ def _list(items: Iterable[str], kind: str) -> str:
 
 
 def _equations(system: PeriodicSystem) -> str:
-    if not any(system.equations):
+    if not any(system.labels.equations):
         return (
             '<p class="missing">Left out: the system was given as numbers, without equations in symbols.</p>'
         )
-    equations = (line.replace("<mo>-</mo>", "<mo>&#x2212;</mo>") for line in system.equations)
+    equations = (line.replace("<mo>-</mo>", "<mo>&#x2212;</mo>") for line in system.labels.equations)
     lines = "\n".join(f'<div class="wide">{line}</div>' for line in equations)
     about = "Nonzero entries of M, C, K and d"
-    if system.links:
+    if system.labels.links:
         about = "Members of each link, from which the matrices are assembled"
     return f'<p>{about}. φ is the phase of the drive, Ω its speed.</p>\n<div class="equations">{lines}</div>'
 
 
 def _parameters(system: PeriodicSystem) -> str:
-    if not system.parameters:
+    if not system.labels.parameters:
         return '<p class="missing">Left out: the system was given as numbers, without parameters.</p>'
     rows: list[tuple[str, ...]] = []
-    for name, value in system.parameters.items():
-        unit, meaning = system.parameter_labels.get(name, ("", ""))
-        source = system.parameter_sources.get(name, _GIVEN)
+    for name, value in system.labels.parameters.items():
+        unit, meaning = system.labels.parameter_labels.get(name, ("", ""))
+        source = system.labels.parameter_sources.get(name, _GIVEN)
         rows.append((greek(name), f"{value:.9g}", "–" if unit == "1" else unit, meaning, source))
     return _table(("name", "value", "unit", "meaning", "source"), _without_repeats(rows), "value")
 
@@ -287,12 +287,12 @@ def _settings(report: Report) -> str:
     system = report.system
     rows = {
         "relative tolerance": f"{report.rtol:g}, over the speeds {max(report.rtol, OVER_SPEEDS):g}",
-        "options of the model": ", ".join(f"{name}={value}" for name, value in system.options.items()),
-        "generated equations": system.model_hash or "",
+        "options of the model": ", ".join(f"{name}={value}" for name, value in system.labels.options.items()),
+        "generated equations": system.labels.model_hash or "",
         **versions(),
     }
     if report.speeds:
-        span = system.speed_unit.span(min(report.speeds), max(report.speeds))
+        span = system.labels.speed_unit.span(min(report.speeds), max(report.speeds))
         rows = {"speeds": f"{len(report.speeds)}, from {span}", **rows}
     return _table(("setting", "value"), [row for row in rows.items() if row[1]])
 

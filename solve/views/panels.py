@@ -10,7 +10,7 @@ import numpy as np
 
 from solve.arrays import Array, Plane
 from solve.errors import ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, known_quantities, unit_of
 from solve.results.contents import MOST_SHOWN
 from solve.results.formatting import greek, headed, named, prefixed
 from solve.system import PeriodicSystem
@@ -50,7 +50,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
     ValueOutOfBoundsError for more quantities than fit on a page."""
     if not names:
         return list((system.coordinates or system.outputs)[:MOST_SHOWN])
-    quantities = system.known_quantities(names)
+    quantities = known_quantities(system, names)
     if len(quantities) > MOST_SHOWN:
         raise ValueOutOfBoundsError(
             f"{len(quantities)} quantities to show; allowed: up to {MOST_SHOWN} in one picture"
@@ -60,7 +60,7 @@ def shown(system: PeriodicSystem, names: Sequence[str] | None) -> list[str]:
 
 def titled(system: PeriodicSystem, speed: float) -> str:
     """Title of a figure with model, case and speed."""
-    return f"{title_of(system)}, {system.speed_unit.text(speed)}"
+    return f"{title_of(system)}, {system.labels.speed_unit.text(speed)}"
 
 
 def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) -> Sequence[str]:
@@ -79,8 +79,8 @@ def distinct_labels(values: Sequence[Value], text: Callable[[Value, str], str]) 
 
 def title_of(system: PeriodicSystem) -> str:
     """Title of a figure with model and case."""
-    case = f", case {system.case}" if system.case else ""
-    return f"{system.name.replace('_', ' ')}{case}"
+    case = f", case {system.labels.case}" if system.labels.case else ""
+    return f"{system.labels.name.replace('_', ' ')}{case}"
 
 
 def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: str, **colours: Any) -> None:
@@ -94,14 +94,14 @@ def draw_map(figure: Figure, axes: Axes, x: Array, y: Array, z: Array, label: st
 
 def axis_label(system: PeriodicSystem, name: str) -> str:
     """Label of a parameter or the speed with its unit and meaning."""
-    label = headed(name, system.unit_of(name).name)
-    _, meaning = system.parameter_labels.get(name, ("", ""))
+    label = headed(name, unit_of(system, name).name)
+    _, meaning = system.labels.parameter_labels.get(name, ("", ""))
     return "\n".join(textwrap.wrap(f"{label}: {meaning}" if meaning else label, _LABEL))
 
 
 def label_speeds(axes: Axes, system: PeriodicSystem, values: Array, name: str = SPEED) -> None:
     """Label the horizontal axis with ascending speeds (k,) in rad/s, or with values of a parameter."""
-    shown = system.unit_of(name).of(values)
+    shown = unit_of(system, name).of(values)
     if shown[0] < shown[-1]:
         axes.set_xlim(shown[0], shown[-1])
     axes.set_xlabel(axis_label(system, name))
@@ -200,9 +200,9 @@ def frame_of(places: Plane) -> tuple[complex, complex]:
 def label_quantity(axes: Axes, system: PeriodicSystem, name: str, values: Array, figure: str = "") -> float:
     """Label the vertical axis for values of a quantity, and write its meaning above. Returns the factor from
     SI units to the displayed ones."""
-    factor, unit = prefixed(system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
+    factor, unit = prefixed(system.labels.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
     axes.set_ylabel(labelled(named(figure, name) if figure else name, unit))
-    axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+    axes.set_title(system.labels.meanings.get(name, ""), loc="left", color=GREY)
     return factor
 
 

@@ -7,7 +7,9 @@ from typing import Any, NamedTuple
 
 from solve.arrays import Array
 from solve.derivatives.point import of_solution, quantities_by
+from solve.equations import is_nonlinear, require_load
 from solve.errors import MissingValueError, NoMotionError, NoResultError, SolveError
+from solve.labels import require_motion, speed_or_usual
 from solve.methods.choice import Rule, chosen
 from solve.newton.orbits import nonlinear
 from solve.results.critical_speeds import CriticalSpeeds
@@ -22,7 +24,7 @@ from solve.studies.bands import bands
 from solve.studies.critical_speeds import critical_speeds_of
 from solve.studies.frequencies import frequencies, turn
 from solve.studies.sweep import sweep, validity
-from solve.system import PeriodicSystem, of_system, require_load
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.terminal import progress
 from solve.units import checked_rtol, speeds_given
 from solve.views.page import OVER_SPEEDS, Part, Report
@@ -81,16 +83,16 @@ def report(
     rule, tolerance = chosen(method), checked_rtol(rtol)
     omegas = [] if speeds is None else speeds_given(speeds)
     try:
-        system.require_motion()
+        require_motion(system)
     except NoMotionError as reason:
         motion = "Vibration, stability, response, critical speeds, bands, validity and sensitivities."
         parts = [*_parts(_modes(system)), Part("Motion", motion, reason=str(reason))]
     else:
         if not omegas:
             raise MissingValueError('no speeds given; add a range, such as --speeds "100:900:81 rpm"')
-        omega = system.speed_or_usual(speed)
-        system.checked(omega)
-        system = system.shown_in(omegas[0])
+        omega = speed_or_usual(system, speed)
+        check(system, omega)
+        system = shown_in(system, omegas[0])
         parts = _parts(_of_motion(system, omega, omegas, rule, tolerance))
     if not any(part.result for part in parts):
         raise NoResultError(parts[0].reason)
@@ -122,8 +124,8 @@ def _of_motion(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], rule: Rule, rtol: float
 ) -> list[Request]:
     """Sections for a model with motion."""
-    unit, options = system.speed_unit, {"method": rule, "rtol": rtol}
-    at, linear, other = unit.text(omega), "linear orbit" * system.nonlinear, "nonlinear orbit"
+    unit, options = system.labels.speed_unit, {"method": rule, "rtol": rtol}
+    at, linear, other = unit.text(omega), "linear orbit" * is_nonlinear(system), "nonlinear orbit"
     orbit = Part(
         "Vibration and stability",
         f"The periodic vibration at {at} over one period, its spectrum and its Floquet multipliers.",
@@ -161,7 +163,7 @@ def _of_motion(
 def _over_speeds(
     system: PeriodicSystem, omega: float, omegas: Sequence[float], options: Mapping[str, Any]
 ) -> list[Request]:
-    between = f"from {system.speed_unit.span(min(omegas), max(omegas))}"
+    between = f"from {system.labels.speed_unit.span(min(omegas), max(omegas))}"
     response = f"Largest moduli over a period and the spectral radius {between}."
     critical = f"Maxima of the response and of the dominant multiplier, divisions of frequencies, {between}."
     unstable = f"Speeds {between} at which disturbances grow."
@@ -202,7 +204,7 @@ def _loaded(calculate: Callable[[], Result], system: PeriodicSystem, omega: floa
 def _modes(system: PeriodicSystem) -> list[Request]:
     """Sections on natural frequencies: mode shapes of structures, frequencies over the revolution of
     mechanisms."""
-    place = " with the drive at the beginning of the turn" if system.moves else ""
+    place = " with the drive at the beginning of the turn" if system.labels.moves else ""
 
     def at_rest() -> Findings:
         here = frequencies(system)
@@ -214,8 +216,8 @@ def _modes(system: PeriodicSystem) -> list[Request]:
     about = f"Undamped natural frequencies and mode shapes{place}."
     over = "Undamped natural frequencies with the drive held still at positions of the turn."
     requests = []
-    if system.links:
+    if system.labels.links:
         requests.append(Request(Part("Natural frequencies and modes", about), at_rest))
-    if system.moves:
+    if system.labels.moves:
         requests.append(Request(Part("Natural frequencies over the turn", over), over_turn))
     return requests

@@ -185,7 +185,7 @@ def _disc_table(proof: Proof) -> RenderableType:
 
 
 def _maxima_table(proof: Proof) -> RenderableType:
-    units = proof.result.system.units
+    units = proof.result.system.labels.units
     rows = [
         (name, units[name], rounded(low, 15, ROUND_FLOOR), rounded(high, 15, ROUND_CEILING))
         for name, (low, high) in proof.max_abs.items()
@@ -194,7 +194,7 @@ def _maxima_table(proof: Proof) -> RenderableType:
 
 
 def _place_table(proof: Proof, place: ProvedOrbit) -> RenderableType:
-    units = proof.result.system.units
+    units = proof.result.system.labels.units
     rows = [
         (
             name,

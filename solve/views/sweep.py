@@ -12,7 +12,7 @@ import numpy as np
 from solve.arguments import unique_names
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, known_quantities, unit_of
 from solve.results.bands import Bands
 from solve.results.contents import MOST_SHOWN, Column, digits, sized, speeds_of
 from solve.results.formatting import fixed, greek, headed, named, prefixed
@@ -66,9 +66,9 @@ def _quantities_to_draw(sweep: Sweep) -> Sequence[str]:
 @figure.register(Sweep)
 def sweep_figure(sweep: Sweep, names: Sequence[str] | None = None, figure: str = "max_abs") -> Figure:
     """Figure of the response and the spectral radius over speed; see `Sweep.plot`."""
-    names = sweep.system.known_quantities(names or _quantities_to_draw(sweep))
+    names = known_quantities(sweep.system, names or _quantities_to_draw(sweep))
     responses = {name: sweep.figures(name, figure) for name in names}
-    radius = sweep.spectral_radius if sweep.system.vibrates else None
+    radius = sweep.spectral_radius if sweep.system.labels.vibrates else None
     return response_figure(sweep.system, sweep.varied, responses, radius, figure, sweep.unstable)
 
 
@@ -77,19 +77,19 @@ def sweep_tables(sweep: Sweep, names: Sequence[str] = ()) -> Sequence[Renderable
     """Table with one row per point: the largest moduli of the named quantities; by default of as many
     coordinates as fit."""
     names = names or _quantities_to_draw(sweep)
-    units = sweep.system.units
+    units = sweep.system.labels.units
     moduli = {name: sized(sweep.figures(name), units.get(name, ""), "", f"max|{name}|", 6) for name in names}
     widths = itertools.accumulate(len(column.heading) + 2 for column in moduli.values())
     fitting = max(1, sum(width <= _WIDTH for width in widths))
     columns = {
         f"parameter {name}": Column(
-            values, heading=headed(name, sweep.system.unit_of(name).name), text=digits(".6g")
+            values, heading=headed(name, unit_of(sweep.system, name).name), text=digits(".6g")
         )
         for name, values in sweep.parameters.items()
     }
     columns[SPEED] = speeds_of(sweep.system, sweep.speeds, heading="{}", form=".7g")
     columns |= itertools.islice(moduli.items(), fitting)
-    if sweep.system.vibrates:
+    if sweep.system.labels.vibrates:
         columns["radius"] = Column(sweep.spectral_radius, heading="|ρ|", text=digits(".6g"))
         columns["verdict"] = Column([point.stability for point in sweep.points], heading="stability")
     step, over = math.ceil(len(sweep.points) / _MOST_ROWS), ", ".join([*sweep.parameters, SPEED])
@@ -117,7 +117,7 @@ def response_figure(
     *others, along = moving(varied)
     lines = _lines(system, varied, others, along)
     styles: list[dict[str, Any]] = shades(len(lines)) if others else [{"color": BLUE}]
-    x = system.unit_of(along).of(varied[along])
+    x = unit_of(system, along).of(varied[along])
     rows = len(responses) + (radius is not None)
     title = f"response over {along}"
     with panels_over(system, varied[along], title, 1.4 + 1.35 * rows, rows, along) as (page, panels):
@@ -179,7 +179,7 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
 
     def words(point: tuple[float, ...], form: str) -> str:
         parts = (
-            ("" if name == SPEED else f"{greek(name)} = ") + system.unit_of(name).text(value, form)
+            ("" if name == SPEED else f"{greek(name)} = ") + unit_of(system, name).text(value, form)
             for name, value in zip(values, point, strict=True)
         )
         return ", ".join(parts)
@@ -200,11 +200,11 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     if amplitudes.shape[1] < 2:
         raise ValueOutOfBoundsError("no harmonics above the mean are stored; give the sweep harmonics=60")
     order = np.argsort(varied[along])
-    x, label = system.unit_of(along).of(varied[along][order]), axis_label(system, along)
+    x, label = unit_of(system, along).of(varied[along][order]), axis_label(system, along)
     heights = amplitudes[order, 1:].T
     rotation = 2 * math.pi / system.period
     largest = float(np.nanmax(heights, initial=0.0)) or 1.0
-    factor, unit = prefixed(system.units.get(name, ""), largest)
+    factor, unit = prefixed(system.labels.units.get(name, ""), largest)
     with np.errstate(divide="ignore"):
         decibels = 20 * np.log10(heights / largest)
     with page(4.4, f"{title_of(system)}: spectrum of {name} over {along}") as drawing:
@@ -213,7 +213,7 @@ def waterfall_figure(sweep: Sweep, name: str) -> Figure:
         seen = np.where(decibels > _FLOOR, decibels, np.nan)
         scale = f"amplitude (dB re {largest * factor:.3g} {unit})"
         draw_map(drawing, axes, x, orders, seen, scale, cmap="magma_r", vmin=_FLOOR, vmax=0.0)
-        axes.set_title(system.meanings.get(name, ""), loc="left", color=GREY)
+        axes.set_title(system.labels.meanings.get(name, ""), loc="left", color=GREY)
         axes.set_xlabel(label)
         axes.set_ylabel("order of rotation")
     return drawing
@@ -236,7 +236,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
         speeds, radius = sweep.speeds, sweep.spectral_radius
     order = np.argsort(speeds)
     with panels_over(system, speeds, "unstable bands", 2.9, 1) as (page, (axes,)):
-        _draw_radius(axes, system.speed_unit.of(speeds[order]), radius[order], color=BLUE)
+        _draw_radius(axes, system.labels.speed_unit.of(speeds[order]), radius[order], color=BLUE)
         _name_bands(axes, system, edges)
     return page
 
@@ -244,7 +244,7 @@ def bands_figure(bands: Bands, sweep: Sweep | None = None) -> Figure:
 @tables.register(Bands)
 def bands_tables(bands: Bands) -> Sequence[RenderableType]:
     """Table with one row per band, and a note on the width of bands that may be missed."""
-    unit = bands.system.speed_unit
+    unit = bands.system.labels.speed_unit
     width = unit.text(bands.spacing, ".3g")
     how = "eigenvalues" if bands.constant_matrices else "solved"
     limit = text(f"{how} at speed intervals of up to {width}: narrower bands may be missed", "dim")
@@ -272,7 +272,7 @@ def _name_bands(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
 
 
 def _shade(axes: Axes, system: PeriodicSystem, bands: Edges) -> None:
-    names, unit = dict(KIND_NAMES), system.speed_unit
+    names, unit = dict(KIND_NAMES), system.labels.speed_unit
     for low, high, kind in bands:
         # Each kind once in the legend.
         style = {"color": KIND_COLORS[kind], "alpha": 0.3, "linewidth": 0.8, "label": names.pop(kind, None)}
@@ -286,7 +286,7 @@ def sweeps_figure(
     """Figure with one panel per quantity and one curve per system; see `Sweeps.plot`."""
     responses = {name: sweeps.figures(name, figure) for name in unique_names(quantities or sweeps.quantities)}
     order, count = np.argsort(sweeps.speeds), len(responses)
-    speeds = sweeps.system.speed_unit.of(sweeps.speeds[order])
+    speeds = sweeps.system.labels.speed_unit.of(sweeps.speeds[order])
     with panels_over(sweeps.system, sweeps.speeds, "response over speed", 1.1 + 1.9 * count, count) as (
         page,
         panels,
@@ -305,7 +305,7 @@ def sweeps_figure(
 @figure.register(Validity)
 def validity_figure(validity: Validity) -> Figure:
     """Figure of linearisation errors over speed."""
-    unit, names = validity.system.speed_unit, validity.system.coordinates[:MOST_SHOWN]
+    unit, names = validity.system.labels.speed_unit, validity.system.coordinates[:MOST_SHOWN]
     with panels_over(validity.system, validity.speeds, "error of the linear orbit", 3.4, 1) as (
         page,
         (axes,),
@@ -330,8 +330,10 @@ def sweeps_tables(sweeps: Sweeps) -> Sequence[RenderableType]:
 
 def _extremes_table(sweeps: Sweeps, name: str) -> RenderableType:
     values = sweeps.figures(name)
-    factor, unit = prefixed(sweeps.system.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0)))
-    speed_unit = sweeps.system.speed_unit
+    factor, unit = prefixed(
+        sweeps.system.labels.units.get(name, ""), float(np.nanmax(np.abs(values), initial=0.0))
+    )
+    speed_unit = sweeps.system.labels.speed_unit
 
     def numbers(responses: Sequence[float]) -> list[str]:
         return [fixed(response * factor, response * factor, 4) for response in responses]

@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from solve.labels import unit_of
 from solve.results.contents import Columns, HeaderRows
 from solve.results.formatting import greek, prefixed
 from solve.system import PeriodicSystem
@@ -139,19 +140,19 @@ def heading(
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim", no_wrap=True)
     grid.add_column()
-    case = f", case {system.case}" if system.case else ""
-    grid.add_row("model", Text(system.name + case, style="bold"))
-    if system.title:
-        grid.add_row("", Text(system.title))
+    case = f", case {system.labels.case}" if system.labels.case else ""
+    grid.add_row("model", Text(system.labels.name + case, style="bold"))
+    if system.labels.title:
+        grid.add_row("", Text(system.labels.title))
     numbers = (_with_unit(system, choice) for choice in choices)
-    chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.options.items()), *numbers])
+    chosen = dict.fromkeys([*(f"{name}={value}" for name, value in system.labels.options.items()), *numbers])
     if chosen:
         grid.add_row("with", Text(", ".join(chosen)))
     if speed is not None:
         period = system.period / speed
         factor, unit = prefixed("s", period)
         grid.add_row(
-            "speed", f"{in_every_unit(speed, system.speed_unit)}; period {period * factor:.6g} {unit}"
+            "speed", f"{in_every_unit(speed, system.labels.speed_unit)}; period {period * factor:.6g} {unit}"
         )
     for row in rows:
         grid.add_row(*row)
@@ -161,7 +162,7 @@ def heading(
 def _with_unit(system: PeriodicSystem, choice: str) -> str:
     """Text NAME=NUMBER of a parameter, with the unit added."""
     name, _, value = choice.partition("=")
-    unit = system.unit_of(name).name if name in system.parameter_labels else ""
+    unit = unit_of(system, name).name if name in system.labels.parameter_labels else ""
     return choice if unit in ("", "1") or not is_number(value) else f"{choice} {unit}"
 
 

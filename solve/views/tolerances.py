@@ -3,9 +3,11 @@ and worst cases."""
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from solve import labels
 from solve.arrays import Array
 from solve.results.formatting import greek, measured, prefixed
 from solve.results.tolerances import UNSTABLE, Tolerances
@@ -93,7 +95,7 @@ def _draw_indices(axes: Axes, result: Tolerances, name: str) -> None:
 @tables.register(Tolerances)
 def tolerances_tables(result: Tolerances) -> Sequence[RenderableType]:
     """Tables of spreads, probabilities, Sobol indices and worst cases."""
-    unit_of = result.system.unit_of
+    unit_of = partial(labels.unit_of, result.system)
     spreads = table(
         "Parameters",
         *("parameter", "unit", "nominal", "spread"),
@@ -143,7 +145,7 @@ def _with_error(value: float, error: float) -> str:
 def _worst_table(result: Tolerances) -> RenderableType:
     """Table with one column per quantity: nominal and worst value, with the speed and the parameters of the
     worst case."""
-    worst, unit = result.worst, result.system.speed_unit
+    worst, unit = result.worst, result.system.labels.speed_unit
     rows = [
         ("nominal", *(measured(each.nominal, result.units[name]) for name, each in worst.items())),
         ("worst", *(measured(each.value, result.units[name]) for name, each in worst.items())),

@@ -32,7 +32,7 @@ def written(file: Path, orbit, seed: int) -> Path:
     for name in CHANNELS:
         values = orbit.signal(name)(np.radians(ANGLES))
         columns.append(values + NOISE * np.std(values) * rng.standard_normal(len(values)))
-    header = ["phase (deg)", *(f"{name} ({orbit.system.units[name]})" for name in CHANNELS)]
+    header = ["phase (deg)", *(f"{name} ({orbit.system.labels.units[name]})" for name in CHANNELS)]
     rows = [",".join(map(repr, map(float, row))) for row in zip(*columns, strict=True)]
     file.write_text("\n".join([",".join(header), *rows]), encoding="utf-8")
     return file

@@ -32,7 +32,7 @@ def test_mechanism_in_memory_equals_the_model_of_the_file(cam):
     of_file = solve.load("cam")
     for given in (cam, cam()):
         model = solve.load(given, **of_file.parameters)
-        assert (model.name, model.case, model.outputs) == ("cam", "", of_file.outputs)
+        assert (model.labels.name, model.labels.case, model.outputs) == ("cam", "", of_file.outputs)
         for ours, theirs in zip(model.at(PHASE, 60.0), of_file.at(PHASE, 60.0), strict=True):
             np.testing.assert_array_equal(ours, theirs)
 

@@ -8,6 +8,7 @@ import pytest
 
 import solve
 from derive.__main__ import main
+from solve.equations import sketched
 
 
 @pytest.fixture
@@ -55,7 +56,7 @@ def test_new_mechanism_has_the_orbit_of_the_table_alone(mine):
 
 def test_new_mechanism_is_drawn(mine):
     model = solve.load(mine)
-    lines = model.sketched(np.zeros(1), 1.0, np.zeros((2, 1)))
+    lines = sketched(model, np.zeros(1), 1.0, np.zeros((2, 1)))
     assert list(lines) == ["eccentric", "crank", "table"]
     assert abs(lines["crank"][-1, 0]) == pytest.approx(model.parameters["r"])
 

@@ -191,4 +191,4 @@ def test_sidebands_rest_on_the_load_that_tracks_the_error():
     )
     assert tracking == pytest.approx(1.33e-3, abs=0.005e-3)
     assert constant == pytest.approx(1.6e-6, abs=0.05e-6)
-    assert orbit("gear_pair", "1800 rpm").system.options["load"] == "tracking"
+    assert orbit("gear_pair", "1800 rpm").system.labels.options["load"] == "tracking"

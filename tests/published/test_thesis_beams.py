@@ -5,6 +5,7 @@ import pytest
 
 import solve
 from models.four_bar.linkage import Linkage
+from solve.equations import output_values
 from solve.results.periodic_motion import QuasiStatic
 from solve.studies.frequencies import turn
 
@@ -30,7 +31,7 @@ def test_follower_deflection_follows_its_rigid_acceleration(speed, likeness):
     """3.5, deflection and stress, by the coefficient of correlation over a turn; the coupler is loaded by
     what its pins do as well."""
     orbit = solve.periodic(solve.load("four_bar", options={"elements": 2}), speed, rtol=1e-4)
-    outputs = orbit.system.output_values(TURN, speed, *orbit.state(TURN))
+    outputs = output_values(orbit.system, TURN, speed, *orbit.state(TURN))
     alpha = LINKAGE.motion(TURN, speed).alpha
     for link, number, least, most in (("follower", 2, likeness, 1.0), ("coupler", 1, 0.0, 0.3)):
         for quantity in ("deflection", "stress_plus"):
@@ -91,7 +92,7 @@ def test_a_beam_gives_way_less_under_tension_and_more_under_compression(sign):
     stiffened, plain = (solve.load("four_bar", options={"stiffening": how}) for how in ("on", "off"))
     phase, speed = TURN[::15], 10.0
     added = stiffened.at(phase, speed)[2] - plain.at(phase, speed)[2]
-    forces = plain.output_values(phase, speed, *QuasiStatic(plain, speed).state(phase))
+    forces = output_values(plain, phase, speed, *QuasiStatic(plain, speed).state(phase))
     angle = LINKAGE.motion(phase).t[2]
     tension = forces["B_force_x"] * np.cos(angle) + forces["B_force_y"] * np.sin(angle)
     clear = sign * tension > 0.2 * np.abs(tension).max()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.labels import parts_of
 
 CRITICAL = {2: 92.59, 3: 61.33, 4: 46.14, 5: 36.87, 6: 30.73, 7: 26.37}
 """Speeds of the largest deflection of the follower's midpoint, rad/s, by the division of the first mean
@@ -32,7 +33,9 @@ def peak(quantity, L4, speed, elements=3):
     """Largest stress of both surfaces over a turn in MPa, and the crank angle (degrees) where it occurs."""
     model = solve.load("four_bar", options={"elements": elements}, L4=L4)
     orbit = solve.periodic(model, speed, rtol=1e-5)
-    computed = max((orbit.statistics(part) for part in model.parts(quantity)), key=lambda each: each.max_abs)
+    computed = max(
+        (orbit.statistics(part) for part in parts_of(model, quantity)), key=lambda each: each.max_abs
+    )
     at = computed.max_phase if computed.max >= -computed.min else computed.min_phase
     return computed.max_abs / 1e6, math.degrees(at)
 

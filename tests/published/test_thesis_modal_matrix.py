@@ -6,6 +6,7 @@ import pytest
 from scipy.linalg import eigh
 
 import solve
+from solve.equations import output_values
 
 SPEED = 35.0
 PHASE = np.arange(180) * (2 * np.pi / 180)
@@ -35,7 +36,7 @@ def errors(model, Phi, coupled):
     whole = solve.periodic(model, SPEED, rtol=1e-7)
     still = np.zeros((model.n, len(PHASE)))
     computed, truth = (
-        model.output_values(PHASE, SPEED, q, still, still) for q in (Phi @ modal.at(PHASE), whole.at(PHASE))
+        output_values(model, PHASE, SPEED, q, still, still) for q in (Phi @ modal.at(PHASE), whole.at(PHASE))
     )
     return [np.abs(computed[name] - truth[name]).max() / np.abs(truth[name]).max() for name in OUTPUTS]
 

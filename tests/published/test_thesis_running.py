@@ -5,6 +5,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import solve
+from solve.equations import output_values
 from solve.results.periodic_motion import QuasiStatic
 
 TURN = np.arange(180) * (2 * np.pi / 180)
@@ -15,7 +16,7 @@ def test_the_quasi_static_response_has_no_peaks_over_speed():
     """7.1: without gravity it is the square of the speed times one curve."""
     model = solve.load("four_bar")
     curves = [
-        model.output_values(TURN, speed, *QuasiStatic(model, speed).state(TURN))[
+        output_values(model, TURN, speed, *QuasiStatic(model, speed).state(TURN))[
             "follower_midpoint_deflection"
         ]
         / speed**2

@@ -8,8 +8,8 @@ import pytest
 
 import solve
 from solve.batch.family import SPEED, SystemFamily
+from solve.equations import entries_of, entries_over, structure_of
 from solve.errors import MatricesError, UnknownNameError, ValueOutOfBoundsError
-from solve.system import structure_of
 
 
 def spring(phase, speed):
@@ -26,22 +26,22 @@ def own():
 
 
 def test_user_system_has_no_case_parameters_or_links(own):
-    assert (own.case, own.case_speed, own.title) == (None, None, "")
-    assert (dict(own.parameters), dict(own.options), own.links) == ({}, {}, ())
-    assert own.moves
+    assert (own.labels.case, own.labels.case_speed, own.labels.title) == (None, None, "")
+    assert (dict(own.labels.parameters), dict(own.labels.options), own.labels.links) == ({}, {}, ())
+    assert own.labels.moves
     assert own.varied() is own
     with pytest.raises(UnknownNameError, match="parameter or option of system 'k'"):
         own.varied({"k": 1.0})
     with pytest.raises(ValueOutOfBoundsError, match="has no links to draw"):
         structure_of(own)
-    assert own.structure is None
+    assert own.capabilities.structure is None
 
 
 def test_frequencies_and_entries_of_a_user_system(own):
     np.testing.assert_allclose(solve.frequencies(own, [0.0, 1.0], 1).values, 2.0, rtol=1e-14)
     phase = np.array([0.0, 0.5])
-    computed = own.entries_over(phase, np.array([3.0, 20.0]))
-    np.testing.assert_array_equal(computed[0], own.entries(phase, 3.0))
+    computed = entries_over(own, phase, np.array([3.0, 20.0]))
+    np.testing.assert_array_equal(computed[0], entries_of(own, phase, 3.0))
     assert np.isnan(computed[1]).all()
 
 
@@ -54,10 +54,10 @@ def test_user_system_varies_in_speed_only(own):
 
 def test_a_structure_lists_links_and_their_supports():
     frame, linkage = solve.load("portal_frame"), solve.load("four_bar")
-    assert (frame.moves, linkage.moves) == (False, True)
-    assert linkage.links[0] == ("crank", ("clamped", "joined"))
-    assert [link.name for link in linkage.links] == list(linkage.pinned_frequencies())
-    assert sum(link.ends.count("clamped") for link in frame.links) == 2
+    assert (frame.labels.moves, linkage.labels.moves) == (False, True)
+    assert linkage.labels.links[0] == ("crank", ("clamped", "joined"))
+    assert [link.name for link in linkage.labels.links] == list(linkage.pinned_frequencies())
+    assert sum(link.ends.count("clamped") for link in frame.labels.links) == 2
 
 
 @pytest.mark.parametrize("name", ["cam", "four_bar"])
@@ -67,8 +67,8 @@ def test_models_are_copied_and_pickled_with_their_numbers(name):
     varied = model.varied({next(iter(model.parameters)): 0.9 * next(iter(model.parameters.values()))})
     for other in (copy.copy(varied), pickle.loads(pickle.dumps(varied))):
         assert type(other) is type(model)
-        assert (other.case, other.case_speed) == (model.case, model.case_speed)
-        assert (other.parameters, other.options) == (varied.parameters, varied.options)
+        assert (other.labels.case, other.labels.case_speed) == (model.labels.case, model.labels.case_speed)
+        assert (other.parameters, other.labels.options) == (varied.parameters, varied.labels.options)
         for part, expected in zip(other.at(phase, 3.0), varied.at(phase, 3.0), strict=True):
             np.testing.assert_array_equal(part, expected)
 
@@ -82,7 +82,7 @@ def test_all_points_at_once_and_one_by_one_are_the_same(name):
     expected = []
     for point in points:
         system, speed = family.system(point)
-        expected.append(system.entries(phase, speed))
+        expected.append(entries_of(system, phase, speed))
     n, scale = model.n, np.abs(expected).max(axis=(0, 1))
     rounding = np.repeat(
         [part.max() for part in np.split(scale, [n**2, 2 * n**2, 3 * n**2])], [*[n**2] * 3, n]

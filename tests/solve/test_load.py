@@ -108,10 +108,10 @@ def ready(folder):
 
 def test_a_users_model_with_its_cases(ready):
     model = ready.load()
-    assert (model.name, model.case, model.coordinates) == ("mine", "soft", ("q",))
+    assert (model.labels.name, model.labels.case, model.coordinates) == ("mine", "soft", ("q",))
     assert model.parameters == VALUES
-    assert (model.period, model.units["q"], model.units["force"]) == (math.pi, "m", "N")
-    assert model.case_speed == "3 rad/s"
+    assert (model.period, model.labels.units["q"], model.labels.units["force"]) == (math.pi, "m", "N")
+    assert model.labels.case_speed == "3 rad/s"
     assert ready.load("stiff", c=1).parameters == {"k": 50.0, "z": 3.0, "c": 1.0}
 
 
@@ -202,7 +202,7 @@ def test_unknown_parameters_and_cases_suggest_the_nearest_name(ready):
 @pytest.mark.parametrize(("option", "chosen"), [({"modes": 2}, 2), ({"modes": "2"}, 2), ({}, 1)])
 def test_options_in_a_range_are_whole_numbers(ready, option, chosen):
     model = ready.load(options=option)
-    assert model.options["modes"] == chosen
+    assert model.labels.options["modes"] == chosen
     assert model.n == chosen
 
 
@@ -218,7 +218,7 @@ def test_options_out_of_their_range(ready, value):
 def test_options_in_a_range_are_no_other_numbers(ready, value):
     with pytest.raises(ValueOutOfBoundsError, match=f"is {value}; allowed: a whole number from 1 to 2"):
         ready.load(options={"modes": value})
-    assert type(ready.load(options={"modes": np.int64(2)}).options["modes"]) is int
+    assert type(ready.load(options={"modes": np.int64(2)}).labels.options["modes"]) is int
 
 
 def test_a_case_may_be_named_by_its_number():
@@ -243,7 +243,7 @@ def test_code_that_was_never_generated_names_the_command(folder):
 
 def test_stale_code_names_the_command_and_line_endings_do_not_matter(ready):
     ready.mechanism.write_bytes(MECHANISM.replace("\n", "\r\n").encode())
-    assert ready.load().name == "mine"
+    assert ready.load().labels.name == "mine"
     ready.mechanism.write_text(MECHANISM + "# more\n", encoding="utf-8")
     with pytest.raises(
         ModelFileError, match=r"has changed since its code was generated; run: python -m derive "
@@ -297,7 +297,7 @@ def test_code_that_was_put_into_the_file_is_not_executed(ready, tmp_path, where)
 def test_edited_code_is_refused_regardless_of_line_endings(ready):
     text = ready.generated.read_text(encoding="utf-8")
     ready.generate(text=text.replace("\n", "\r\n"))
-    assert ready.load().name == "mine"
+    assert ready.load().labels.name == "mine"
     ready.generate(text=text.replace("casadi.cos(2 * phase)", "casadi.cos(4 * phase)"))
     with pytest.raises(ModelFileError, match=r"was edited; regenerate it with the command in its header"):
         ready.load()
@@ -306,7 +306,7 @@ def test_edited_code_is_refused_regardless_of_line_endings(ready):
 def test_a_byte_order_mark_is_no_change(ready):
     ready.mechanism.write_text(MECHANISM, encoding="utf-8-sig")
     ready.cases.write_text(CASES, encoding="utf-8-sig")
-    assert ready.load().case == "soft"
+    assert ready.load().labels.case == "soft"
 
 
 def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path, monkeypatch):
@@ -315,7 +315,7 @@ def test_a_mechanism_of_the_package_that_was_changed_is_noticed(ready, tmp_path,
     ready.mechanism.rename(folder / "mechanism.py")
     ready.cases.rename(folder / "cases.toml")
     monkeypatch.setattr(sys.modules["solve.model.generated"], "ROOT", tmp_path)
-    assert solve.load("mine").name == "mine"
+    assert solve.load("mine").labels.name == "mine"
     (folder / "mechanism.py").write_text(MECHANISM + "# more\n", encoding="utf-8")
     with pytest.raises(ModelFileError, match=r"'mine' has changed .*; run: python -m derive mine"):
         solve.load("mine")
@@ -376,7 +376,7 @@ def test_models_are_found_from_any_folder(tmp_path, monkeypatch):
     (tmp_path / "generated").mkdir()
     monkeypatch.chdir(tmp_path)
     assert "cam" in model_names()
-    assert solve.load("cam").case == "1"
+    assert solve.load("cam").labels.case == "1"
 
 
 @pytest.mark.parametrize("case", ["1", "2"])

@@ -173,8 +173,8 @@ def test_uniform_azimuths_in_any_order_are_recognised():
     order = np.random.default_rng(0).permutation(12)
     given = sampled(A, 2, uniform(12)[order], uniform(12)[order])
     plain = sampled(A, 2, uniform(12))
-    assert np.array_equal(given.samples.arrays[0], plain.samples.arrays[0])
-    assert given.samples.given is None
+    assert np.array_equal(given.capabilities.samples.arrays[0], plain.samples.arrays[0])
+    assert given.capabilities.samples.given is None
 
 
 def test_results_of_samples_are_stored(tmp_path):
@@ -212,7 +212,7 @@ def test_clustered_azimuths_are_refused():
     phases = np.array([0.0, 1e-5, 2e-5, 2.1, 4.2])
     one = np.ones((5, 1, 1))
     system = FirstOrderSystem.from_samples(-one, one[:, 0], ["x"], phases=phases)
-    assert system.samples.resolved == 1
+    assert system.capabilities.samples.resolved == 1
     with pytest.raises(SolveError, match="are clustered"):
         FirstOrderSystem.from_samples(-one[:3], one[:3, 0], ["x"], phases=[0.0, 2e-2, 3.15])
 

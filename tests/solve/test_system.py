@@ -1,5 +1,7 @@
 """Periodic systems: samples, checks, and every kind of invalid matrices."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -8,6 +10,7 @@ from hypothesis import strategies as st
 from solve import PeriodicSystem, floquet, periodic
 from solve.errors import MatricesError, ValueOutOfBoundsError
 from solve.period.points import OnePoint, affine, state_rate
+from solve.system import check
 from tests.solve.systems import cam, frozen_modes, random_matrices, random_system, seeds, system
 
 PHASES = np.linspace(-9.0, 9.0, 83)
@@ -259,7 +262,7 @@ def test_a_narrow_pulse_between_declared_breaks_is_periodic(width):
         pulse = np.where(np.abs(distance) < width, np.cos(np.pi * distance / (2 * width)), 0.0)
         return one, 0.1 * one, 4.0 * one + pulse[:, None, None], np.ones((len(phase), 1))
 
-    PeriodicSystem(pulsed, ["q"], breaks=(width, -width)).checked(1.0)
+    check(PeriodicSystem(pulsed, ["q"], breaks=(width, -width)), 1.0)
 
 
 def test_small_nonperiodic_terms_are_refused():
@@ -268,7 +271,7 @@ def test_small_nonperiodic_terms_are_refused():
         return one, 1e-8 * phase[:, None, None] * one, 4.0 * one, np.cos(phase)[:, None]
 
     with pytest.raises(MatricesError, match=r"C is not periodic: between phase 0 and 6\.28319"):
-        PeriodicSystem(aperiodic, ["q"]).checked(1.0)
+        check(PeriodicSystem(aperiodic, ["q"]), 1.0)
 
 
 def test_a_function_may_change_the_phases_that_it_is_given():
@@ -286,7 +289,7 @@ def test_a_function_may_change_the_phases_that_it_is_given():
 
 def test_attributes_set_after_a_solve_apply_to_later_solves():
     oscillator = random_system(3, 1)
-    assert floquet(oscillator, "5 rad/s").system.title == ""
-    oscillator.title = "set later"
-    assert floquet(oscillator, "5 rad/s").system.title == "set later"
-    assert floquet(oscillator, "50 rpm").system.title == "set later"
+    assert floquet(oscillator, "5 rad/s").system.labels.title == ""
+    oscillator.labels = replace(oscillator.labels, title="set later")
+    assert floquet(oscillator, "5 rad/s").system.labels.title == "set later"
+    assert floquet(oscillator, "50 rpm").system.labels.title == "set later"

@@ -16,6 +16,7 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
 from solve.contracts import Statistics
 from solve.errors import ValueOutOfBoundsError
+from solve.labels import parts_of
 from solve.results.contents import Column, Columns, FileContents, digits, model_info, sized
 from solve.results.result import Result
 from solve.results.serialization import serializable, stored_property
@@ -73,14 +74,14 @@ class Corrections(Result):
 
     @property
     def summary_values(self) -> dict[str, Any]:
-        unit = self.system.units.get(self.quantity, "")
+        unit = self.system.labels.units.get(self.quantity, "")
         return {"speed": self.speed, "quantity": self.quantity, "unit": unit}
 
     @property
     def columns(self) -> Columns:
         """Columns of the table, with one row per model."""
         models, reference = list(self.models.values()), self.reference.figures.max_abs
-        unit = self.system.units.get(self.reference.drawn, "")
+        unit = self.system.labels.units.get(self.reference.drawn, "")
         figures = [model.figures for model in models]
         phases = [figure.max_phase if figure.max >= -figure.min else figure.min_phase for figure in figures]
         maxima = [figure.max_abs for figure in figures]
@@ -100,7 +101,7 @@ class Corrections(Result):
     def file_contents(self) -> FileContents:
         """Contents of files: the quantity over the revolution, with one column per model. The rows of the
         table are metadata."""
-        unit = self.system.units.get(self.reference.drawn, "")
+        unit = self.system.labels.units.get(self.reference.drawn, "")
         columns = {"phase": Column(self._phase, "rad", "phase of the drive", axes=("phase",))}
         for label, model in self.models.items():
             columns[label] = Column(model.values, unit, f"{self.reference.drawn}, {label}", axes=("phase",))
@@ -146,7 +147,7 @@ def corrections(
     single = model.varied(options={"elements": 1})
     systems |= {f"corrected, {load}": Corrected(single, load) for load in LOADS}
     for system in systems.values():
-        require_turn(system, system.parts(of)[0], len(systems))
+        require_turn(system, parts_of(system, of)[0], len(systems))
     models: dict[str, OneModel] = {}
     with progress.task("solutions", len(systems)):
         for label, system in systems.items():
@@ -159,7 +160,7 @@ def corrections(
 def _solved(system: PeriodicSystem, speed: float, of: str, drawn: str | None, rtol: float) -> OneModel:
     """Result of one model. drawn: output to sample (default: the one with the largest value)."""
     orbit = solve.periodic(system, speed, rtol=rtol)
-    figures = {name: orbit.statistics(name) for name in system.parts(of)}
+    figures = {name: orbit.statistics(name) for name in parts_of(system, of)}
     largest = max(figures, key=lambda name: figures[name].max_abs)
     phase = np.linspace(0.0, system.period, SAMPLES)
     return OneModel(

@@ -76,7 +76,7 @@ class CurveOfPoint(AtOneSpeed):
 
     def plot(self) -> Figure:
         """Figure of both paths, and of the deviation over the revolution."""
-        speed = self.system.speed_unit.text(self.orbit.speed)
+        speed = self.system.labels.speed_unit.text(self.orbit.speed)
         title = f"Coupler curve at {speed}" + ", quasi-static" * self.quasi_static
         return curve_figure(title, self.curve)
 

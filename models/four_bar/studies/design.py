@@ -39,7 +39,7 @@ from solve.commands.groups import Flag, Results
 from solve.errors import MissingValueError, UnitError, ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, FileContents, rows_of
 from solve.results.result import Result
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, shown_in
 from solve.terminal import progress
 from solve.units import (
     RAD_PER_S,
@@ -170,7 +170,7 @@ def carry_out(design: Design, target: float | None = None, duration: float = 60.
     if target is None:
         target = default_target(design)
     else:
-        require_target(target, stresses.speeds, stresses.model.speed_unit)
+        require_target(target, stresses.speeds, stresses.model.labels.speed_unit)
     until = stresses.until(target)
     least = least_ratio(until, rate, False), least_ratio(until, rate, True)
     returns = least[1] <= 1
@@ -239,9 +239,9 @@ def design(
         raise ValueOutOfBoundsError(f"--time is {time}; allowed: above 0 s, up to 3600 s, for example '60 s'")
     lengths, count = _lengths(model, L4)
     first_speeds = _speeds(model, speeds)
-    model = model.shown_in(first_speeds[0] if goal is None or speeds else goal)
+    model = shown_in(model, first_speeds[0] if goal is None or speeds else goal)
     if goal is not None:
-        require_target(goal, np.array(first_speeds), model.speed_unit)
+        require_target(goal, np.array(first_speeds), model.labels.speed_unit)
     stress_map = design_map(model, stresses, np.array(first_speeds), lengths, count)
     deliver_result(results, carry_out(designed(stress_map), goal, duration), four_bar.choices)
 
@@ -288,7 +288,7 @@ def _speeds(model: StructureModel, text: str | None) -> list[GivenSpeed]:
 def _lengths(model: StructureModel, text: str | None) -> tuple[tuple[float, float], int]:
     """Smallest and largest L4 (m), and number of lengths. Raises LinkageError if the crank cannot rotate
     fully."""
-    linkage = Linkage.of(model.parameters, str(model.options["branch"]))
+    linkage = Linkage.of(model.parameters, str(model.labels.options["branch"]))
     if text is None:
         return allowed_lengths(linkage), _LENGTHS
     usage = f'--L4 is \'{text}\'; write "A:B:N unit", N lengths from A to B, such as --L4 "0.52:0.63:48 m"'

@@ -20,6 +20,7 @@ from solve.beams.observations import Contributions
 from solve.beams.structure import StructureModel
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Results
+from solve.equations import freedoms_of
 from solve.errors import ValueOutOfBoundsError
 from solve.results.contents import Column, Columns, digits, sized, to_json
 from solve.results.result import Result
@@ -53,7 +54,7 @@ class Modes(AtOneSpeed):
     @property
     def summary_values(self) -> dict[str, Any]:
         output = self.contributions.output
-        return {**super().summary_values, "quantity": output, "unit": self.system.units[output]}
+        return {**super().summary_values, "quantity": output, "unit": self.system.labels.units[output]}
 
     @property
     def columns(self) -> Columns:
@@ -65,7 +66,7 @@ class Modes(AtOneSpeed):
             curves["uncoupled"] = self.uncoupled, "uncoupled modes"
         columns = {"phase": Column(shares.phase, "rad", "phase of the drive", axes=("phase",))}
         for name, (values, meaning) in curves.items():
-            unit = self.system.units[shares.output]
+            unit = self.system.labels.units[shares.output]
             columns[name] = Column(values, unit, f"{shares.output}, {meaning}", axes=("phase",))
         return columns
 
@@ -99,7 +100,7 @@ def modes_tables(result: Modes) -> Sequence[RenderableType]:
     columns = {
         "mode": Column([*curves], heading="mode"),
         "frequency": Column([*means, "", ""][: len(curves)], heading="mean ω (rad/s)"),
-        "max_abs": sized(maxima, result.system.units[shares.output], "", "max|…|", 5, largest),
+        "max_abs": sized(maxima, result.system.labels.units[shares.output], "", "max|…|", 5, largest),
         "share": Column(
             [maximum / largest for maximum in maxima], heading="share of max (%)", text=digits(".1f", 100.0)
         ),
@@ -222,7 +223,7 @@ def element_kinds(
     models = [_with_elements(model, kind) for kind in kinds]
     values = [frequencies(varied, positions, count).values for varied in models]
     exact = frequencies(model.varied(options={"element": EXACT, "elements": 1}), positions, count).values
-    freedoms = tuple(varied.freedoms for varied in models)
+    freedoms = tuple(freedoms_of(varied) for varied in models)
     return ElementKinds(model, tuple(kinds), freedoms, positions, np.stack(values), exact)
 
 

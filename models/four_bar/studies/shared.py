@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from solve.beams.structure import StructureModel
 from solve.commands.groups import Flag, Numbers
+from solve.labels import require_motion
 from solve.results.orbit import Orbit
 from solve.results.result import Result
 from solve.results.serialization import stored_property
@@ -24,7 +25,7 @@ class FourBar(Numbers):
         """Model of the four-bar linkage with these arguments. Raises SolveError subclasses for invalid
         input."""
         model = StructureModel.of(self.setup("four_bar"))
-        model.require_motion()
+        require_motion(model)
         return model
 
 

@@ -12,8 +12,9 @@ from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Places, Results, Speeds
 from solve.commands.parse import assignments, figure_kept, points
 from solve.errors import MissingValueError, ValueOutOfBoundsError
+from solve.labels import parts_of, unit_of
 from solve.results.formatting import headed
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, shown_in
 from solve.units import apart, is_number
 from solve.views.panels import MOST_CURVES, shown
 
@@ -45,12 +46,12 @@ def study(
     omegas, statistic, model = speeds.omegas(), figure_kept(figure), four_bar.loaded()
     title, systems = _systems(model, over, corrected)
     names = list(dict.fromkeys(of or ["follower_midpoint_stress"]))
-    shown(model, [model.parts(name)[0] for name in names])
+    shown(model, [parts_of(model, name)[0] for name in names])
     with places.given() as resources:
         compared = solve.sweeps(systems, omegas, names, title, rtol=rtol, **resources)
     if all(sweep.results.failed.all() for sweep in compared.sweeps.values()):
         next(iter(compared.sweeps.values())).results.require_any()
-    result = replace(compared, system=model.shown_in(omegas[0]), figure=statistic)
+    result = replace(compared, system=shown_in(model, omegas[0]), figure=statistic)
     deliver_result(results, result, four_bar.choices)
 
 
@@ -63,7 +64,7 @@ def _systems(
     if over is not None:
         name, values = _values(over)
         systems.update(solve.variants(model, name, values))
-        title = headed(name, model.unit_of(name).name)
+        title = headed(name, unit_of(model, name).name)
     elif corrected:
         systems["as given"] = model
     else:

@@ -221,7 +221,7 @@ def design_figure(result: Outcome) -> Figure:
 
 
 def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
-    stresses, unit = result.map, result.map.model.speed_unit
+    stresses, unit = result.map, result.map.model.labels.speed_unit
     speeds, lengths, own_L4 = unit.of(stresses.speeds), stresses.L4 * 1e3, stresses.own_L4 * 1e3
     ratio, norm = np.nan_to_num(stresses.ratio, posinf=1e9), BoundaryNorm(_LEVELS, 256, extend="max")
     filled = axes.contourf(speeds, lengths, ratio.T, levels=_LEVELS, cmap="RdYlBu_r", norm=norm, extend="max")
@@ -252,7 +252,7 @@ def _draw_map(figure: Figure, axes: Axes, result: Outcome) -> None:
 
 
 def _draw_needed(axes: Axes, result: Outcome) -> None:
-    needed, unit = result.design.needed, result.map.model.speed_unit
+    needed, unit = result.design.needed, result.map.model.labels.speed_unit
     speeds = unit.of(result.map.speeds)
     axes.plot(speeds, result.map.own_ratio, color=GREY, linewidth=0.8, label="steady, $L_4$ fixed")
     axes.plot(speeds, needed.fixed, color=VERMILION, label="run-up, $L_4$ fixed")
@@ -271,7 +271,7 @@ def _draw_needed(axes: Axes, result: Outcome) -> None:
 
 
 def _draw_simulated(axes: Axes, result: Outcome) -> None:
-    first, unit = result.trials[0], result.map.model.speed_unit
+    first, unit = result.trials[0], result.map.model.labels.speed_unit
     run_up, simulated = first.run_up, first.simulated
     for ratio, link, color in zip(first.ratio.T, result.map.links, (BLUE, GREEN, VERMILION), strict=True):
         axes.plot(simulated.time, ratio, color=color, label=link)

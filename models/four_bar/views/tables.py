@@ -171,7 +171,7 @@ def _design_heading(result: Outcome, choices: Sequence[str]) -> Table:
     allowable = ", ".join(
         f"{link} {stress / 1e6:.5g}" for link, stress in zip(stresses.links, stresses.allowable, strict=True)
     )
-    speeds = stresses.model.speed_unit.span(stresses.speeds[0], stresses.speeds[-1], "…", ".4g")
+    speeds = stresses.model.labels.speed_unit.span(stresses.speeds[0], stresses.speeds[-1], "…", ".4g")
     facts = [
         ("allowable", f"{allowable} MPa"),
         ("L4", f"{stresses.L4[0]:.4f} … {stresses.L4[-1]:.4f} m, its own {stresses.own_L4:.4f} m"),
@@ -237,7 +237,7 @@ def _quiet(result: Outcome) -> RenderableType:
         "damping": Column([effect(speed) for speed in quietest], heading="damping"),
         **_damping(result, quietest),
     }
-    return table_of(f"Quiet bands at this L4 ({stresses.model.speed_unit.name})", columns, left=1)
+    return table_of(f"Quiet bands at this L4 ({stresses.model.labels.speed_unit.name})", columns, left=1)
 
 
 def _quiet_above(result: Outcome) -> list[RenderableType]:
@@ -248,7 +248,7 @@ def _quiet_above(result: Outcome) -> list[RenderableType]:
         "needed": _numbers([quiet_speed.needed for quiet_speed in quiet], "allowable needed"),
         "fixed": _numbers([quiet_speed.fixed for quiet_speed in quiet], "with L4 fixed"),
     }
-    title = f"Quiet speeds above critical ones ({result.map.model.speed_unit.name})"
+    title = f"Quiet speeds above critical ones ({result.map.model.labels.speed_unit.name})"
     remark = "in multiples of the allowable stress; L4 changes during the run-up and returns"
     return [table_of(title, columns), Text(remark)]
 

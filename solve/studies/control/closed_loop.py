@@ -8,6 +8,7 @@ import numpy as np
 from solve.arrays import Array
 from solve.contracts import Matrices
 from solve.first_order import FirstOrderSystem
+from solve.labels import Labels
 from solve.period.curve import Curve
 from solve.studies.control.feedback import FeedbackLoop
 from solve.studies.control.plant import Plant, state_equations, state_names
@@ -39,8 +40,9 @@ class Compensator(FirstOrderSystem):
         states = [f"{name}_hat" for name in state_names(system)]
         signals = [f"{name}_measured" for name in measured], system.inputs
         super().__init__(self._equations, states, system.period, system.breaks, *signals)
-        self._loop, self.name, self.speed_unit = loop, f"controller of {system.name}", system.speed_unit
-        self.units = loop.units
+        self._loop = loop
+        labels = {"units": loop.labels.units, "speed_unit": system.labels.speed_unit}
+        self.labels = Labels(name=f"controller of {system.labels.name}", **labels)
 
     def _equations(self, phase: Array, speed: float) -> tuple[Array, ...]:
         loop, plant = self._loop, Plant(self._loop.design, speed)
@@ -94,7 +96,7 @@ class ClosedLoop(FeedbackLoop):
         inputs: Array,
         observed: Callable[[], tuple[Matrices, Array]],
     ) -> Matrices:
-        n, p = self.n_open, self.n_open - self.open_loop.first_order
+        n, p = self.n_open, self.n_open - len(self.open_loop.states)
         M, C, K, d = map(np.array, matrices)
         force = inputs @ self.feedback(phase)
         if self.ahead is not None:
@@ -103,7 +105,7 @@ class ClosedLoop(FeedbackLoop):
             C[..., :p] += force[..., n:]
             return M, C, K + force[..., :n], d
         # The observer has the equations of the design, also where the system is linearised about a motion.
-        A, B, b = state_equations(*observed(), self.design.first_order)
+        A, B, b = state_equations(*observed(), len(self.design.states))
         if self.ahead is not None:
             b = b + np.einsum("knr,rk->kn", B, self.ahead(phase))
         N = A.shape[-1]
@@ -118,6 +120,6 @@ class ClosedLoop(FeedbackLoop):
 
     def inputs_of(self, phase: Array, speed: Any, q: Array, qd: Array) -> Array:
         n, system = self.n_open, self.open_loop
-        x = np.concatenate((q, qd[: n - system.first_order])) if self.observer is None else q[n:]
+        x = np.concatenate((q, qd[: n - len(system.states)])) if self.observer is None else q[n:]
         u = -np.einsum("krn,nk->rk", self.feedback(phase), x)
         return u if self.ahead is None else u + self.ahead(phase)

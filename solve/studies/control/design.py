@@ -4,7 +4,9 @@ coefficients."""
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from solve.equations import require_load
 from solve.errors import MissingValueError, NoLoadError, ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.period.curve import Curve
 from solve.results.controller import Controller, Vibration
 from solve.single import floquet, periodic
@@ -14,7 +16,7 @@ from solve.studies.control.margin import stability_margin
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Solved
 from solve.studies.control.weights import Weight
-from solve.system import PeriodicSystem, of_system, require_load
+from solve.system import PeriodicSystem, check, of_system, shown_in
 from solve.units import checked_rtol, speed_in_si
 
 
@@ -306,9 +308,9 @@ def _pair(
 
 def _plant(system: PeriodicSystem, speed: float | str) -> Plant:
     omega = speed_in_si(speed)
-    system.require_motion()
-    system.checked(omega)
-    return Plant(system.shown_in(omega), omega)
+    require_motion(system)
+    check(system, omega)
+    return Plant(shown_in(system, omega), omega)
 
 
 def _controller(

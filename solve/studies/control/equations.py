@@ -13,7 +13,7 @@ from solve.single import periodic
 from solve.studies.control.plant import Plant
 from solve.studies.control.riccati import Riccati, Solved, solve_riccati, through_points
 from solve.studies.control.weights import Weight, matrix_function, named_numbers
-from solve.system import PeriodicSystem
+from solve.system import PeriodicSystem, relabelled
 from solve.threads import one_thread
 
 Function = Callable[[Array], Array]
@@ -149,5 +149,5 @@ def error_equations(plant: Plant, gain: Curve, measured: tuple[str, ...]) -> Per
         return A, np.zeros((len(phase), plant.N))
 
     made = FirstOrderSystem(matrices, plant.states, plant.system.period, plant.system.breaks)
-    made.name, made.speed_unit = f"error of the estimates of {plant.system.name}", plant.system.speed_unit
-    return made
+    labels = plant.system.labels
+    return relabelled(made, name=f"error of the estimates of {labels.name}", speed_unit=labels.speed_unit)

@@ -3,24 +3,33 @@
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 
 from solve.arrays import Array, Plane
-from solve.contracts import Columns, Integrator, Matrices, Motion
+from solve.capabilities import Capabilities, Linearisation, Outputs
+from solve.contracts import Columns, Dependence, Events, Integrator, Matrices, Motion, ParameterDerivatives
+from solve.equations import (
+    events_of,
+    input_matrix,
+    nonlinear_of,
+    output_values,
+    require_bounds,
+    roundoff_of,
+    sketched,
+    varying_of,
+)
+from solve.errors import NoDerivativeError
 from solve.first_order import MixedSystem
-from solve.labels import Labels
 from solve.model.model import Model
 from solve.studies.control.integration import FeedbackIntegrator
 from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
 
-_LABELS = [name for name, value in vars(Labels).items() if not callable(value) and not name.startswith("_")]
-_OWN = ("n", "first_order", "multiplier_count", "coordinates", "inputs", "outputs", "states", "name")
 
-
-class FeedbackLoop(MixedSystem):
+class FeedbackLoop(MixedSystem, Outputs, Linearisation):
     """System with feedback. Its inputs NAME_disturbance are added to those of the feedback, which are
     outputs.
 
@@ -38,7 +47,7 @@ class FeedbackLoop(MixedSystem):
     """
 
     def __init__(self, system: PeriodicSystem, further: Sequence[str] = (), estimates: Sequence[str] = ()):
-        inertial = system.coordinates[: system.n - system.first_order]
+        inertial = system.coordinates[: system.n - len(system.states)]
         states = (*system.states, *estimates)
         super().__init__(system.at, [*inertial, *further], states, system.period, system.breaks)
         self.design = system
@@ -48,14 +57,13 @@ class FeedbackLoop(MixedSystem):
 
     def _take(self, system: PeriodicSystem) -> None:
         """Use a system with other parameters, and its labels."""
-        self.open_loop, self.model = system, system
-        vars(self).update({name: getattr(system, name) for name in _LABELS if name not in _OWN})
-        self.name, self.breaks = f"{system.name} with feedback", system.breaks
-        names, units = state_names(system), dict(system.units)
+        self.open_loop, self.model, self.breaks, self.events = system, system, system.breaks, Events()
+        names, units = state_names(system), dict(system.labels.units)
         rates = {name: f"{units.get(name.removesuffix('_dot'), '')}/s" for name in names[system.n :]}
         estimates = {f"{name}_hat": unit for name, unit in {**units, **rates}.items() if name in names}
         forces = {f"{name}_disturbance": units.get(name, "") for name in system.inputs}
-        self.units = {**units, **estimates, **forces}
+        name = f"{system.labels.name} with feedback"
+        self.labels = replace(system.labels, name=name, units={**units, **estimates, **forces})
 
     @property
     def n_open(self) -> int:
@@ -75,47 +83,60 @@ class FeedbackLoop(MixedSystem):
 
     def at(self, phase: Array, speed: float) -> Matrices:
         def observed() -> tuple[Matrices, Array]:
-            return self.design.at(phase, speed), self.design.input_matrix(phase, speed)
+            return self.design.at(phase, speed), input_matrix(self.design, phase, speed)
 
         system = self.open_loop
-        matrices, inputs = system.at(phase, speed), system.input_matrix(phase, speed)
+        matrices, inputs = system.at(phase, speed), input_matrix(system, phase, speed)
         return self.closed(phase, speed, matrices, inputs, observed)
 
-    def varying(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
-        return self._varying_by(
-            phase, speed, acceleration, self.open_loop.varying(phase, speed, acceleration)
+    @property
+    def capabilities(self) -> Capabilities:
+        own = self.model.capabilities
+        return super().capabilities._replace(
+            outputs=self,
+            nonlinear=None if own.nonlinear is None else self,
+            linearisation=self,
+            variation=self,
+            domain=own.domain,
+            sketch=None if own.sketch is None else self._sketched,
+            varying=None if own.varying is None else self._varying_at,
         )
+
+    def _varying_at(self, phase: Array, speed: Array, acceleration: float) -> Matrices:
+        matrices = varying_of(self.open_loop)(phase, speed, acceleration)
+        return self._varying_by(phase, speed, acceleration, matrices)
 
     def _varying_by(self, phase: Array, speed: Any, acceleration: float, matrices: Matrices) -> Matrices:
         """Matrices of the closed loop at speeds (k,) that change, from those of the system."""
 
         def observed() -> tuple[Matrices, Array]:
-            return self.design.varying(phase, speed, acceleration), self.design.input_matrix(phase, speed)
+            matrices = varying_of(self.design)(phase, speed, acceleration)
+            return matrices, input_matrix(self.design, phase, speed)
 
-        return self.closed(phase, speed, matrices, self.open_loop.input_matrix(phase, speed), observed)
+        return self.closed(phase, speed, matrices, input_matrix(self.open_loop, phase, speed), observed)
 
     def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
         system = self.model
-        if not (isinstance(system, Model) and system.nonlinear):
-            return super().marcher(sizes, count, rtol)
+        if not isinstance(system, Model):
+            return nonlinear_of(system).marcher(sizes, count, rtol)
 
         def equations(phase: Array, speed: Array, acceleration: float, q: Array, qd: Array) -> Matrices:
             state = q[:, : system.n], qd[:, : system.n]
             matrices = system.varying_about(phase, speed, acceleration, *state)
             return self._varying_by(phase, speed, acceleration, matrices)
 
-        return FeedbackIntegrator(equations, self.first_order, self.period, sizes, count, rtol)
+        return FeedbackIntegrator(equations, len(self.states), self.period, sizes, count, rtol)
 
-    def input_matrix(self, phase: Array, speed: float) -> Array:
+    def _inputs_at(self, phase: Array, speed: float) -> list[Array]:
         B, n = np.zeros((len(phase), self.n, len(self.inputs))), self.n_open
-        B[:, :n] = self.open_loop.input_matrix(phase, speed)
-        return B
+        B[:, :n] = input_matrix(self.open_loop, phase, speed)
+        return [B]
 
     def output_values(
         self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
     ) -> Mapping[str, Array]:
         n = self.n_open
-        values = self.model.output_values(phase, speed, q[:n], qd[:n], qdd[:n], acceleration)
+        values = output_values(self.model, phase, speed, q[:n], qd[:n], qdd[:n], acceleration)
         u = self.inputs_of(phase, speed, q, qd)
         return {**values, **dict(zip(self.open_loop.inputs, u, strict=True))}
 
@@ -128,43 +149,68 @@ class FeedbackLoop(MixedSystem):
         return made
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
-        self.model.require_bounds(parameters)
+        require_bounds(self.model, parameters)
 
-    def sketched(self, phase: Array, speed: float, q: Array, fineness: float = 1.0) -> Mapping[str, Plane]:
-        return self.model.sketched(phase, speed, q[: self.n_open], fineness)
+    def many_points(self, names: Sequence[str]) -> None:
+        """None: each point requires a system of its own."""
 
-    def require_desired_motion(self, speeds: Array) -> None:
-        self.model.require_desired_motion(speeds)
+    def _sketched(self, phase: Array, speed: float, q: Array, fineness: float) -> Mapping[str, Plane]:
+        return sketched(self.model, phase, speed, q[: self.n_open], fineness)
 
     @property
-    def nonlinear(self) -> bool:
-        return self.model.nonlinear
+    def derivatives(self) -> ParameterDerivatives:
+        """Derivatives with respect to parameters, of which there are none."""
+        return _NoDerivatives(self)
 
     @property
     def moves_breaks(self) -> bool:
-        return self.model.moves_breaks
+        variation = self.model.capabilities.variation
+        return variation is not None and variation.moves_breaks
 
     def along(self, motion: Motion, compiled: Columns | None = None) -> PeriodicSystem:
-        return self._about(self.model.along(self._of_system(motion), compiled))
+        return self._about(nonlinear_of(self.model).along(self._of_system(motion), compiled))
 
     def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> PeriodicSystem:
-        return self._about(self.model.along_events(self._of_system(motion), speed, compiled))
+        return self._about(nonlinear_of(self.model).along_events(self._of_system(motion), speed, compiled))
+
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        return np.zeros((0, 1 + 2 * self.n))
 
     def roundoff(self, phase: Array, speed: float) -> Array:
         bounds = np.zeros((len(phase), self.n))
-        bounds[:, : self.n_open] = self.open_loop.roundoff(phase, speed)
+        bounds[:, : self.n_open] = roundoff_of(self.open_loop, phase, speed)
         return bounds
 
     def _about(self, linearised: PeriodicSystem) -> "FeedbackLoop":
         """Closed loop with the equations linearised about a motion; the feedback is linear already."""
         made = copy(self)
-        made.open_loop, made.events = linearised, linearised.events
+        made.open_loop, made.events = linearised, events_of(linearised)
         made.breaks, made.period = linearised.breaks, linearised.period
         return made
 
     def _of_system(self, motion: Motion) -> Motion:
         """Motion of the coordinates of the system alone."""
         return motion if self.n == self.n_open else _Leading(motion, self.n_open)
+
+
+class _NoDerivatives:
+    """Derivatives with respect to no parameter; see `ParameterDerivatives`."""
+
+    names: tuple[str, ...] = ()
+
+    def __init__(self, loop: FeedbackLoop):
+        self._loop = loop
+
+    def of_breaks(self, names: Sequence[str]) -> Array:
+        """Array (b, 0)."""
+        return np.zeros((len(self._loop.breaks), 0))
+
+    def by(self, names: Sequence[str], compiled: Columns | None = None) -> Dependence:
+        """Raise NoDerivativeError."""
+        raise NoDerivativeError(
+            f"{self._loop.labels.name} has no equations that can be differentiated; the gains of "
+            "solve.OutputFeedback have derivatives"
+        )
 
 
 class _Leading:

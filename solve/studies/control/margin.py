@@ -77,8 +77,8 @@ def stability_margin(
     """
     names, omega, rtol = unique_names(by), speed_in_si(speed), checked_rtol(rtol)
     for name in names:
-        require_name(f"parameter of {system.name}", name, system.parameters)
-        if not system.parameters[name]:
+        require_name(f"parameter of {system.labels.name}", name, system.labels.parameters)
+        if not system.labels.parameters[name]:
             raise ValueOutOfBoundsError(f"{name} is 0 and has no relative change; name other parameters")
     if not names:
         raise ValueOutOfBoundsError("by is empty; name parameters")
@@ -97,7 +97,7 @@ class _Boundary:
         verdict = self._stability(0 * unit[0]).verdict
         if verdict != "asymptotically stable":
             raise ControlError(
-                f"{self._system.name} is {verdict}; a margin requires an asymptotically stable system"
+                f"{self._system.labels.name} is {verdict}; a margin requires an asymptotically stable system"
             )
         distance, ray = min(((self._distance(ray), ray) for ray in (*unit, *-unit)), key=lambda pair: pair[0])
         if not np.isfinite(distance):
@@ -146,7 +146,7 @@ class _Boundary:
 
     def _stability(self, change: Array) -> Stability:
         values = {
-            name: self._system.parameters[name] * (1 + part)
+            name: self._system.labels.parameters[name] * (1 + part)
             for name, part in zip(self._names, change.tolist(), strict=True)
         }
         return floquet(self._system.varied(values), self._speed, rtol=self._rtol)

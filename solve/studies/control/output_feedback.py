@@ -2,6 +2,7 @@
 harmonics of the drive, with derivatives with respect to the gains."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any, NamedTuple, Self
 
@@ -9,11 +10,12 @@ import numpy as np
 
 from solve.arguments import require_integer, unique_names
 from solve.arrays import Array
-from solve.contracts import Columns, Matrices
+from solve.contracts import Columns, Matrices, ParameterDerivatives
+from solve.equations import derivatives_of, input_matrix
 from solve.errors import ControlError, MissingValueError, NoDerivativeError, ValueOutOfBoundsError
 from solve.studies.control.feedback import FeedbackLoop
 from solve.studies.control.plant import Plant
-from solve.system import PeriodicSystem, derivatives_of
+from solve.system import PeriodicSystem, relabelled
 from solve.units import in_unit
 
 _DAMPING = 0.01
@@ -84,7 +86,7 @@ class OutputFeedback(FeedbackLoop):
         sections: int = 1,
         resonators: Sequence[int] = (),
     ):
-        if not isinstance(system, PeriodicSystem) or not system.inputs or system.first_order:
+        if not isinstance(system, PeriodicSystem) or not system.inputs or system.states:
             raise ControlError(
                 "output feedback requires a system with inputs and without first-order states, such as "
                 f"solve.load('manipulator'), not {system!r}"
@@ -109,11 +111,15 @@ class OutputFeedback(FeedbackLoop):
 
     def _take(self, system: PeriodicSystem) -> None:
         super()._take(system)
-        self.parameters = {**system.parameters, **self.gains}
+        labels = system.labels
         gains = {name: (term.unit, "gain of the feedback") for name, term in self.gain_terms.items()}
-        self.parameter_labels = {**system.parameter_labels, **gains}
-        added = {name: system.units.get(name.rpartition("_")[0], "") for name in self.coordinates[system.n :]}
-        self.units = {**self.units, **added}
+        added = {name: labels.units.get(name.rpartition("_")[0], "") for name in self.coordinates[system.n :]}
+        self.labels = replace(
+            self.labels,
+            parameters={**labels.parameters, **self.gains},
+            parameter_labels={**labels.parameter_labels, **gains},
+            units={**self.labels.units, **added},
+        )
 
     def varied(
         self, parameters: Mapping[str, float] | None = None, options: Mapping[str, Any] | None = None
@@ -123,8 +129,7 @@ class OutputFeedback(FeedbackLoop):
         gains = {name: float(given.pop(name)) for name in self.gains if name in given}
         made = super().varied(given, options)
         made.gains = {**self.gains, **gains}
-        made.parameters = {**made.parameters, **made.gains}
-        return made
+        return relabelled(made, parameters={**made.labels.parameters, **made.gains})
 
     def require_bounds(self, parameters: Mapping[str, float]) -> None:
         super().require_bounds({name: value for name, value in parameters.items() if name not in self.gains})
@@ -135,9 +140,9 @@ class OutputFeedback(FeedbackLoop):
         return {**own, **bounds}
 
     @property
-    def derivatives(self) -> "GainDerivatives | None":  # type: ignore[override]
-        """Derivatives with respect to the gains; None about a motion."""
-        return GainDerivatives(self) if self.open_loop is self.model else None
+    def derivatives(self) -> ParameterDerivatives:
+        """Derivatives with respect to the gains; there are none about a motion."""
+        return GainDerivatives(self) if self.open_loop is self.model else super().derivatives
 
     def waves(self, phase: Array) -> Array:
         """1, cos φ, sin φ, cos 2φ, … (k, w) at phases (k,), for the period 2π."""
@@ -223,8 +228,8 @@ def _terms(
 
 def _unit(system: PeriodicSystem, u: str, y: str) -> str:
     """Unit of a gain, such as N m s/rad; empty if that of the measured quantity is itself a quotient."""
-    state = y.removesuffix("_dot") if y not in system.units else y
-    of_input, of_state = system.units.get(u, ""), system.units.get(state, "")
+    state = y.removesuffix("_dot") if y not in system.labels.units else y
+    of_input, of_state = system.labels.units.get(u, ""), system.labels.units.get(state, "")
     if not of_input or "/" in of_state:
         return ""
     return f"{of_input}{'' if state == y else ' s'}{f'/{of_state}' if of_state not in ('', '1') else ''}"
@@ -274,7 +279,7 @@ class GainDependence:
     def residual(self, phase: Array, speed: float, states: Array) -> Array:
         loop, n = self._loop, self._loop.model.n
         derivatives = np.zeros((len(phase), loop.n, len(self._input)))
-        B = loop.model.input_matrix(phase, speed)
+        B = input_matrix(loop.model, phase, speed)
         derivatives[:, :n] = B[:, :, self._input] * -self._of_input(phase, speed, states)[:, None]
         return derivatives
 
@@ -283,7 +288,7 @@ class GainDependence:
 
     def matrices(self, phase: Array, speed: float, states: Array, weights: Array) -> tuple[Array, Array]:
         loop, n = self._loop, self._loop.model.n
-        B, signals = loop.model.input_matrix(phase, speed), loop.signals(phase, speed)[0]
+        B, signals = input_matrix(loop.model, phase, speed), loop.signals(phase, speed)[0]
         along = np.einsum("kna,kcnm->kacm", B, weights[:, 1:, :n]) * np.array([speed, 1.0])[:, None]
         sums = np.einsum("kacm,kscm->kas", along, signals)
         chosen = sums[:, self._input, self._signal] * loop.waves(phase)[:, self._wave]

@@ -8,12 +8,13 @@ import numpy as np
 
 from solve.arrays import Array, solved
 from solve.contracts import Matrices
+from solve.equations import derivatives_of, input_matrix
 from solve.errors import ControlError, ValueOutOfBoundsError, require_name
 from solve.first_order import FirstOrderSystem
 from solve.matrices import leading
 from solve.model.model import LinearisedModel, Model
 from solve.period.points import rate_of
-from solve.system import PeriodicSystem, derivatives_of
+from solve.system import PeriodicSystem
 
 
 @dataclass(frozen=True)
@@ -36,14 +37,14 @@ class Plant:
     def dynamics(self, phase: Array) -> tuple[Array, Array, Array]:
         """Matrices A (k, N, N) and B (k, N, r), and b (k, N), at phases (k,)."""
         system = self.system
-        inputs = system.input_matrix(phase, self.speed)
-        return state_equations(system.at(phase, self.speed), inputs, system.first_order)
+        inputs = input_matrix(system, phase, self.speed)
+        return state_equations(system.at(phase, self.speed), inputs, len(system.states))
 
     def require_inputs(self) -> None:
         """Raise ControlError if the system has no inputs."""
         if not self.system.inputs:
             raise ControlError(
-                f"{self.system.name} has no inputs; declare them, such as "
+                f"{self.system.labels.name} has no inputs; declare them, such as "
                 'mechanism.input("u", "N", along=q1), or name them in the system, see docs/control.md'
             )
 
@@ -97,7 +98,7 @@ def state_equations(matrices: Matrices, inputs: Array, first_order: int) -> tupl
 
 def state_names(system: PeriodicSystem) -> tuple[str, ...]:
     """Names of the states x = (q, q̇) of a system."""
-    inertial = system.coordinates[: system.n - system.first_order]
+    inertial = system.coordinates[: system.n - len(system.states)]
     return *system.coordinates, *(f"{name}_dot" for name in inertial)
 
 

@@ -5,8 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from solve.equations import require_bounds
 from solve.errors import MissingValueError, ValueOutOfBoundsError, require_name
-from solve.labels import SPEED
+from solve.labels import SPEED, in_own_unit, speed_or_usual
 from solve.model.bounds import clauses
 from solve.model.model import Model
 from solve.results.formatting import greek
@@ -65,7 +66,7 @@ class Control:
 
 def controls_of(model: Model, speed: GivenSpeed) -> list[Control]:
     """Slider of the speed, then of each parameter, in the order of the model."""
-    unit = unit_given(speed, model.speed_unit)
+    unit = unit_given(speed, model.labels.speed_unit)
     value = rounded(unit.of(float(speed)), 12)
     drive = Control(SPEED, "Ω", unit.name, "speed of the drive", "> 0", value, speed_range(value))
     return [drive, *(_of_parameter(model, *row) for row in model.module.PARAMETERS)]
@@ -97,15 +98,17 @@ def first_speed(model: Model, speed: float | str | None) -> GivenSpeed:
     below the lowest natural frequency. Raises SolveError subclasses for invalid input, and
     MissingValueError if no speed can be determined."""
     try:
-        return speed_in_si(model.speed_or_usual(speed))
+        return speed_in_si(speed_or_usual(model, speed))
     except MissingValueError:
-        if not model.vibrates:
+        if not model.labels.vibrates:
             raise
     modes = [value for value in frequencies(model).values.ravel().tolist() if value > 0]
     if not modes:
-        raise MissingValueError(f'{model.name} states no speed; give a speed, such as --speed "600 rpm"')
-    rpm = model.speed_unit.of(_BELOW_RESONANCE * min(modes))
-    return speed_in_si(f"{rounded(rpm, 2)!r} {model.speed_unit.name}")
+        raise MissingValueError(
+            f'{model.labels.name} states no speed; give a speed, such as --speed "600 rpm"'
+        )
+    rpm = model.labels.speed_unit.of(_BELOW_RESONANCE * min(modes))
+    return speed_in_si(f"{rounded(rpm, 2)!r} {model.labels.speed_unit.name}")
 
 
 def speed_range(value: float) -> Range:
@@ -205,16 +208,16 @@ def typed(model: Model, name: str, text: str, unit: ShownUnit) -> float:
     text = text.strip()
     if name == SPEED:
         return rounded(unit.of(float(speed_in_si(with_speed_unit(text, unit)))), 12)
-    require_name(f"parameter of {model.name}", name, model.parameters)
+    require_name(f"parameter of {model.labels.name}", name, model.parameters)
     try:
-        value = model.in_own_unit(name, text)
+        value = in_own_unit(model, name, text)
     except ValueError:
-        own_unit = model.parameter_labels[name][0]
+        own_unit = model.labels.parameter_labels[name][0]
         raise ValueOutOfBoundsError(
             f"{name} is '{text}'; give a number, in {own_unit} unless a unit follows, such as "
             f"'1.5 {own_unit}'".replace(" 1'", "'")
         ) from None
-    model.require_bounds({name: value})
+    require_bounds(model, {name: value})
     return value
 
 
@@ -230,5 +233,5 @@ def changed_parameters(model: Model, texts: Mapping[str, str]) -> dict[str, Any]
     """Values of parameters from the texts of the page, which are numbers in the units of the model or texts
     with a unit. Raises ValueOutOfBoundsError, UnitError, UnknownNameError."""
     for name in texts:
-        require_name(f"parameter of {model.name}", name, model.parameters)
-    return {name: model.in_own_unit(name, text) for name, text in texts.items()}
+        require_name(f"parameter of {model.labels.name}", name, model.parameters)
+    return {name: in_own_unit(model, name, text) for name, text in texts.items()}

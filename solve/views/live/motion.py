@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array, Plane
+from solve.equations import sketched
 from solve.results.formatting import prefixed, round_magnification
 from solve.system import PeriodicSystem
 from solve.views.animation import VISIBLE
@@ -51,18 +52,18 @@ def motion(
     rigid = _lines(system, phase, speed, 0.0 * vibration, fineness)
     if scale is None:
         scale = _visible_scale(solution, phase, vibration, rigid, fineness)
-    moved = _lines(system, phase, speed, scale * vibration, fineness) if system.vibrates else rigid
+    moved = _lines(system, phase, speed, scale * vibration, fineness) if system.labels.vibrates else rigid
     return _record(system, rigid, moved, scale), _points(rigid, moved)
 
 
 def _has_sketch(system: PeriodicSystem) -> bool:
-    return bool(system.links) or bool(getattr(getattr(system, "module", None), "SKETCH", ()))
+    return bool(system.labels.links) or bool(getattr(getattr(system, "module", None), "SKETCH", ()))
 
 
 def _lines(
     system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float
 ) -> Mapping[str, Plane]:
-    return system.sketched(phase, speed, q, fineness)
+    return sketched(system, phase, speed, q, fineness)
 
 
 def _size(lines: Sequence[Plane]) -> float:
@@ -100,7 +101,7 @@ def _record(
         ends = [line[0], line[-1]] if not fixed and not is_closed(line, size) else []
         held = [[end[0].real, end[0].imag] for end in ends if is_still(end[None], size)]
         lines.append({"name": name, "points": len(line), "fixed": fixed, "held": held})
-    factor, unit = prefixed(system.sketch_unit, abs(size))
+    factor, unit = prefixed(system.labels.sketch_unit, abs(size))
     return {
         "frames": FRAMES,
         "lines": lines,

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from solve.arrays import Array
+from solve.equations import require_load
 from solve.errors import NoLoadError
 from solve.model.model import Model
 from solve.newton.orbits import nonlinear
@@ -17,7 +18,6 @@ from solve.results.orbit import Orbit
 from solve.results.special_orbits import RigidOrbit
 from solve.results.transient import Transient
 from solve.single import periodic
-from solve.system import require_load
 
 PHASES = 361
 """Number of points of a curve: one per degree of a revolution, more than the pixels of a narrow panel."""
@@ -52,7 +52,7 @@ class Solution:
     def vibration(self, phase: Array) -> Array:
         """Coordinates (n, k) at phases (k,)."""
         if self.free is None:
-            return self.orbit.at(phase) if self.orbit.system.vibrates else np.zeros((0, len(phase)))
+            return self.orbit.at(phase) if self.orbit.system.labels.vibrates else np.zeros((0, len(phase)))
         return self._free_curve(phase)
 
     @property
@@ -77,7 +77,7 @@ def solved(model: Model, speed: float, rtol: float, is_nonlinear: bool) -> Solut
     subclasses."""
     find = nonlinear if is_nonlinear else periodic
     orbit = find(model, speed, rtol=rtol)
-    if not model.vibrates:
+    if not model.labels.vibrates:
         return Solution(orbit)
     try:
         require_load(model, speed)
@@ -128,7 +128,7 @@ def _curve(solution: Solution, name: str) -> dict[str, Any]:
     values = solution.curve(name, phase)
     finite = values[np.isfinite(values)]
     largest = float(np.abs(finite).max()) if len(finite) else 0.0
-    factor, unit = prefixed(orbit.system.units.get(name, ""), largest)
+    factor, unit = prefixed(orbit.system.labels.units.get(name, ""), largest)
     amplitudes: list[float | None] = []
     if solution.free is None:
         largest = float(orbit.statistics(name).max_abs)
@@ -140,8 +140,8 @@ def _curve(solution: Solution, name: str) -> dict[str, Any]:
         "name": name,
         "label": greek(name),
         "unit": unit,
-        "meaning": orbit.system.meanings.get(name, ""),
-        "largest": measured(largest, orbit.system.units.get(name, "")).removesuffix(" 1"),
+        "meaning": orbit.system.labels.meanings.get(name, ""),
+        "largest": measured(largest, orbit.system.labels.units.get(name, "")).removesuffix(" 1"),
         "values": shortened(factor * values),
         "spectrum": amplitudes,
     }

@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+from solve.equations import is_nonlinear
 from solve.errors import SolveError, ValueOutOfBoundsError
-from solve.labels import SPEED
+from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
 from solve.terminal import progress
 from solve.units import GivenSpeed, ShownUnit, speed_in_si, unit_given
@@ -67,7 +68,7 @@ class Session:
 
     def __init__(self, base: Model, origin: Origin, speed: GivenSpeed, send: Send, later: Later):
         self.base, self.origin, self.send, self.later = base, origin, send, later
-        self.unit: ShownUnit = unit_given(speed, base.speed_unit)
+        self.unit: ShownUnit = unit_given(speed, base.labels.speed_unit)
         self.first = controls.controls_of(base, speed)
         self.stated = origin.stated(base)
         self.state = State(
@@ -84,22 +85,26 @@ class Session:
         """Send the description of the model: sliders, quantities, and choices of sweeps and charts."""
         model = self.base
         quantities = [
-            {"name": name, "unit": model.units.get(name, ""), "meaning": model.meanings.get(name, "")}
-            for name in model.known_quantities()
+            {
+                "name": name,
+                "unit": model.labels.units.get(name, ""),
+                "meaning": model.labels.meanings.get(name, ""),
+            }
+            for name in known_quantities(model)
         ]
         self.send(
             {
                 "is": "model",
-                "name": model.name,
-                "title": model.title,
-                "case": model.case or "",
+                "name": model.labels.name,
+                "title": model.labels.title,
+                "case": model.labels.case or "",
                 "controls": [control.record() for control in self.first],
                 "quantities": quantities,
                 "shown": [row["name"] for row in quantities[:_FIRST_SHOWN]],
                 "most_shown": MOST_SHOWN,
                 "of": choices(model),
-                "vibrates": model.vibrates,
-                "nonlinear": model.nonlinear and model.vibrates,
+                "vibrates": model.labels.vibrates,
+                "nonlinear": is_nonlinear(model) and model.labels.vibrates,
                 "file": default_file(self.origin, model),
             },
             None,
@@ -201,7 +206,7 @@ class Session:
             raise ValueOutOfBoundsError(
                 f"{len(names)} quantities are chosen; allowed: up to {MOST_SHOWN} at a time"
             )
-        return list(self.base.known_quantities(names))
+        return list(known_quantities(self.base, names))
 
     def _command(self, message: Mapping[str, Any]) -> str:
         flags = [" --nonlinear"] if message.get("nonlinear") else []

@@ -8,7 +8,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.errors import ValueOutOfBoundsError, require_name
-from solve.labels import SPEED
+from solve.labels import SPEED, known_quantities
 from solve.model.model import Model
 from solve.period.named import HARMONIC, RADIUS, Named
 from solve.period.quantities import FIGURES
@@ -69,7 +69,7 @@ class Axis:
 
     def record(self, model: Model, unit: ShownUnit) -> dict[str, Any]:
         """Data of the axis for the page, as a JSON object."""
-        own, meaning = model.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
+        own, meaning = model.labels.parameter_labels.get(self.name, ("rad/s", "speed of the drive"))
         shown = unit.name if self.name == SPEED else raised(own)
         label = "Ω" if self.name == SPEED else greek(self.name)
         return {
@@ -104,7 +104,7 @@ class Survey:
         y = Axis.of(request["y"], most) if request.get("y") else None
         for axis in filter(None, (x, y)):
             if axis.name != SPEED:
-                require_name(f"parameter of {model.name}", axis.name, model.parameters)
+                require_name(f"parameter of {model.labels.name}", axis.name, model.parameters)
         if y is not None and x.name == y.name:
             raise ValueOutOfBoundsError(f"x and y are both {x.name}; vary two different quantities")
         return cls(model, speed, unit, x, y, of.text)
@@ -174,5 +174,5 @@ class Survey:
 
 def choices(model: Model) -> list[str]:
     """Quantities, by name, that the page offers for sweeps and charts."""
-    names = [f"{name}.max_abs" for name in model.known_quantities()]
-    return [*names, RADIUS] if model.vibrates else names
+    names = [f"{name}.max_abs" for name in known_quantities(model)]
+    return [*names, RADIUS] if model.labels.vibrates else names

@@ -39,7 +39,7 @@ class Origin:
     def of(cls, model: Model) -> "Origin":
         """Origin of a loaded model, determined from the path of its generated code."""
         generated = Path(getattr(model.module, "__file__", None) or "")
-        for argument in (model.name, (generated.parent.parent / generated.name).as_posix()):
+        for argument in (model.labels.name, (generated.parent.parent / generated.name).as_posix()):
             try:
                 if model_files(argument).generated.resolve() == generated.resolve():
                     return cls(argument)
@@ -51,9 +51,9 @@ class Origin:
         """Values of the parameters as stated in the case; empty for a model in memory."""
         if self.argument is None:
             return {}
-        missing = missing_parameters(self.argument, model.case or None, self.cases, {})
+        missing = missing_parameters(self.argument, model.labels.case or None, self.cases, {})
         placeholders = {name: float(model.parameters[name]) for name in missing}
-        case = case_numbers(self.argument, model.case or None, self.cases, placeholders)
+        case = case_numbers(self.argument, model.labels.case or None, self.cases, placeholders)
         return {name: value for name, value in case.parameters.items() if name not in missing}
 
 
@@ -82,7 +82,9 @@ class State:
     def options(self) -> dict[str, Any]:
         """Options that differ from their defaults."""
         defaults = checked_options(self.model.module, {})
-        return {name: value for name, value in self.model.options.items() if defaults.get(name) != value}
+        return {
+            name: value for name, value in self.model.labels.options.items() if defaults.get(name) != value
+        }
 
     @property
     def command(self) -> str:
@@ -90,7 +92,7 @@ class State:
         if self.origin.argument is None:
             return ""
         parts = ["solve", "periodic", _quoted(self.origin.argument)]
-        parts += ["--case", _quoted(self.model.case)] if self.model.case else []
+        parts += ["--case", _quoted(self.model.labels.case)] if self.model.labels.case else []
         parts += ["--cases", _quoted(self.origin.cases)] if self.origin.cases else []
         for flag, values in (("--option", self.options), ("--set", self.set)):
             parts += (f"{flag} {_quoted(f'{name}={value}')}" for name, value in values.items())
@@ -105,7 +107,7 @@ class State:
             load = f"model = model.varied({changed})" if changed else "model"
         else:
             words = [repr(self.origin.argument)]
-            words += [f"case={self.model.case!r}"] if self.model.case else []
+            words += [f"case={self.model.labels.case!r}"] if self.model.labels.case else []
             words += [f"options={self.options!r}"] if self.options else []
             words += (f"{name}={_value(text)}" for name, text in self.set.items())
             load = f"model = solve.load({', '.join(words)})"
@@ -125,11 +127,11 @@ class State:
     def _entries(self) -> Iterator[str]:
         """Lines of the case, one per parameter, or one per family of numbered parameters with the same
         source."""
-        model, sources = self.model, self.model.parameter_sources
+        model, sources = self.model, self.model.labels.parameter_sources
         rows = []
         for name, value in model.parameters.items():
             source = SOURCE if name in self.set else sources.get(name, SOURCE)
-            rows.append((name, number(float(value)), model.parameter_labels[name][0], source))
+            rows.append((name, number(float(value)), model.labels.parameter_labels[name][0], source))
         for (base, unit, source), group in groupby(rows, lambda row: (_base(row[0]), *row[2:])):
             members = list(group)
             unit_and_source = f'unit = "{_escaped(unit)}", source = "{_escaped(source)}" }}'
@@ -185,7 +187,7 @@ def save_case(state: State, name: str, file: str) -> str:
 
 def default_file(origin: Origin, model: Model) -> str:
     """File to which cases are added by default."""
-    return origin.cases or f"{model.name}_cases.toml"
+    return origin.cases or f"{model.labels.name}_cases.toml"
 
 
 def _value(text: str) -> str:

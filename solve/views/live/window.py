@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from solve.arguments import first_is
 from solve.errors import MissingLibraryError, ValueOutOfBoundsError
+from solve.labels import require_motion
 from solve.loading import load
 from solve.model.model import Model
 from solve.system import PeriodicSystem
@@ -83,7 +84,7 @@ class LiveWindow:
         self._thread.join()
 
     def __repr__(self) -> str:
-        return f"Live window of {self._server.model.name}: {self.address}"
+        return f"Live window of {self._server.model.labels.name}: {self.address}"
 
     def _repr_html_(self) -> str:
         """Frame with the page, for a notebook."""
@@ -152,10 +153,11 @@ def server(
         raise MissingLibraryError.of_extra("the live window", "Tornado", "explore") from None
     if not isinstance(model, Model):
         raise ValueOutOfBoundsError(
-            f"'{model.name}' has no generated equations; the live window needs a mechanism, such as cam"
+            f"'{model.labels.name}' has no generated equations; the live window needs a mechanism, such as "
+            "cam"
         )
-    if model.vibrates:
-        model.require_motion()
+    if model.labels.vibrates:
+        require_motion(model)
     omega: GivenSpeed = first_speed(model, speed)
     return LiveServer(model, origin, omega, port)
 
@@ -165,7 +167,7 @@ def run(live: "LiveServer", opens_browser: bool) -> None:
     page is ready."""
 
     def ready() -> None:
-        print(f"{live.model.name}: {live.address} (Ctrl-C ends)", flush=True)
+        print(f"{live.model.labels.name}: {live.address} (Ctrl-C ends)", flush=True)
         if opens_browser and _has_screen():
             threading.Thread(target=webbrowser.open, args=(live.address,), daemon=True).start()
 

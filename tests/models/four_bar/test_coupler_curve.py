@@ -25,7 +25,7 @@ def test_coupler_curve_deviation_matches_the_joint_displacements(orbit):
 
 
 def test_the_rigid_curve_is_the_linkages(orbit):
-    p = orbit.system.parameters
+    p = orbit.system.labels.parameters
     linkage = Linkage(*(p[name] for name in ("L1", "L2", "L3", "L4")))
     curve = coupler_curve(orbit.system, orbit, 0.3, 0.08, PHASE)
     for phase, place in zip(PHASE, curve.rigid, strict=True):

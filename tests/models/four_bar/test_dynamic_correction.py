@@ -7,6 +7,7 @@ from scipy.linalg import eigh
 import solve
 from models.four_bar.dynamic_correction import Corrected
 from models.four_bar.linkage import Linkage
+from solve.equations import output_values
 from solve.errors import UnknownNameError
 
 PHASE = np.array([0.3, 1.7, 4.0])
@@ -126,7 +127,7 @@ def test_stresses_are_the_curvature_of_the_deflection(model):
         plus, minus = (corrected.stress(link, fraction, side, PHASE, q) for side in ("plus", "minus"))
         bending = -p["E"] * p[f"h{number}"] * curvature
         assert plus - minus == pytest.approx(bending, rel=1e-3, abs=1e-3 * np.abs(bending).max())
-    values = corrected.output_values(PHASE, 30.0, *orbit.state(PHASE))
+    values = output_values(corrected, PHASE, 30.0, *orbit.state(PHASE))
     assert values["follower_midpoint_stress_plus"] == pytest.approx(
         corrected.stress("follower", 0.5, "plus", PHASE, q)
     )

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.equations import output_values
 from solve.errors import UnknownNameError
 from tests.models.four_bar.multibody import free_bodies
 
@@ -24,7 +25,7 @@ def bar(density, area, length, tip_mass):
 def test_joint_forces_of_stiff_links_equal_rigid_bodies():
     stiff = solve.load("four_bar", E=2.1e18)
     orbit = solve.periodic(stiff, SPEED, steps=64)
-    outputs = stiff.output_values(PHASE, SPEED, *orbit.quasi_static.state(PHASE))
+    outputs = output_values(stiff, PHASE, SPEED, *orbit.quasi_static.state(PHASE))
     p, angles = stiff.parameters, stiff.at_positions(PHASE).angle
     lengths = [p[name] for name in ("L1", "L2", "L3", "L4")]
     bodies = [
@@ -161,7 +162,7 @@ def test_drive_power_balances_inertia_and_damping():
         velocity = rate_of(lambda phase, link=link, xi=xi: rigid_place(model, phase, link, xi))
         acceleration = acceleration_along(model, orbit, link, xi, turning=True)
         power = power + mass * np.real(np.conj(velocity) * acceleration)
-    moment = model.output_values(PHASE, SPEED, *orbit.state(PHASE))["O_moment"]
+    moment = output_values(model, PHASE, SPEED, *orbit.state(PHASE))["O_moment"]
     np.testing.assert_allclose(moment, power, atol=2e-5 * np.abs(moment).max())
 
 

@@ -47,7 +47,7 @@ def test_product_of_the_multipliers_follows_from_the_damping(delta, epsilon, zet
 def test_cases_name_their_speed():
     for case in ("stable", "unstable"):
         model = load("mathieu", case)
-        assert (model.case, model.case_speed) == (case, "1 rad/s")
+        assert (model.labels.case, model.labels.case_speed) == (case, "1 rad/s")
     assert load("mathieu").case == "stable"
     assert floquet(load("mathieu", "stable"), 1.0).verdict == "asymptotically stable"
     assert floquet(load("mathieu", "unstable"), 1.0).verdict == "unstable"

@@ -15,6 +15,7 @@ from solve.period.eigenvalues import multiplier_roundoff
 from solve.period.frozen import FrozenModes
 from solve.period.multipliers import VERDICTS, Multipliers, verdicts
 from solve.period.points import Tables
+from solve.system import in_phase
 from solve.terminal import progress
 from tests.solve import systems
 
@@ -297,7 +298,7 @@ def test_bounds_of_frozen_modes_hold(seed, n, scale):
 
 def fastest_of(system, phase, speed):
     """Largest frozen angular frequency or decay rate, by phase."""
-    M, C, K, _ = system.in_phase(phase, speed)
+    M, C, K, _ = in_phase(system, phase, speed)
     stiffness, damping = (np.abs(np.linalg.eigvals(np.linalg.solve(M, A))).max() for A in (K, C))
     return max(np.sqrt(stiffness), damping)
 

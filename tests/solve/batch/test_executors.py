@@ -199,7 +199,7 @@ def test_models_are_sent_to_other_processes_and_threads():
     model = solve.load("cam", k1=7e4)
     for twin in (pickle.loads(pickle.dumps(model)), copy.copy(model)):
         assert twin.parameters == model.parameters
-        assert twin.options == model.options
+        assert twin.labels.options == model.labels.options
         phase = np.linspace(0, 6, 7)
         for ours, theirs in zip(model.at(phase, 50.0), twin.at(phase, 50.0), strict=True):
             np.testing.assert_array_equal(ours, theirs)

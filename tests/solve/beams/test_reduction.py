@@ -148,7 +148,7 @@ def test_coordinates_are_physical_then_modal_and_outputs_follow_from_all():
     model = four_bar(3, 2)
     assert model.coordinates[:4] == ("A_x", "A_y", "B_x", "B_y")
     assert model.coordinates[4:6] == ("crank_mode_1", "crank_mode_2")
-    assert (model.units["coupler_mode_1"], model.units["A_x"]) == ("m", "m")
+    assert (model.labels.units["coupler_mode_1"], model.labels.units["A_x"]) == ("m", "m")
     orbit = solve.periodic(model, 30.0, rtol=1e-6)
     q, freedoms = orbit.at(PHASE), model.beams.freedoms.names
     expanded = model.expanded(PHASE, 30.0, q).q

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from solve.system import check, in_phase
 from tests.benchmarks.population import FRESH_TRIALS, options
 from tests.solve.certificates import fresh
 from tests.solve.certificates.trials import matched_error
@@ -112,7 +113,7 @@ def test_members_are_valid_periodic_systems():
         assert not member.formula
         assert (member.n == 20) == (member.kind == "twenty")
         assert 0.1 <= member.speed <= 100
-        member.system.checked(member.speed)
+        check(member.system, member.speed)
 
 
 def test_jumps_alone_are_declared_and_two_almost_coincide():
@@ -131,7 +132,7 @@ def test_frozen_frequencies_cross():
     phase = np.linspace(0.0, 2 * np.pi, 2000)
     for index in range(3, 143, 7):
         member = fresh.member(index)
-        M, _, K, _ = member.system.in_phase(phase, member.speed)
+        M, _, K, _ = in_phase(member.system, phase, member.speed)
         frequency = np.sqrt(np.sort(np.linalg.eigvals(np.linalg.solve(M, K)).real, axis=1))
         assert 19 < frequency.min() < frequency.max() < 202
         assert (np.diff(frequency, axis=1) / frequency[:, :1]).min() < 0.01

@@ -11,6 +11,7 @@ import solve
 from solve.commands.app import run
 from solve.errors import StepsError
 from solve.methods.radau import Radau
+from solve.system import in_phase
 from tests.solve.systems import constant, system
 
 
@@ -53,7 +54,7 @@ def test_the_cam_at_twelve_rpm_by_two_methods_and_by_liouville():
     stability = solve.floquet(cam, "12 rpm", rtol=1e-6, all_multipliers=True)
     other = solve.floquet(cam, "12 rpm", solve.Gauss(16), rtol=1e-6, all_multipliers=True)
     phase = (np.arange(4096) + 0.5) * (cam.period / 4096)
-    M, C, _, _ = cam.in_phase(phase, stability.speed)
+    M, C, _, _ = in_phase(cam, phase, stability.speed)
     volume = -np.einsum("kii->k", np.linalg.solve(M, C)).mean() * cam.period
     for each in stability, other:
         assert each.unresolved == 0
@@ -195,7 +196,7 @@ def test_a_linkage_of_elastic_bars_keeps_all_its_multipliers():
     )
     assert (len(stability.multipliers), stability.unresolved, stability.warnings) == (36, 0, [])
     phase = (np.arange(512) + 0.5) * (linkage.period / 512)
-    M, C, _, _ = linkage.in_phase(phase, stability.speed)
+    M, C, _, _ = in_phase(linkage, phase, stability.speed)
     volume = -np.einsum("kii->k", np.linalg.solve(M, C)).mean() * linkage.period
     logarithms = stability.exponents.real * stability.period
     assert abs(logarithms.sum() - volume) <= stability.multiplier_errors.sum()

@@ -163,7 +163,7 @@ def check(name, parameters):
     """Against differences on one fixed grid, relative to what a change of the parameter by itself makes."""
     model = solve.load(name)
     text, of = CASES[name]
-    speed = speed_in_si(text or model.case_speed)
+    speed = speed_in_si(text or model.labels.case_speed)
     settings = {
         "method": solve.Radau(),
         "steps": 384 if name in ("cam", "gear_pair") else 96,

@@ -19,7 +19,7 @@ def library(tmp_path):
     """A model as a library of C, without warnings but of what its generator leaves unused."""
 
     def made(model):
-        file = tmp_path / f"{model.name}.c"
+        file = tmp_path / f"{model.labels.name}.c"
         solve.export(model, file)
         flags = ["-shared", "-fPIC", "-std=c99", "-Wall", "-Werror", "-o", str(file.with_suffix(".so"))]
         subprocess.run([COMPILER, *flags, str(file), "-lm"], check=True)
@@ -97,7 +97,7 @@ def test_the_header_lists_parameters_with_unit_and_meaning(tmp_path):
     exported = solve.export(model, tmp_path / "coupler.c")
     assert [file.name for file in exported.files] == ["coupler.c", "coupler.h"]
     header = (tmp_path / "coupler.h").read_text("utf-8")
-    for at, (name, (unit, meaning)) in enumerate(model.parameter_labels.items()):
+    for at, (name, (unit, meaning)) in enumerate(model.labels.parameter_labels.items()):
         assert f"   p[{at}]  {name} ({unit}): {meaning}\n" in header
     assert "modes=2" in header
     assert "#define COUPLER_COORDINATES 2\n" in header

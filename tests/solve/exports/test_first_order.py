@@ -5,6 +5,7 @@ import pytest
 
 import solve
 from solve import FirstOrderSystem
+from solve.equations import output_values
 from tests.solve.first_order_systems import names, restated, rotated, with_load
 
 
@@ -51,7 +52,7 @@ def test_harmonic_transfer_function_gives_the_response(filtered):
 
     system = FirstOrderSystem(loaded, filtered.states, inputs=["u"], outputs=["y"])
     orbit = solve.periodic(system, 1.0, rtol=1e-10)
-    values = orbit.system.output_values(orbit.phase, 1.0, orbit.q, orbit.qd, orbit.qdd)["y"]
+    values = output_values(orbit.system, orbit.phase, 1.0, orbit.q, orbit.qd, orbit.qdd)["y"]
     values = values + 0.5 * np.cos(orbit.phase)
     expected = np.fft.fft(values[:-1]) / (len(values) - 1)
     assert y[3:] == pytest.approx(expected[:4], abs=1e-7)

@@ -79,7 +79,7 @@ def test_fmu_is_valid_with_units_and_descriptions(cam):
         modelvariable.name: modelvariable for modelvariable in fmpy.read_model_description(cam).modelVariables
     }
     model = solve.load("cam")
-    for name, (unit, meaning) in model.parameter_labels.items():
+    for name, (unit, meaning) in model.labels.parameter_labels.items():
         variable = computed[name]
         assert (variable.causality, variable.variability) == ("parameter", "tunable")
         assert (variable.unit, variable.description) == (unit.replace(" ", ".").replace("^", ""), meaning)

@@ -9,7 +9,9 @@ import sympy
 
 import solve
 from derive import Heaviside, Mechanism, acos, asin, atan2, cos, log, pi, rate, sin, sqrt, tan, tanh
+from solve.equations import require_desired_motion
 from solve.errors import DesiredMotionError, MatricesError, NoResultError
+from solve.system import check
 from tests.derive.modules import module_of
 
 BEAD = {"m": 0.5, "a": 0.2, "g": 9.81, "c": 2e-3}
@@ -227,7 +229,7 @@ def rotor(angle):
 def test_jump_of_an_angle_is_reported_with_its_phase(angle, phase, change):
     made = rotor(angle)
     if phase is None:
-        made.checked(3.0)
+        check(made, 3.0)
         return
     with pytest.raises(MatricesError) as raised:
         solve.periodic(made, 3.0)
@@ -248,7 +250,7 @@ def test_fast_waves_beyond_the_domain_are_refused(waves, shift):
     made.kinetic, made.potential = J * rate(q) ** 2 / 2, k * q**2 / 2
     with pytest.raises(DesiredMotionError, match=r"asin\(a\*sin\("):
         solve.floquet(solve.load(made, J=1.0, k=4.0, a=1.001), 3.0)
-    solve.load(made, J=1.0, k=4.0, a=0.99).require_desired_motion(np.array([3.0]))
+    require_desired_motion(solve.load(made, J=1.0, k=4.0, a=0.99), np.array([3.0]))
 
 
 def test_a_stiffness_that_is_infinite_at_a_phase_is_named():

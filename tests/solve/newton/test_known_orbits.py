@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.capabilities import Nonlinear
 from tests.solve.newton.mechanisms import duffing, known_system, model_of, trigonometric
 from tests.solve.references import relative_error
 
@@ -75,7 +76,7 @@ def test_a_linear_model_has_the_same_orbit():
     np.testing.assert_allclose(computed.multipliers, linear.multipliers, rtol=1e-8)
 
 
-class InUnits(solve.PeriodicSystem):
+class InUnits(solve.PeriodicSystem, Nonlinear):
     """A model with its equations multiplied by numbers (n,)."""
 
     def __init__(self, model, units):
@@ -88,6 +89,10 @@ class InUnits(solve.PeriodicSystem):
             return (*(self.units[:, None] * part for part in (M, C, K)), self.units * d)
 
         return matrices
+
+    @property
+    def capabilities(self):
+        return super().capabilities._replace(nonlinear=self)
 
     def along(self, motion, compiled=None):
         return solve.PeriodicSystem(self.of(self.model.along(motion, compiled)), self.coordinates)

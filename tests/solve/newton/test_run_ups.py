@@ -10,6 +10,7 @@ from scipy.linalg import sqrtm
 
 import solve
 from derive import Mechanism, pi, rate, rectangle, sin
+from solve.equations import output_values
 from solve.errors import LinearModelError, TransientError, UnitError, ValueOutOfBoundsError
 from tests.solve.beams.test_springs import rotor
 from tests.solve.model.test_damping import NUMBERS, chain
@@ -94,8 +95,8 @@ def test_drive_work_balances_energy_and_dissipation(ramp):
     given = CubicSpline(t, power).antiderivative()(t)
     np.testing.assert_allclose(given, energy - energy[0], rtol=0, atol=2e-6 * np.abs(energy).max())
     # Of the constant speed's formulas the motor's part is lost.
-    steady = transient.system.output_values(
-        transient.phase, speed, transient.q, transient.qd, transient._joined(2)
+    steady = output_values(
+        transient.system, transient.phase, speed, transient.q, transient.qd, transient._joined(2)
     )
     lost = transient.outputs["drive_torque"] - steady["drive_torque"]
     np.testing.assert_allclose(lost, CRANK["motor"] * transient.acceleration, rtol=1e-9)

@@ -85,7 +85,7 @@ def test_a_real_multiplier_names_both_orders():
 def test_the_gear_pair_vibrates_at_the_frequency_of_its_mean_stiffness():
     """869 Hz, which its multiplier shows as 1.07 Hz."""
     pair = solve.load("gear_pair")
-    stability = solve.floquet(pair, pair.case_speed)
+    stability = solve.floquet(pair, pair.labels.case_speed)
     phase = np.arange(4096) * (pair.period / 4096)
     M, _, K, _ = pair.at(phase, stability.speed)
     mean = math.sqrt(K.mean() / M.mean())

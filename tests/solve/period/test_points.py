@@ -8,6 +8,7 @@ import pytest
 from solve import Gauss, Newmark, Radau, RungeKutta4
 from solve.certify.certified import Certified
 from solve.certify.refinement import certified
+from solve.equations import entries_of
 from solve.kernel.engines import COMPILED, NUMPY
 from solve.kernel.library import trouble
 from solve.methods.hsu import Hsu
@@ -17,6 +18,7 @@ from solve.period.frozen import frozen
 from solve.period.grid import Grid
 from solve.period.points import Tables, matrices
 from solve.single import request
+from solve.system import in_phase
 from tests.solve import systems
 
 ONE_STEP = [Radau(), Radau(3), Gauss(), Gauss(16), Newmark(), Newmark(0.6, 0.3), RungeKutta4(), Hsu()]
@@ -49,7 +51,7 @@ class Several:
         return Several(self.each, self.which[positions])
 
     def tables(self, phase):
-        entries = np.array([system.entries(phase, 1.0) for system in self.each])
+        entries = np.array([entries_of(system, phase, 1.0) for system in self.each])
         return Tables.of(entries[self.which], self.n)
 
 
@@ -126,7 +128,7 @@ def test_steps_verdicts_and_warnings_are_the_same(method, steps, engine, points)
 
 def test_batched_matrices_match_each_point(points):
     phase = np.linspace(0.0, 6.0, 5)
-    for part, own in zip(matrices(points, phase), points.each[-1].in_phase(phase, 1.0), strict=True):
+    for part, own in zip(matrices(points, phase), in_phase(points.each[-1], phase, 1.0), strict=True):
         np.testing.assert_array_equal(part[PLACE], own)
 
 

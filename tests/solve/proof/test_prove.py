@@ -95,7 +95,7 @@ def test_jumps_have_the_closed_form():
     proof = prove(solve.load("meissner"), 1.0)
     assert proof.verdict == "stable"
     product = np.eye(2)
-    given = proof.result.system.parameters
+    given = proof.result.system.labels.parameters
     assert given["share"] == 0.5
     for w in (given["w1"], given["w2"]):
         a, b = math.cos(w * math.pi), math.sin(w * math.pi)

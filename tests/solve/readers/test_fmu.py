@@ -45,7 +45,7 @@ def test_unit_of_fmi_2_has_the_multipliers_and_the_motion_of_its_equation(tmp_pa
     np.testing.assert_allclose([points["x"][:: count // 4], points["v"][:: count // 4]], motion, atol=1e-9)
     _, _, B, C, D = read.equations_at(np.zeros(1), 1.0)
     assert (B[0].tolist(), C[0].tolist(), D[0].tolist()) == ([[0.0], [1.0]], [[2.0, 0.0]], [[0.0]])
-    assert (read.units["x"], read.meanings["x"], read.title) == ("m", "the x", "Hill")
+    assert (read.labels.units["x"], read.labels.meanings["x"], read.labels.title) == ("m", "the x", "Hill")
 
 
 def test_values_and_a_given_motion_are_used(tmp_path):

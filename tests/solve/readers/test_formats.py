@@ -8,6 +8,7 @@ import xarray
 
 import solve
 from solve.errors import FileError, MatricesError
+from solve.labels import speed_or_usual
 
 COUNT = 16
 PHASES = np.arange(COUNT) * 2 * np.pi / COUNT
@@ -79,8 +80,8 @@ def test_files_are_read_back_as_they_were_written(tmp_path, ending, kind):
     write({**arrays, **NAMES[kind], "speed": 2.5}, file)
     system = READERS[ending](file)
     assert system.coordinates == tuple(NAMES[kind]["coordinates" if kind == "second" else "states"])
-    assert system.speed_or_usual(None) == 2.5
-    assert system.name == f"machine{ending}"
+    assert speed_or_usual(system, None) == 2.5
+    assert system.labels.name == f"machine{ending}"
     found = system.at(PHASES, 2.5) if kind == "second" else system.equations_at(PHASES, 2.5)
     order = "MCKd" if kind == "second" else "AbBCD"
     for name, values in zip(order, found, strict=True):
@@ -209,7 +210,7 @@ def test_matrix_market_files_are_read_back(tmp_path, symbols):
     found = system.at(PHASES, 2.5) if kind == "second" else system.equations_at(PHASES, 2.5)
     for name, values in zip(symbols, found, strict=True):
         np.testing.assert_allclose(values, ARRAYS[kind][name], atol=1e-13, err_msg=name)
-    assert system.name == "run"
+    assert system.labels.name == "run"
 
 
 def test_matrix_market_takes_constant_matrices_names_and_azimuths(tmp_path):

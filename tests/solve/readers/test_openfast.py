@@ -5,6 +5,7 @@ import pytest
 
 import solve
 from solve.errors import FileError, MatricesError, UnknownNameError
+from solve.labels import speed_or_usual
 from tests.solve.readers.lin_files import INPUTS, OUTPUTS, SPEED, STATES, A, lin_text, turned, write_set
 
 AZIMUTH_STATES = ("GeAz", "GeAz_rate")
@@ -13,7 +14,7 @@ AZIMUTH_STATES = ("GeAz", "GeAz_rate")
 @pytest.mark.parametrize("count", [12, 24, 36])
 def test_multipliers_are_those_of_the_fixed_coordinates(tmp_path, count):
     system = solve.read_openfast(write_set(tmp_path, count), AZIMUTH_STATES)
-    found = solve.floquet(system, system.case_speed, all_multipliers=True)
+    found = solve.floquet(system, system.labels.case_speed, all_multipliers=True)
     expected = np.exp(np.linalg.eigvals(A) * 2 * np.pi / SPEED)
     distance = np.abs(found.multipliers[:, None] - expected)
     np.testing.assert_allclose(distance.min(axis=1), 0.0, atol=1e-10)
@@ -23,17 +24,17 @@ def test_multipliers_are_those_of_the_fixed_coordinates(tmp_path, count):
 def test_names_units_and_meanings_come_from_the_descriptions(tmp_path):
     system = solve.read_openfast(write_set(tmp_path))
     assert system.states == ("BE_1_1", "BE_2_1", "GeAz", "BE_1_1_rate", "BE_2_1_rate", "GeAz_rate")
-    assert [system.units[name] for name in system.states] == ["m", "m", "rad", "m/s", "m/s", "rad/s"]
-    assert [system.meanings[name] for name in system.states] == list(STATES)
+    assert [system.labels.units[name] for name in system.states] == ["m", "m", "rad", "m/s", "m/s", "rad/s"]
+    assert [system.labels.meanings[name] for name in system.states] == list(STATES)
     assert system.inputs == ("ED_Generator_torque_input",)
     assert system.outputs == ("ED_YawBrMzp", "ED_Azimuth")
-    assert system.units["ED_YawBrMzp"] == "kN-m"
-    assert [system.meanings[name] for name in (*system.inputs, *system.outputs)] == [*INPUTS, *OUTPUTS]
-    assert system.title == "Two blades in rotating coordinates"
-    assert system.name == "run"
+    assert system.labels.units["ED_YawBrMzp"] == "kN-m"
+    assert [system.labels.meanings[name] for name in (*system.inputs, *system.outputs)] == [*INPUTS, *OUTPUTS]
+    assert system.labels.title == "Two blades in rotating coordinates"
+    assert system.labels.name == "run"
     assert system.source.rotating == ["BE_1_1", "BE_2_1", "BE_1_1_rate", "BE_2_1_rate"]
     assert system.source.operating_points["BE_1_1"].tolist() == [0.1] * 24
-    assert system.speed_or_usual(None) == pytest.approx(SPEED)
+    assert speed_or_usual(system, None) == pytest.approx(SPEED)
 
 
 def test_matrices_are_sorted_by_azimuth_whatever_the_order_of_the_files(tmp_path):

@@ -6,6 +6,8 @@ import numpy as np
 
 import solve
 from solve import PeriodicSystem
+from solve.capabilities import Outputs
+from solve.labels import Labels
 
 SPEED = 3.0
 
@@ -18,13 +20,19 @@ def oscillators(damping=0.4):
         d = np.stack((np.cos(phase) + 2.0, np.sin(3 * phase)), axis=1)
         return one, damping * one, one * np.array([4.0, 9.0]), d
 
-    class Oscillators(PeriodicSystem):
-        name = "two oscillators"
-        units = {"x": "m", "phi": "rad", "power": "W"}  # noqa: RUF012
-        meanings = {"x": "slide", "phi": "twist", "power": "lost in the damper"}  # noqa: RUF012
+    class Oscillators(PeriodicSystem, Outputs):
+        labels = Labels(
+            name="two oscillators",
+            units={"x": "m", "phi": "rad", "power": "W"},
+            meanings={"x": "slide", "phi": "twist", "power": "lost in the damper"},
+        )
         outputs = ("power",)
 
-        def output_values(self, phase, speed, q, qd, qdd):
+        @property
+        def capabilities(self):
+            return super().capabilities._replace(outputs=self)
+
+        def output_values(self, phase, speed, q, qd, qdd, acceleration=0.0):
             return {"power": damping * qd[0] ** 2}
 
     return Oscillators(matrices, ["x", "phi"])

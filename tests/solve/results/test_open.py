@@ -60,9 +60,9 @@ def test_reopened_result_refuses_requests_that_need_the_equations(again):
 
 def test_the_labels_of_the_system_are_kept(again):
     system = oscillators()
-    assert (again.system.name, again.system.coordinates) == (system.name, system.coordinates)
-    assert dict(again.system.units) == dict(system.units)
-    assert dict(again.system.meanings) == dict(system.meanings)
+    assert (again.system.labels.name, again.system.coordinates) == (system.labels.name, system.coordinates)
+    assert dict(again.system.labels.units) == dict(system.labels.units)
+    assert dict(again.system.labels.meanings) == dict(system.labels.meanings)
 
 
 def test_a_chart_of_a_quantity_is_read_back(tmp_path):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solve import Orbit, PeriodicSystem, periodic
+from solve.capabilities import Outputs
 from solve.errors import UnknownNameError
 from tests.solve.systems import cam, random_system, system
 
@@ -113,10 +114,14 @@ def test_harmonics_are_counted_per_period():
     np.testing.assert_allclose(amplitudes[[0, 2, 3]], 0.0, atol=1e-12)
 
 
-class WithForce(PeriodicSystem):
+class WithForce(PeriodicSystem, Outputs):
     outputs = ("force",)
 
-    def output_values(self, phase, speed, q, qd, qdd):
+    @property
+    def capabilities(self):
+        return super().capabilities._replace(outputs=self)
+
+    def output_values(self, phase, speed, q, qd, qdd, acceleration=0.0):
         return {"force": 3.0 * q[0] - 0.5 * qd[1] + np.cos(phase) + speed * qdd[2]}
 
 
@@ -167,8 +172,12 @@ def test_an_undriven_system_rests():
 
 @pytest.mark.parametrize(("angle", "warned"), [(1.0, True), (0.0, False)])
 def test_output_that_grows_every_turn_gives_a_warning(angle, warned):
-    class Shaft(PeriodicSystem):
+    class Shaft(PeriodicSystem, Outputs):
         outputs = ("swing",)
+
+        @property
+        def capabilities(self):
+            return super().capabilities._replace(outputs=self)
 
         def output_values(self, phase, speed, q, qd, qdd, acceleration=0.0):
             return {"swing": angle * phase + q[0]}

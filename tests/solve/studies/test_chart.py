@@ -188,7 +188,7 @@ def test_a_case_belongs_to_a_name():
 
 def test_chart_uses_the_case_speed_by_default():
     model = solve.load("mathieu")
-    assert solve.load("mathieu").case_speed == "1 rad/s"
+    assert solve.load("mathieu").labels.case_speed == "1 rad/s"
     plain, named, given = (
         solve.chart(*of, {"delta": [1, 2]}, {"epsilon": [1, 2]}, *speed, boundaries=False).spectral_radius
         for of, speed in (((model,), ()), (("mathieu",), ()), ((model,), (2.0,)))

@@ -52,7 +52,7 @@ def test_exact_curves_give_the_parameters_back(file):
     fitted = solve.fit(model(), file(curve()), list(TRUE))
     for name, value in TRUE.items():
         assert fitted.parameters[name].value == pytest.approx(value, rel=1e-6)
-        assert fitted.system.parameters[name] == fitted.parameters[name].value
+        assert fitted.system.labels.parameters[name] == fitted.parameters[name].value
     assert fitted.residual < 1e-6
     assert fitted.unidentifiable == []
 

@@ -6,6 +6,7 @@ import pytest
 import solve
 from derive import Max, Mechanism, Rational, rate
 from solve.errors import MissingValueError, StepsError, UnitError, UnknownNameError, ValueOutOfBoundsError
+from solve.system import relabelled
 from tests.solve import systems
 
 
@@ -70,8 +71,7 @@ def test_matrices_that_break_down_fail_with_their_reason():
 
 def test_warning_of_neglected_terms_is_given_once():
     left_out = "c is left out"
-    system = systems.random_system(3, 2)
-    system.equation_warnings = (left_out,)
+    system = relabelled(systems.random_system(3, 2), equation_warnings=(left_out,))
     sweep = solve.sweep(system, [1.0, 1.2])
     assert all(left_out in point.warnings for point in sweep.points)
     assert [text for text in sweep.warnings if left_out in text] == [left_out]

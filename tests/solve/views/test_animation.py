@@ -11,6 +11,7 @@ from PIL import Image
 
 import solve
 from derive import Mechanism, Section, Structure, cos, rate, sin, sqrt
+from solve.equations import sketched
 from solve.errors import (
     NoLoadError,
     NoMotionError,
@@ -30,7 +31,7 @@ SPEEDS = {"cam": "100 rpm", "coupler": "600 rpm", "four_bar": "20 rad/s"}
 
 
 def rigid(model):
-    return model.sketched(TURN, 10.0, np.zeros((model.n, len(TURN))))
+    return sketched(model, TURN, 10.0, np.zeros((model.n, len(TURN))))
 
 
 def length(line):
@@ -81,7 +82,7 @@ def test_cam_follower_matches_the_transmission_function():
 def test_sketch_of_the_cam_follows_its_coordinates():
     model = solve.load("cam")
     q = np.array([[0.3], [0.01], [0.002]])
-    lines, later = model.sketched(np.zeros(1), 1.0, q), model.sketched(np.array([0.3]), 1.0, 0 * q)
+    lines, later = sketched(model, np.zeros(1), 1.0, q), sketched(model, np.array([0.3]), 1.0, 0 * q)
     np.testing.assert_allclose(lines["cam"], later["cam"], atol=1e-14)
     np.testing.assert_allclose(lines["follower"] - later["follower"], 0.01j, atol=1e-14)
     np.testing.assert_allclose(lines["output"] - later["output"], 0.012j, atol=1e-14)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import solve
+from solve.equations import sketched
 
 DOCS = Path(__file__).parents[3] / "docs"
 
@@ -30,6 +31,6 @@ def test_pump_sketch_has_the_lengths_of_crank_and_rod():
     series = dict.fromkeys(("P", "Pa1", "Pa2", "Pb1", "Pb2"), 0.0)
     model = solve.load(namespace["mechanism"](), **numbers, **series)
     turn = np.linspace(0, 2 * np.pi, 25)
-    drawn = model.sketched(turn, 1.0, np.zeros((2, 25)))
+    drawn = sketched(model, turn, 1.0, np.zeros((2, 25)))
     for name, length in (("crank", 0.03), ("rod", 0.14)):
         np.testing.assert_allclose(np.abs(drawn[name][1] - drawn[name][0]), length, rtol=1e-12)

@@ -113,12 +113,12 @@ def test_tables_and_pictures_are_labelled_for_accessibility(page):
 
 def test_equations_and_parameters_with_their_sources(mathieu):
     tree = parsed(mathieu.html)
-    assert len(list(tree.iter(MATHS + "math"))) == len(mathieu.system.equations) == 4
+    assert len(list(tree.iter(MATHS + "math"))) == len(mathieu.system.labels.equations) == 4
     table = next(each for each in tree.iter(HTML + "table"))
     rows = {row[0]: row[1:] for row in cells(table)}
     assert rows["ε"][0] == "0.2"
     assert rows["ε"][-1] == "given"
-    assert rows["ζ"][-1] == solve.load("mathieu").parameter_sources["zeta"] != ""
+    assert rows["ζ"][-1] == solve.load("mathieu").labels.parameter_sources["zeta"] != ""
 
 
 def cells(table):

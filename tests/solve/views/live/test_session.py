@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.equations import sketched
 from solve.views.live.survey import Survey
 from solve.views.live.texts import Origin
 from tests.solve.views.live.conftest import Window
@@ -46,11 +47,11 @@ def test_motion_follows_with_the_points_of_the_sketch(window):
     assert message["scale"] == 7
     orbit = solve.periodic(solve.load("cam"), "300 rpm")
     names = [line["name"] for line in message["lines"]]
-    assert names == list(orbit.system.sketched(np.zeros(1), orbit.speed, np.zeros((3, 1))))
+    assert names == list(sketched(orbit.system, np.zeros(1), orbit.speed, np.zeros((3, 1))))
     values = np.array(struct.unpack(f"<{len(points) // 4}f", points))
     start = 0
     phase = np.arange(message["frames"]) * (2 * np.pi / message["frames"])
-    moved = orbit.system.sketched(phase, orbit.speed, 7 * orbit.at(phase), 0.25)
+    moved = sketched(orbit.system, phase, orbit.speed, 7 * orbit.at(phase), 0.25)
     for line in message["lines"]:
         size = 2 * line["points"] * message["frames"]
         pairs = values[start + size : start + 2 * size].reshape(message["frames"], line["points"], 2)

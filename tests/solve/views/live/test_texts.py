@@ -9,12 +9,13 @@ import pytest
 
 import solve
 from solve.commands.app import run
+from solve.labels import in_own_unit
 from solve.views.live.texts import Origin, State, save_case
 
 
 def state(model, texts, speed="300 rpm", origin=None):
     origin = Origin.of(model) if origin is None else origin
-    values = {name: model.in_own_unit(name, text) for name, text in texts.items()}
+    values = {name: in_own_unit(model, name, text) for name, text in texts.items()}
     return State(origin, origin.stated(model), model.varied(values), texts, speed)
 
 

@@ -1,0 +1,178 @@
+"""Capabilities that only some systems have."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from solve.arrays import Array, Plane
+from solve.contracts import (
+    Columns,
+    Events,
+    Formulas,
+    Integrator,
+    Limit,
+    Matrices,
+    Motion,
+    ParameterDerivatives,
+    Reduction,
+    Structure,
+)
+from solve.errors import TransientError
+from solve.samples import Samples
+
+
+class Outputs(Protocol):
+    """Outputs of a system, quantities that follow from phase, speed and state."""
+
+    def output_values(
+        self, phase: Array, speed: Array | float, q: Array, qd: Array, qdd: Array, acceleration: float = 0.0
+    ) -> Mapping[str, Array]:
+        """Outputs (k,) by name at phases (k,), a speed in rad/s, a number or (k,), and states q, q̇, q̈ (n,
+        k), derivatives with respect to time. acceleration: Ω̇ in rad/s²."""
+        ...
+
+    def output_formulas(self, varied: Sequence[str] = ()) -> Formulas | None:
+        """Outputs as C code in which the parameters `varied` are inputs; None if unavailable."""
+        return None
+
+
+class Validity(Protocol):
+    """Limits within which the equations hold."""
+
+    @property
+    def judged_quantities(self) -> tuple[str, ...]:
+        """Coordinates and outputs with bounds on a valid solution."""
+        return ()
+
+    def limits(self, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
+        """Limits of these quantities. linear: whether the linearised equations are solved."""
+        return []
+
+    def warnings(self, speed: float, linear: bool = True) -> list[str]:
+        """Warnings about the equations at a speed (rad/s), for any solution. linear: as in `limits`."""
+        ...
+
+
+class Evaluation(Protocol):
+    """Evaluation of entries that is faster than by the matrices; None where it is unavailable."""
+
+    def entries(self, phase: Array, speed: float) -> Array | None:
+        """Ω²M, ΩC, K by rows and d, (m, 3n² + n), for derivatives with respect to the phase."""
+        return None
+
+    def entries_over(self, phase: Array, speeds: Array) -> Array | None:
+        """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+        return None
+
+    def terms(self, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
+        """Decomposition of the entries into products: terms (k, R) of the phase, their coefficients (P, R) at
+        speeds (P,), and the entry of each term (R,), ascending."""
+        return None
+
+    def used_entries(self, phase: Array, speed: float) -> tuple[Array, Array] | None:
+        """Columns (m, R) of the entries that may differ from zero, and the indices (R,) of these entries,
+        ascending."""
+        return None
+
+
+class Variation(Protocol):
+    """Dependence of the equations on parameters."""
+
+    @property
+    def derivatives(self) -> ParameterDerivatives:
+        """Derivatives with respect to parameters."""
+        ...
+
+    @property
+    def moves_breaks(self) -> bool:
+        """Whether the phases at which the matrices jump depend on parameters."""
+        ...
+
+    def require_bounds(self, parameters: Mapping[str, float]) -> None:
+        """Raise ValueOutOfBoundsError for values outside the bounds of their parameters."""
+        ...
+
+    def many_points(self, names: Sequence[str]) -> Any:
+        """Vectorised evaluation, `ModelPoints`, at points where parameters of these names vary; None if each
+        point requires a system of its own."""
+        ...
+
+
+class Nonlinear(Protocol):
+    """Equations of motion r(φ, Ω, q, q̇, q̈) = 0."""
+
+    def along(self, motion: Motion, compiled: Columns | None = None) -> Any:
+        """System linearised about a motion q_k, with its period.
+
+        M = ∂r/∂q̈, C = ∂r/∂q̇, K = ∂r/∂q and d = M q̈_k + C q̇_k + K q_k - r(q_k), so that the periodic
+        solution is the next iterate of Newton's method (U. Ascher, R. Mattheij, R. Russell, Numerical
+        Solution of Boundary Value Problems, 2.3.4). compiled: optional compiled evaluation of formulas.
+        """
+        ...
+
+    def along_events(self, motion: Motion, speed: float, compiled: Columns | None = None) -> Any:
+        """System as from `along`, whose breaks include the phases at which the motion passes switches at a
+        speed in rad/s."""
+        return self.along(motion, compiled)
+
+    def marcher(self, sizes: Array, count: int, rtol: float) -> Integrator:
+        """Integrator of the equations of motion, period after period from any state, with `count` states per
+        period. sizes (n,): sizes of the coordinates, to which rtol is relative. Raises TransientError without
+        generated code."""
+        raise TransientError(
+            "the system has no generated equations of motion that can be integrated in time; state "
+            "it as a mechanism and derive it"
+        )
+
+
+class Linearisation(Protocol):
+    """Linearisation about a motion."""
+
+    events: Events
+    """Phases at which the motion passes switches."""
+
+    def event_normals(self, motion: Motion, speed: float) -> Array:
+        """Derivatives (k, 1 + 2n) with respect to phase, q and dq/dφ of the switches that a motion passes at
+        its events, at a speed in rad/s."""
+        ...
+
+    def roundoff(self, phase: Array, speed: float) -> Array:
+        """Bounds (k, n) on the round-off in the load d, whose terms may cancel, at phases (k,), in units of
+        the machine precision."""
+        ...
+
+
+class Capabilities(NamedTuple):
+    """Capabilities of a system; None where absent.
+
+    Attributes
+    ----------
+    outputs, validity, evaluation, variation, nonlinear, linearisation, structure, reduction
+        As their protocols state.
+    samples : Samples or None
+        Samples from which the matrices are interpolated.
+    input_matrix : callable or None
+        Function of phases (m,) and a speed in rad/s that returns the arrays of B (m, n, r).
+    domain : callable or None
+        Function of speeds (P,) in rad/s that raises DesiredMotionError if the fundamental motion does not
+        exist at one of them.
+    sketch : callable or None
+        Function of phases (k,), a speed, q (n, k) and a fraction of the usual points of curves that returns
+        the lines of the sketch by name, points x + iy (points, k).
+    varying : callable or None
+        Function of phases and speeds (m,), and an acceleration in rad/s², that returns the matrices for
+        derivatives with respect to time.
+    """
+
+    outputs: Outputs | None = None
+    validity: Validity | None = None
+    evaluation: Evaluation | None = None
+    variation: Variation | None = None
+    nonlinear: Nonlinear | None = None
+    linearisation: Linearisation | None = None
+    structure: Structure | None = None
+    reduction: Reduction | None = None
+    samples: Samples | None = None
+    input_matrix: Callable[[Array, float], Sequence[Array]] | None = None
+    domain: Callable[[Array], None] | None = None
+    sketch: Callable[[Array, float, Array, float], Mapping[str, Plane]] | None = None
+    varying: Callable[[Array, Array, float], Matrices] | None = None

@@ -1,0 +1,245 @@
+"""Functions of the equations of any system, by its capabilities where it has them."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from solve.arrays import Array, Plane
+from solve.capabilities import Nonlinear
+from solve.contracts import (
+    Events,
+    Formulas,
+    Limit,
+    Matrices,
+    Motion,
+    ParameterDerivatives,
+    Statistics,
+    Structure,
+)
+from solve.errors import (
+    LinearModelError,
+    MatricesError,
+    NoDerivativeError,
+    NoLoadError,
+    NoSketchError,
+    SolveError,
+    TransientError,
+    ValueOutOfBoundsError,
+)
+from solve.system import PeriodicSystem
+
+_LOAD_PHASES = 128
+"""Phases per period at which a load is sampled to determine whether it is zero. A choice."""
+
+
+def entries_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
+    """Ω²M, ΩC, K by rows and d, concatenated (m, 3n² + n), for derivatives with respect to the phase."""
+    evaluation, n = system.capabilities.evaluation, system.n
+    entries = None if evaluation is None else evaluation.entries(phase, speed)
+    if entries is None:
+        entries = np.concatenate([array.reshape(len(phase), -1) for array in system.at(phase, speed)], axis=1)
+        entries[:, : n**2] *= speed**2
+        entries[:, n**2 : 2 * n**2] *= speed
+    return entries
+
+
+def used_entries_of(system: PeriodicSystem, phase: Array, speed: float) -> tuple[Array, Array]:
+    """Columns (m, R) of the entries that may differ from zero, and the indices (R,) of these entries,
+    ascending."""
+    evaluation = system.capabilities.evaluation
+    used = None if evaluation is None else evaluation.used_entries(phase, speed)
+    return used or (entries_of(system, phase, speed), np.arange(3 * system.n**2 + system.n))
+
+
+def terms_of(system: PeriodicSystem, phase: Array, speeds: Array) -> tuple[Array, Array, Array] | None:
+    """Decomposition of the entries into products, `Evaluation.terms`; None if unavailable."""
+    evaluation = system.capabilities.evaluation
+    return None if evaluation is None else evaluation.terms(phase, speeds)
+
+
+def entries_over(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
+    """Entries at speeds (P,): (P, k, 3n² + n); NaN at speeds without matrices."""
+    evaluation = system.capabilities.evaluation
+    entries = None if evaluation is None else evaluation.entries_over(phase, speeds)
+    return entries_one_by_one(system, phase, speeds) if entries is None else entries
+
+
+def entries_one_by_one(system: PeriodicSystem, phase: Array, speeds: Array) -> Array:
+    """Entries as in `entries_over`, evaluated speed by speed."""
+    entries = np.full((len(speeds), len(phase), 3 * system.n**2 + system.n), np.nan)
+    for rows, speed in zip(entries, speeds, strict=True):
+        try:
+            rows[:] = entries_of(system, phase, float(speed))
+        except SolveError:
+            # The solution at this speed fails for the same reason and reports it.
+            continue
+    return entries
+
+
+def input_matrix(system: PeriodicSystem, phase: Array, speed: float) -> Array:
+    """B (m, n, r) of the inputs on the right of the equations, at phases (m,). Raises MatricesError."""
+    shape, inputs_at = (len(phase), system.n, len(system.inputs)), system.capabilities.input_matrix
+    B = np.zeros(shape) if inputs_at is None else inputs_at(phase, speed)[0]
+    if B.shape != shape:
+        raise MatricesError(
+            f"B at {len(phase)} phases has shape {B.shape}; for {system.n} coordinates and the inputs "
+            f"{', '.join(system.inputs)} it must be {shape}"
+        )
+    return B
+
+
+def output_values(
+    system: PeriodicSystem, phase: Array, speed: Array | float, *state: Any
+) -> Mapping[str, Array]:
+    """Outputs (k,) by name at phases (k,) for a state q, q̇, q̈ (n, k), and an optional acceleration, as for
+    `Outputs.output_values`; none without outputs."""
+    outputs = system.capabilities.outputs
+    return {} if outputs is None else outputs.output_values(phase, speed, *state)
+
+
+def output_formulas(system: PeriodicSystem, varied: Sequence[str] = ()) -> Formulas | None:
+    """Outputs as C code in which the parameters `varied` are inputs; None if unavailable."""
+    outputs = system.capabilities.outputs
+    return None if outputs is None else outputs.output_formulas(varied)
+
+
+def warnings_of(system: PeriodicSystem, speed: float, linear: bool = True) -> list[str]:
+    """Warnings about the equations at a speed (rad/s), for any solution. linear: whether the linearised
+    equations are solved."""
+    validity = system.capabilities.validity
+    return list(system.labels.equation_warnings) if validity is None else validity.warnings(speed, linear)
+
+
+def judged_quantities(system: PeriodicSystem) -> tuple[str, ...]:
+    """Coordinates and outputs with bounds on a valid solution."""
+    validity = system.capabilities.validity
+    return () if validity is None else validity.judged_quantities
+
+
+def limits_of(system: PeriodicSystem, quantities: Iterable[str], linear: bool = True) -> list[Limit]:
+    """Limits of these quantities within which a solution is valid. linear: as in `warnings_of`."""
+    names, validity = list(quantities), system.capabilities.validity
+    stated = [] if validity is None else validity.limits(names, linear)
+    return [*map(Limit.finite, names), *stated]
+
+
+def exceeded_limits(
+    system: PeriodicSystem, figures: Mapping[str, Statistics], linear: bool = True
+) -> list[str]:
+    """Warnings about the limits that a solution with these statistics by quantity exceeds. linear: as in
+    `warnings_of`."""
+    pairs = ((limit, figures[limit.quantity]) for limit in limits_of(system, figures, linear))
+    return [limit.message(values) for limit, values in pairs if limit.exceeded(values)]
+
+
+def require_bounds(system: PeriodicSystem, parameters: Mapping[str, float]) -> None:
+    """Raise ValueOutOfBoundsError for values outside the bounds of their parameters."""
+    if system.capabilities.variation is not None:
+        system.capabilities.variation.require_bounds(parameters)
+
+
+def require_desired_motion(system: PeriodicSystem, speeds: Array) -> None:
+    """Raise DesiredMotionError if the fundamental motion does not exist at one of the speeds (P,), rad/s."""
+    if system.capabilities.domain is not None:
+        system.capabilities.domain(speeds)
+
+
+def sketched(
+    system: PeriodicSystem, phase: Array, speed: float, q: Array, fineness: float = 1.0
+) -> Mapping[str, Plane]:
+    """Lines of the sketch by name, `Capabilities.sketch`, for q (n, k) at phases (k,). fineness: fraction of
+    the usual points of curves. Raises NoSketchError without a sketch."""
+    sketch = system.capabilities.sketch
+    lines = {} if sketch is None else sketch(phase, speed, q, fineness)
+    if not lines:
+        raise NoSketchError(
+            f"{system.labels.name} declares no lines to draw; add mechanism.sketch(name, points) to its file "
+            "and derive it again, see docs/motion.md"
+        )
+    return lines
+
+
+def is_nonlinear(system: PeriodicSystem) -> bool:
+    """Whether there are nonlinear equations, which can be linearised about a motion."""
+    return system.capabilities.nonlinear is not None
+
+
+def nonlinear_of(system: PeriodicSystem) -> Nonlinear:
+    """Nonlinear equations of a system. Raises LinearModelError for linear systems."""
+    if system.capabilities.nonlinear is None:
+        raise LinearModelError(
+            f"{system.labels.name} is linear by construction and has no nonlinear equations; use the study "
+            "of its linear equations"
+        )
+    return system.capabilities.nonlinear
+
+
+def varying_of(system: PeriodicSystem) -> Callable[[Array, Array, float], Matrices]:
+    """Function of phases, speeds and an acceleration, `Capabilities.varying`. Raises TransientError without
+    it."""
+    if system.capabilities.varying is None:
+        raise TransientError(
+            f"{system.labels.name} is stated for constant speeds only; for varying speeds, state it as a "
+            "mechanism and derive it"
+        )
+    return system.capabilities.varying
+
+
+def events_of(system: PeriodicSystem) -> Events:
+    """Phases at which the motion passes switches, for systems linearised about a motion."""
+    linearisation = system.capabilities.linearisation
+    return Events() if linearisation is None else linearisation.events
+
+
+def event_normals(system: PeriodicSystem, motion: Motion, speed: float) -> Array:
+    """Derivatives (k, 1 + 2n) of the switches, `Linearisation.event_normals`; none without events."""
+    linearisation = system.capabilities.linearisation
+    if linearisation is None:
+        return np.zeros((0, 1 + 2 * system.n))
+    return linearisation.event_normals(motion, speed)
+
+
+def roundoff_of(system: PeriodicSystem, phase: Array, speed: float) -> Array:
+    """Bounds (k, n) on the round-off in the load, `Linearisation.roundoff`; zero without a bound."""
+    linearisation = system.capabilities.linearisation
+    return np.zeros((len(phase), system.n)) if linearisation is None else linearisation.roundoff(phase, speed)
+
+
+def freedoms_of(system: PeriodicSystem) -> int:
+    """Number of degrees of freedom at rest."""
+    structure = system.capabilities.structure
+    return system.n if structure is None else structure.freedoms
+
+
+def most_frequencies(system: PeriodicSystem) -> int:
+    """Maximum number of natural frequencies that can be computed."""
+    structure = system.capabilities.structure
+    return system.n if structure is None else structure.most_frequencies
+
+
+def derivatives_of(system: PeriodicSystem) -> ParameterDerivatives:
+    """Derivatives of the equations with respect to parameters. Raises NoDerivativeError without generated
+    equations."""
+    if system.capabilities.variation is None:
+        raise NoDerivativeError(
+            f"{system.labels.name} has no generated equations that can be differentiated; state it as a "
+            "mechanism and derive it"
+        )
+    return system.capabilities.variation.derivatives
+
+
+def structure_of(system: PeriodicSystem) -> Structure:
+    """Beam structure of a system. Raises ValueOutOfBoundsError for systems without one."""
+    if system.capabilities.structure is None:
+        raise ValueOutOfBoundsError(
+            f"{system.labels.name} has no links to draw; mode shapes require a structure of beams"
+        )
+    return system.capabilities.structure
+
+
+def require_load(system: PeriodicSystem, speed: float) -> None:
+    """Raise NoLoadError if d is zero over the entire period, and hence the periodic vibration too."""
+    phase = (np.arange(_LOAD_PHASES) + 0.5) * (system.period / _LOAD_PHASES)
+    if not system.at(phase, speed)[3].any():
+        raise NoLoadError(f"{system.labels.name} has no load: its periodic vibration is zero at every speed")
