@@ -107,7 +107,7 @@ def test_energy_with_wrong_unit_is_refused(cam):
 
 def test_options_may_be_given_as_keyword_arguments():
     named = solve.load("gear_pair", load="constant", zeta=0.03)
-    assert named.options == solve.load("gear_pair", options={"load": "constant"}).options
+    assert named.labels.options == solve.load("gear_pair", options={"load": "constant"}).labels.options
     assert named.parameters["zeta"] == 0.03
     with pytest.raises(ValueOutOfBoundsError, match="option load is given twice"):
         solve.load("gear_pair", options={"load": "constant"}, load="constant")

@@ -173,7 +173,7 @@ def test_uniform_azimuths_in_any_order_are_recognised():
     order = np.random.default_rng(0).permutation(12)
     given = sampled(A, 2, uniform(12)[order], uniform(12)[order])
     plain = sampled(A, 2, uniform(12))
-    assert np.array_equal(given.capabilities.samples.arrays[0], plain.samples.arrays[0])
+    assert np.array_equal(given.capabilities.samples.arrays[0], plain.capabilities.samples.arrays[0])
     assert given.capabilities.samples.given is None
 
 

@@ -63,7 +63,7 @@ def test_element_options_are_taken_link_by_link():
         "four_bar", options={"elements": (2, 1, 3), "element": ["cubic", "internal", "curvature"]}
     )
     assert one.coordinates == same.coordinates
-    assert one.options == same.options
+    assert one.labels.options == same.labels.options
     assert one.beams.freedoms.counts == (2, 1, 3)
     assert one.beams.freedoms.kinds == ("cubic", "internal", "curvature")
 

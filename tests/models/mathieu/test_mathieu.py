@@ -48,7 +48,7 @@ def test_cases_name_their_speed():
     for case in ("stable", "unstable"):
         model = load("mathieu", case)
         assert (model.labels.case, model.labels.case_speed) == (case, "1 rad/s")
-    assert load("mathieu").case == "stable"
+    assert load("mathieu").labels.case == "stable"
     assert floquet(load("mathieu", "stable"), 1.0).verdict == "asymptotically stable"
     assert floquet(load("mathieu", "unstable"), 1.0).verdict == "unstable"
 

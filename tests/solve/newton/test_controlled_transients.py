@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import solve
+from solve.equations import input_matrix
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +28,9 @@ def reference(loop, first, last, turns):
         def slope(t, x, start=start, rate=rate, phase=phase):
             speed = np.array([start + rate * t])
             at = np.array([phase + start * t + rate * t**2 / 2])
-            matrices = loop.model.varying(at, speed, rate)
+            matrices = loop.model.capabilities.varying(at, speed, rate)
             M, C, K, d = (part[0] for part in matrices)
-            B = loop.model.input_matrix(at, speed)[0]
+            B = input_matrix(loop.model, at, speed)[0]
             u = -loop.feedback(at)[0] @ x[4:]
             qdd = np.linalg.solve(M, d + B @ u - K @ x[:p] - C @ x[p:4])
             L = loop.observer.gain(at).reshape(4, 1)

@@ -5,6 +5,7 @@ import pytest
 
 import solve
 from solve.errors import FileError, MissingValueError, ModelFileError, UnknownNameError, ValueOutOfBoundsError
+from solve.labels import speed_or_usual
 from solve.readers.files import is_system_file
 from tests.solve.op4_files import text
 from tests.solve.readers.fmi2_unit import require_fmu_tools, write_unit
@@ -69,7 +70,7 @@ def test_unit_without_a_speed_is_linearised_at_each(tmp_path):
     np.testing.assert_allclose(solve.floquet(unit, 1.0).multipliers, expected, atol=1e-9)
     assert swept.equations_at(np.zeros(1), 1.0)[0][0, 1, 0] == pytest.approx(-1.0 - 0.5)
     with pytest.raises(MissingValueError, match="names no speed"):
-        unit.speed_or_usual(None)
+        speed_or_usual(unit, None)
     with pytest.raises(ValueOutOfBoundsError, match="motion is that of one speed"):
         solve.read_fmu(path, motion={})
     with pytest.raises(ValueOutOfBoundsError, match="allowed: numbers"):
@@ -80,7 +81,7 @@ def test_python_file_defines_a_system_with_parameters(tmp_path):
     file = tmp_path / "rotor.py"
     file.write_text(PYTHON)
     system = solve.load(str(file), depth=0.0)
-    assert (system.name, system.parameters) == ("rotor", {"k": 4.0, "depth": 0.0, "c": 0.1})
+    assert (system.labels.name, system.labels.parameters) == ("rotor", {"k": 4.0, "depth": 0.0, "c": 0.1})
     rho = np.exp((-0.05 + 1j * np.sqrt(4 - 0.05**2)) * 2 * np.pi / 3)
     assert np.abs(solve.floquet(system, 3.0).multipliers - rho).min() < 1e-8
     rho = np.exp((-0.05 + 1j * np.sqrt(9 - 0.05**2)) * 2 * np.pi / 3)
