@@ -38,7 +38,7 @@ from derive.printer import COMPONENTS, FOURIER, CasadiPrinter, loop_orders, loop
 from derive.reading import Equation, mathml, read
 from derive.symbols import steady
 from derive.units import size
-from derive.validity import Demand, conditions, demands, idle, losses
+from derive.validity import Demand, conditions, demands, idle, losses, switched
 from solve.terminal import progress
 
 CHOICE = '''\
@@ -87,7 +87,7 @@ class Equations:
     coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
     after the other functions. conditions: conditions on the parameters. passages: phases of the
     switches of the matrices. nonlinear, idle: sentences on terms that the linear equations, or all
-    equations, ignore. no_drive_torque: reason why there is none. projection: of a deflection on its mode
+    equations, ignore; switched: on steps and kinks that the vibration may pass. no_drive_torque: reason why there is none. projection: of a deflection on its mode
     functions. inputs: B, if there are inputs.
     """
 
@@ -101,6 +101,7 @@ class Equations:
     demands: list[Demand] = field(default_factory=list)
     passages: list[Passage] = field(default_factory=list)
     nonlinear: list[str] = field(default_factory=list)
+    switched: list[str] = field(default_factory=list)
     idle: list[str] = field(default_factory=list)
     no_drive_torque: str = ""
     projection: Projection | None = None
@@ -140,6 +141,7 @@ def derive_equations(mechanism: MechanismStatement) -> Equations:
         demands=demands(mechanism),
         passages=passages([*linearised, *([] if B is None else [B])], [*map(steady, expressions)], moving),
         nonlinear=losses(mechanism, [*r], linearised),
+        switched=switched(mechanism),
         idle=idle(mechanism, [*varying, *linearised, *expressions]),
         no_drive_torque=reason,
         inputs=B,
@@ -184,7 +186,7 @@ def module_text(
     with progress.steps(2) as step:
         step("equations")
         equations = derive_equations(mechanism)
-        for sentence in (*equations.nonlinear, *equations.idle):
+        for sentence in (*equations.nonlinear, *equations.switched, *equations.idle):
             report(sentence)
         step("code")
         texts, counts = functions_text(mechanism, _functions(mechanism, equations))
@@ -222,12 +224,14 @@ def _domain(demanded: Sequence[Demand]) -> list[str]:
 
 
 def _reasons(equations: Equations) -> list[str]:
-    """Lines of the constants NO_DRIVE_TORQUE and NONLINEAR, if applicable."""
+    """Lines of the constants NO_DRIVE_TORQUE, NONLINEAR and SWITCHED, if applicable."""
     lines = []
     if equations.no_drive_torque:
         lines.append(f"NO_DRIVE_TORQUE = {literal(equations.no_drive_torque)}")
     if equations.nonlinear:
         lines += tuple_lines("NONLINEAR", [*map(literal, equations.nonlinear)])
+    if equations.switched:
+        lines += tuple_lines("SWITCHED", [*map(literal, equations.switched)])
     return lines
 
 

@@ -113,11 +113,14 @@ def _sentence(node: Any) -> str:
 
 
 def losses(mechanism: MechanismStatement, residual: Iterable[Any], linearised: Iterable[Any]) -> list[str]:
-    """Sentences, one for each parameter, series and function of coordinates that is missing from M, C, K and
-    d."""
+    """Sentences, one for each parameter and series that is missing from M, C, K and d."""
     kept = _names(mechanism, linearised)
-    lost = [name for name in _names(mechanism, residual) if name not in kept]
-    return [*map(_ignored, lost), *map(_one_sided, _steps(mechanism, _energies(mechanism)))]
+    return [_ignored(name) for name in _names(mechanism, residual) if name not in kept]
+
+
+def switched(mechanism: MechanismStatement) -> list[str]:
+    """Sentences, one for each step and kink that the vibration may pass."""
+    return [_one_sided(function) for function in _steps(mechanism, _energies(mechanism))]
 
 
 def idle(mechanism: MechanismStatement, results: Iterable[Any]) -> list[str]:

@@ -6,9 +6,9 @@ Check with: python -m derive --check beam_elements
 """
 
 MECHANISM_SHA256 = "3ba7f53008a4943032b8ae8f0f05e1487d28676dc7bd5ba5a4c894d133d14ae7"
-DERIVE_SHA256 = "b150ea391e42077905bfdff33e3ec04b52a5a2c26ec41ab8d0416908438c0ee4"
+DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "f347d329eec0a9785d2c47020d5766ec1ea9b7b5e625b752f57117c1d7d385d8"
+FILE_SHA256 = "69a1a420ad3957331c80daaaa1d379696c908925730cee60a87b3bf580361561"
 # ξ = x/L runs from 0 to 1. A freedom is (order, ξ): the derivative of that order by x at that place.
 # Row i and column i of every table carry L to the power of freedom i's order, and tables these factors:
 # mass ρA L; stiffness EA/L (strain 1) or EI/L³ (strain 2); geometric axial force/L, tension positive;

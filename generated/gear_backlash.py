@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "42b123cc365018b2a899d73b102ef144cab91ae313f15744009fc291f11e761f"
-DERIVE_SHA256 = "b150ea391e42077905bfdff33e3ec04b52a5a2c26ec41ab8d0416908438c0ee4"
+DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "1fde91d31dfd87b2d74dc3bd2acf24037052736cedd7989793c90596e3e96375"
+FILE_SHA256 = "4a8734da55848090f51142262424e03ab26feb7dc3475d1c2cd9b7d486dabd3e"
 NAME = "gear_backlash"
 TITLE = "Gear pair with backlash and varying mesh stiffness"
 COORDINATES = (
@@ -54,7 +54,7 @@ VALIDITY = {}
 PERIOD = 2*math.pi
 OPERATIONS = {"linearised": 61, "residual": 47, "outputs": 70}
 NO_DRIVE_TORQUE = "the rotation of the gears is not in the model"
-NONLINEAR = (
+SWITCHED = (
     "Max(0, q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
     "Min(0, q + F/k + 2*b) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
 )

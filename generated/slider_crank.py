@@ -10,9 +10,9 @@ import math
 import casadi
 
 MECHANISM_SHA256 = "be65000cf1335ea3208e09eed72e61c741965f099589b98b75406632b9ee8c04"
-DERIVE_SHA256 = "b150ea391e42077905bfdff33e3ec04b52a5a2c26ec41ab8d0416908438c0ee4"
+DERIVE_SHA256 = "3c46add2afe1de1496c0b486fa5191a989631d7dc195c32bc7507b0c2a974188"
 SYMPY_VERSION = "1.14.0"
-FILE_SHA256 = "2475622192f596445225d1299508d2685cc77cb6e3aeddf0deb8466a01bfb31a"
+FILE_SHA256 = "5281b895df6a355751d4b67d9bfdf7cca61e257101d4d76df33c8b8e559b0690"
 NAME = "slider_crank"
 TITLE = "Slider-crank mechanism with a clearance joint"
 COORDINATES = (
@@ -56,7 +56,7 @@ DOMAIN = (
     ("the kinetic energy", "1/sqrt(L**2 - r**2*sin(phase)**2)", "L**2 - r**2*sin(phase)**2", "> 0"),
     ("the displacement of a force", "sqrt(L**2 - r**2*sin(phase)**2)", "L**2 - r**2*sin(phase)**2", ">= 0"),
 )
-NONLINEAR = (
+SWITCHED = (
     "Max(0, -q + F/k) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
     "Min(0, -q + F/k + g) is in the energies; linear results use its slope at the fundamental motion and ignore steps and kinks that the vibration passes",
 )

@@ -31,9 +31,16 @@ _GROWTH, _MOST = 1.3, 80
 class Norm(NamedTuple):
     """Norm of a periodic system with its error.
 
-    value: in units of the outputs by those of the inputs. error: estimated relative error. frequency: where
-    the gain is largest, rad/s, up to half the frequency of the period; None for H2. warnings: what is
-    doubtful.
+    Attributes
+    ----------
+    value : float
+        Norm in the unit of the outputs divided by that of the inputs.
+    error : float
+        Estimated relative error.
+    frequency : float or None
+        Frequency in rad/s of the largest gain, up to half the frequency of the period; None for H2.
+    warnings : tuple of str
+        Reasons to doubt the value.
     """
 
     value: float
@@ -68,6 +75,7 @@ def h2_norm(
     Returns
     -------
     Norm
+        Norm with its error.
 
     Raises
     ------
@@ -117,14 +125,21 @@ def hinf_norm(
 
     Parameters
     ----------
-    system, speed, outputs, inputs
-        As for `h2_norm`.
+    system : PeriodicSystem
+        Asymptotically stable system with inputs. Those of a closed loop are disturbances, u_disturbance.
+    speed : float or str
+        Ω in rad/s, or a text with unit.
+    outputs : sequence of str
+        Names of states and outputs.
+    inputs : sequence of str, optional
+        Names of inputs, by default all.
     rtol : float
         Relative tolerance of the gains.
 
     Returns
     -------
     Norm
+        Norm with the error of the bisection, and the frequency of the largest gain.
 
     Raises
     ------

@@ -23,9 +23,6 @@ from solve.threads import symbolic
 if TYPE_CHECKING:
     import casadi
 
-_KINKS = "ignores steps and kinks"
-"""Words of the sentences of generated modules on switches that depend on the motion."""
-
 _CONDITION_PHASES = 720
 """Phases per period at which conditions on the parameters are checked. A choice."""
 
@@ -245,11 +242,9 @@ def _roundoff_of(module: ModuleType, options: tuple[tuple[str, Any], ...]) -> "c
 
 def left_out(setup: Setup) -> tuple[str, ...]:
     """Sentences on the nonlinear terms that the linearised equations neglect."""
-    sentences = getattr(setup.module, "NONLINEAR", ())
-    if any(_KINKS in text for text in sentences) and setup.event_finder is None:
-        # The options exclude the terms.
-        return tuple(text for text in sentences if _KINKS not in text)
-    return sentences
+    sentences, switched = (getattr(setup.module, name, ()) for name in ("NONLINEAR", "SWITCHED"))
+    # The options may exclude the terms with switches.
+    return (*sentences, *switched) if switched and setup.event_finder is not None else sentences
 
 
 def labels_of(setup: Setup, described: Sequence[tuple[str, str, str]]) -> Labels:

@@ -9,7 +9,6 @@ one that shifts the phase."""
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import eigh
 
 from solve.arrays import Array
 from solve.equations import nonlinear_of, roundoff_of
@@ -112,6 +111,8 @@ def _small_vibrations(task: Task) -> tuple[Array, Array]:
                 f"the equations of {system.labels.name} at rest contain {words}; unforced orbits need "
                 "constant equations without load and damping: set these to zero, such as --set F=0 --set c=0"
             )
+    from scipy.linalg import eigh
+
     squares, shapes = eigh((K[0] + K[0].T) / 2, M[0])
     return np.sqrt(np.maximum(squares, 0.0)), shapes / np.abs(shapes).max(axis=0)
 

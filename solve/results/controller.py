@@ -40,8 +40,15 @@ class Vibration(NamedTuple):
 class StabilityMargin(NamedTuple):
     """Smallest relative change of parameters that makes a system unstable.
 
-    distance: its norm, infinite if there is none up to 1. changes: by name. verdicts: just inside and outside
-    of the boundary."""
+    Attributes
+    ----------
+    distance : float
+        Norm of the change; infinite if there is none up to 1.
+    changes : mapping
+        Relative changes by name.
+    verdicts : tuple of str
+        Verdicts just inside and just outside of the boundary.
+    """
 
     distance: float
     changes: Mapping[str, float]

@@ -101,6 +101,6 @@ def test_the_pages_command(mesh, monkeypatch, capsys):
     monkeypatch.chdir(mesh.parent)
     assert run(shlex.split(line)) == 0
     radius = np.abs(np.linalg.eigvals(turn(3.8, 1.3)[:2, :2])).max()
-    (printed,) = re.findall(r"finds it unstable, with a spectral radius of ([\d.]+)\.", PAGE)
+    (printed,) = re.findall(r"finds that the motion is unstable, with a spectral radius of ([\d.]+)\.", PAGE)
     assert f"unstable: spectral radius {printed} " in capsys.readouterr().out
     assert float(printed) == pytest.approx(radius, abs=1e-9)

@@ -102,8 +102,8 @@ def test_stop_is_linearised_about_the_desired_motion():
         assert d[0, 0] == pytest.approx(load, rel=1e-15)
     (r,) = values(module.residual(), 0.1, 2.0, 0.5, 0, 0, [2, 5, 7, 0.3])
     assert r[0, 0] == pytest.approx(5 * 0.5 + 7 * 0.2, rel=1e-15)
-    assert len(module.NONLINEAR) == 1
-    assert module.NONLINEAR[0].startswith("Max(0, q - gap) is in the energies; linear results")
+    assert len(module.SWITCHED) == 1
+    assert module.SWITCHED[0].startswith("Max(0, q - gap) is in the energies; linear results")
     ((text, meaning, names),) = module.CONDITIONS
     assert (text, names) == ("gap other than 0", ("gap",))
     assert "no linearisation where q - gap = 0" in meaning

@@ -201,9 +201,7 @@ def test_methods_of_second_order_are_refused_in_one_line(method):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize(
-    "study", [solve.transient, solve.frequencies, solve.prove, solve.sensitivities, solve.nonlinear]
-)
+@pytest.mark.parametrize("study", [solve.frequencies, solve.prove, solve.sensitivities, solve.nonlinear])
 def test_studies_of_second_order_refuse_first_order_states(study):
     arguments = () if study is solve.frequencies else (1.0,)
     with pytest.raises(SolveError) as refused:

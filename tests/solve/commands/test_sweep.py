@@ -208,7 +208,7 @@ def test_over_parameters(command, tmp_path):
         drawn = picture.read_text(encoding="utf-8")
         assert ("k1 = 75000 N m/rad" if what == "--turn" else "k1") in drawn
     for flags, words in (
-        (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "--over gives epsilon twice"),
+        (["--over", "epsilon=0:2:3", "--over", "epsilon=0:2:3"], "is given 2 times; give it once"),
         (
             ["--over", "epsilon=0:2:3", "--over", "delta=1:2:2", "--waterfall", "q"],
             "over one varied quantity",

@@ -36,7 +36,7 @@ def test_table_matches_orders_and_l_stability_of_each_method(name):
 @pytest.mark.parametrize(("name", "place"), [("cam", 0), ("four_bar", 1)])
 def test_page_states_the_step_limit_of_fourier(name, place, capsys):
     """3 coordinates and 27."""
-    most = re.search(r"`--steps` takes half as many, (\d+) and (\d+)", PAGE.read_text("utf-8"))
+    most = re.search(r"limits of `--steps` are half as large, (\d+) and (\d+)", PAGE.read_text("utf-8"))
     elements = ("--option", "elements=3") if name == "four_bar" else ()
     given = ("floquet", name, "--speed", "286 rpm", *elements, "--method", "fourier", "--steps")
     assert run([*given, str(int(most[1 + place]) + 1)]) == 2
