@@ -143,7 +143,7 @@ def read_op4(path: str | Path, speed: float | str | None = None) -> Read:
     ...     for name, value in (("MAA", 1.0), ("KAA", 4.0)):
     ...         lines = f"{1:8}{1:8}{6:8}{2:8}{name:8}1P,3E23.16", f"{1:8}{1:8}{1:8}", f"{value:23.16E}"
     ...         end = f"{2:8}{1:8}{1:8}", f"{1:23.16E}"
-    ...         print(*lines, *end, sep="\n", file=text)
+    ...         print(*lines, *end, sep="\\n", file=text)
     >>> read_op4(file).coordinates
     ('q1',)
     """
