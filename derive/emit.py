@@ -87,8 +87,8 @@ class Equations:
     coordinates. definitions: text of the symbols that are not inputs. tools, functions: texts before and
     after the other functions. conditions: conditions on the parameters. passages: phases of the
     switches of the matrices. nonlinear, idle: sentences on terms that the linear equations, or all
-    equations, ignore; switched: on steps and kinks that the vibration may pass. no_drive_torque: reason why there is none. projection: of a deflection on its mode
-    functions. inputs: B, if there are inputs.
+    equations, ignore; switched: on steps and kinks that the vibration may pass. no_drive_torque: reason
+    why there is none. projection: of a deflection on its mode functions. inputs: B, if there are inputs.
     """
 
     linearised: dict[str, Any]

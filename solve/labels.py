@@ -136,7 +136,7 @@ def speed_or_usual(system: Labelled, speed: float | str | None) -> float:
     chosen = labels.case_speed if speed is None else speed
     if chosen is None:
         where = f"case '{labels.case}' of {labels.name}" if labels.case else f"{labels.name} has no case and"
-        raise MissingValueError(f'{where} names no speed; give one, such as --speed "600 rpm"')
+        raise MissingValueError(f'{where} states no speed; give a speed, such as --speed "600 rpm"')
     return speed_in_si(chosen)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from solve.arguments import first_is
 from solve.arrays import Array, Plane
-from solve.capabilities import Capabilities, Evaluation
+from solve.capabilities import Capabilities, Evaluation, Nonlinear, Validity, Variation
 from solve.contracts import Columns, Events, Formulas, Integrator, Limit, Matrices, Motion
 from solve.equations import require_desired_motion
 from solve.errors import UnknownNameError, ValueOutOfBoundsError
@@ -30,7 +30,7 @@ from solve.model.setup import Setup, labels_of, left_out, stated_lines
 from solve.system import PeriodicSystem, shown_in
 
 
-class Model(PeriodicSystem, Evaluation):
+class Model(PeriodicSystem, Evaluation, Validity, Variation, Nonlinear):
     """System whose matrices, outputs and bounds come from a generated module; see `solve.load`.
 
     Parameters
@@ -228,7 +228,7 @@ class Model(PeriodicSystem, Evaluation):
         return linearised
 
     @cached_property
-    def derivatives(self) -> ModelDerivatives:
+    def derivatives(self) -> ModelDerivatives:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Derivatives of the equations with respect to parameters and speed."""
         return ModelDerivatives(self, self.setup, self.assembled, self.slopes)
 

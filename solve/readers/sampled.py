@@ -46,7 +46,7 @@ class Source:
     operating_points: Mapping[str, Array] = field(default_factory=dict)
 
 
-class OfSource(Validity):
+class OfSource:
     """Mixin that adds the labels of a source, and a warning at other speeds."""
 
     source: Source
@@ -78,13 +78,13 @@ class OfSource(Validity):
         return found
 
 
-class SampledSystem(OfSource, PeriodicSystem):
+class SampledSystem(OfSource, PeriodicSystem, Validity):
     """Second-order system from a file."""
 
 
-class SampledStates(OfSource, FirstOrderSystem):
+class SampledStates(OfSource, FirstOrderSystem, Validity):
     """First-order system from a file."""
 
 
-class SampledMixed(OfSource, MixedSystem):
+class SampledMixed(OfSource, MixedSystem, Validity):
     """System with coordinates and states from a file."""

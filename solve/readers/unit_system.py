@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from solve.arrays import Array
+from solve.capabilities import Validity
 from solve.first_order import FirstOrderSystem
 from solve.readers.sampled import OfSource, SampledStates, Source
 
@@ -10,7 +11,7 @@ _MOST_SPEEDS = 256
 """Maximum number of speeds whose matrices are kept. A choice: some hundred MB for ten states."""
 
 
-class UnitSystem(OfSource, FirstOrderSystem):
+class UnitSystem(OfSource, FirstOrderSystem, Validity):
     """Small deviations of a unit from its periodic motion at any speed.
 
     Parameters

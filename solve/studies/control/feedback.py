@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from solve.arrays import Array, Plane
-from solve.capabilities import Capabilities, Linearisation, Outputs
+from solve.capabilities import Capabilities, Linearisation, Nonlinear, Outputs, Variation
 from solve.contracts import Columns, Dependence, Events, Integrator, Matrices, Motion, ParameterDerivatives
 from solve.equations import (
     events_of,
@@ -29,7 +29,7 @@ from solve.studies.control.plant import state_names
 from solve.system import PeriodicSystem
 
 
-class FeedbackLoop(MixedSystem, Outputs, Linearisation):
+class FeedbackLoop(MixedSystem, Outputs, Linearisation, Variation, Nonlinear):
     """System with feedback. Its inputs NAME_disturbance are added to those of the feedback, which are
     outputs.
 

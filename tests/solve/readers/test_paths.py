@@ -69,7 +69,7 @@ def test_unit_without_a_speed_is_linearised_at_each(tmp_path):
     expected = solve.floquet(solve.read_fmu(path, 1.0, values={"c": 0.3}), 1.0).multipliers
     np.testing.assert_allclose(solve.floquet(unit, 1.0).multipliers, expected, atol=1e-9)
     assert swept.equations_at(np.zeros(1), 1.0)[0][0, 1, 0] == pytest.approx(-1.0 - 0.5)
-    with pytest.raises(MissingValueError, match="names no speed"):
+    with pytest.raises(MissingValueError, match="states no speed"):
         speed_or_usual(unit, None)
     with pytest.raises(ValueOutOfBoundsError, match="motion is that of one speed"):
         solve.read_fmu(path, motion={})

@@ -5,7 +5,9 @@ import pytest
 
 import solve
 from solve.errors import ControlError, MissingValueError, NoDerivativeError, UnknownNameError
+from solve.labels import Labels
 from solve.period.named import Named
+from solve.system import relabelled
 
 SPEED = 2.0
 
@@ -108,16 +110,14 @@ def test_margin_of_a_constant_oscillator_is_its_damping():
     """q̈ + (0.3 c - 0.1 e) q̇ + 4 q with c = e = 1 is stable for 3c > e: distance √(0.4) by 3Δc - Δe = -2."""
 
     class Damped(solve.PeriodicSystem):
-        parameters = {"c": 1.0, "e": 1.0}  # noqa: RUF012
+        labels = Labels(parameters={"c": 1.0, "e": 1.0})
 
         def varied(self, parameters=None, options=None):
-            made = Damped(self._matrices, ["q"])
-            made.parameters = {**self.parameters, **(parameters or {})}
-            return made
+            return relabelled(self, parameters={**self.labels.parameters, **(parameters or {})})
 
         def at(self, phase, speed):
             one = np.ones((len(phase), 1, 1))
-            damping = 0.3 * self.parameters["c"] - 0.1 * self.parameters["e"]
+            damping = 0.3 * self.labels.parameters["c"] - 0.1 * self.labels.parameters["e"]
             return one, damping * one, 4 * one, np.zeros((len(phase), 1))
 
     found = solve.stability_margin(Damped(None, ["q"]), 1.0, ["c", "e"])
