@@ -187,7 +187,7 @@ def _quiet_above(speeds: Array, needed: NeededRatios, peaks: list[Peak]) -> list
 
 def damping_effects(stresses: DesignMap, speeds: Array) -> list[DampingEffect]:
     """Effect of damping, d ln σ / d ln ζ, at speeds (rad/s) for the mechanism's own L4."""
-    zeta, own_L4 = stresses.model.parameters["zeta"], stresses.own_L4
+    zeta, own_L4 = stresses.model.labels.parameters["zeta"], stresses.own_L4
     less, more = (
         np.log(
             StressMap(stresses.model.varied({"zeta": zeta * (1 + sign * _DAMPING_STEP)}), own_L4, own_L4, 1)
@@ -352,7 +352,7 @@ class Outcome(Serializable):
     @stored_property
     def warnings(self) -> list[str]:
         stresses, texts = self.map, []
-        linkage = Linkage.of(stresses.model.parameters, str(stresses.model.labels.options["branch"]))
+        linkage = Linkage.of(stresses.model.labels.parameters, str(stresses.model.labels.options["branch"]))
         for L4 in (stresses.L4[0], stresses.L4[-1]):
             ends = transmission_warnings(replace(linkage, L4=float(L4)))
             texts += [f"at L4 = {L4:.4f} m {text}" for text in ends]

@@ -59,7 +59,7 @@ class DesignMap(Serializable):
     @property
     def own_L4(self) -> float:
         """Ground length L4 (m) of the mechanism itself."""
-        return self.model.parameters["L4"]
+        return self.model.labels.parameters["L4"]
 
     @cached_property
     def own(self) -> int:
@@ -170,7 +170,7 @@ def _refined(stresses: DesignMap) -> DesignMap:
     open_ = np.ones(len(stresses.speeds) - 1, dtype=bool)
     for _ in range(_MOST_HALVINGS):
         at = np.log(stresses.speeds)
-        open_ &= np.diff(at) > _SHORTEST * stresses.model.parameters["zeta"]
+        open_ &= np.diff(at) > _SHORTEST * stresses.model.labels.parameters["zeta"]
         if not open_.any():
             break
         middle = ((at[:-1] + at[1:]) / 2)[open_]
