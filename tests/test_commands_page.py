@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import solve
+from solve.results.controller import StabilityMargin
 from solve.results.followed_modes import Ambiguity, Meeting
 from tests.pages import ROOT
 from tests.solve.free_machines import DRAG, train
@@ -160,8 +161,8 @@ def test_printed_keys_of_longer_commands_are_documented(command, folder):
 
 @cache
 def records():
-    """Records of rigid-body modes, combination resonances and points without a result: no included model has
-    these within its bounds."""
+    """Records of rigid-body modes, combination resonances, finite margins and points without a result: no
+    included model has these within its bounds or in a short time."""
     free = solve.periodic(train(C=DRAG, mean=1.0), 10.0, rtol=1e-4)
     critical = solve.critical_speeds(
         two_modes((1.0, 9.0), (lambda _: 0.2, lambda _: 0.3), 1.8), np.linspace(9.0, 11.0, 41), orders=5
@@ -175,6 +176,8 @@ def records():
     modes = solve.follow_modes(mass, [0.1, 0.2], rtol=1e-4)
     meeting, doubt = Meeting(("1", "2"), 0.15, "veering", 0.01), Ambiguity(("1", "2"), 0.1, 0.2, "close")
     coupled = model_of(autoparametric(), **COUPLED, F=0.04)
+    press, margin = solve.load("manipulator"), StabilityMargin(0.5, {"k1": -0.5}, ("stable", "unstable"))
+    regulator = solve.lqr(press, "50 rpm", {"q2": 1e8}, {"u": 1e-2}, rtol=1e-4)
     results = {
         "solve periodic": [free],
         "solve modes": [replace(modes, meetings=[meeting], ambiguous=[doubt])],
@@ -189,6 +192,7 @@ def records():
             replace(critical, rows=[unclear]),
             solve.critical_speeds(growing, np.linspace(1.0, 4.0, 31), orders=3),
         ],
+        "solve control": [replace(regulator, margin=margin)],
         "solve validity": [replace(validity, failures={0: "no nonlinear orbit"})],
     }
     return [(name, dict(paths(result.record()))) for name in results for result in results[name]]

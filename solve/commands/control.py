@@ -5,6 +5,7 @@ from typing import Annotated
 import solve
 from solve.commands.deliver import deliver_result
 from solve.commands.groups import Flag, Problem, Results, Speed
+from solve.commands.parse import listed
 from solve.errors import ValueOutOfBoundsError
 
 
@@ -30,7 +31,7 @@ def control(
     weights = None if lqr is None else _numbers("--lqr", lqr)
     noise = None if kalman is None else _numbers("--kalman", kalman)
     model = problem.loaded()
-    names = [name.strip() for name in (margin or "").split(",") if name.strip()]
+    names = listed("--margin", margin or "")
     result = solve.control(model, speed.omega(model), weights, noise, rtol, feedforward, vibration, names)
     if out is not None:
         solve.export(result, out)
