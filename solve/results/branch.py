@@ -270,6 +270,12 @@ class Branch(BranchPoints):
         return ".7g" if np.ptp(self.values) > _NARROW * np.abs(self.values).max() else ".10g"
 
     @property
+    def energy_unit(self) -> str:
+        """Unit of the energies; empty where those of the coordinates are not SI units of length and angle."""
+        units = {self.system.labels.units.get(name) for name in self.system.coordinates}
+        return "J" if units <= {"m", "rad"} else ""
+
+    @property
     def columns(self) -> Columns:
         """Columns of the table, with one row per point."""
         system = self.system
@@ -278,7 +284,7 @@ class Branch(BranchPoints):
         for number, name in enumerate(self.quantities):
             columns += self._columns_of(name, number)
         if len(self.energies):
-            unit = "J" if set(map(system.labels.units.get, system.coordinates)) <= {"m", "rad"} else ""
+            unit = self.energy_unit
             heading = headed("energy", unit)
             columns.append(
                 ("energy", Column(self.energies, unit, "energy from rest", heading, digits(".5g")))

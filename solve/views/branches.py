@@ -52,7 +52,7 @@ def branch_figure(branch: Branch) -> Figure:
             _draw_branch(axes, branch, factor * values)
         panels[-1].set_yscale("log")
         if len(branch.energies):
-            panels[-1].set_ylabel("energy")
+            panels[-1].set_ylabel(f"energy ({branch.energy_unit})" if branch.energy_unit else "energy")
             _draw_branch(panels[-1], branch, branch.energies)
         else:
             panels[-1].axhline(1.0, color=BLACK, linewidth=0.9)
