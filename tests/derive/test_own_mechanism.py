@@ -55,9 +55,9 @@ def beside_the_pump(pump, tmp_path, monkeypatch):
 def test_terms_ignored_by_the_linearisation_are_named(tmp_path, capsys):
     module = derived(tmp_path, "duffing")
     said = capsys.readouterr().err.splitlines()
-    assert said[:-1] == [f"duffing: {sentence}" for sentence in module.NONLINEAR]
+    assert said[:-1] == [f"duffing: {sentence}" for sentence in (*module.NONLINEAR, *module.SWITCHED)]
     assert "\n".join(said[:-1]) in PAGE
-    assert len(module.NONLINEAR) == 2
+    assert (len(module.NONLINEAR), len(module.SWITCHED)) == (1, 1)
 
 
 def test_the_statement_takes_about_thirty_lines():
