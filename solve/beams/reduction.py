@@ -201,7 +201,7 @@ def retained_freedoms(freedoms: Freedoms) -> Array:
 
 def basis(beams: Beams, modes: int, static: bool = False) -> Basis:
     """Basis with `modes` modes per link, or with all modes of a link that has fewer. static: whether to add
-    the static shapes of the discarded modes. Raises ValueOutOfBoundsError if no link has so many modes."""
+    the static shapes of the discarded modes. Raises ValueOutOfBoundsError if no link has that many modes."""
     retained = retained_freedoms(beams.freedoms)
     bodies = [Body.of(member, retained) for member in beams.members]
     most = max(len(body.own) - len(body.interface) for body in bodies)

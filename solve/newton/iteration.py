@@ -64,6 +64,10 @@ class Task:
     rtol: float
     factors: Array | None = None
 
+    def along(self, curve: Motion) -> PeriodicSystem:
+        """System linearised along a curve, with its events."""
+        return nonlinear_of(self.system).along_events(curve, self.speed, columns_by(self.engine))
+
     def speed_text(self, speed: float) -> str:
         """Format a speed (rad/s) with its unit."""
         return self.system.labels.speed_unit.text(speed, ".4g")
@@ -265,7 +269,7 @@ def on(grid: Grid, motion: Motion) -> Curve:
 def linearised_along(task: Task, curve: Curve, grid: Grid) -> tuple[PeriodicSystem, Grid]:
     """System linearised along a curve, and a grid of about the same number of steps with the phases of events
     as breaks."""
-    along = nonlinear_of(task.system).along_events(curve, task.speed, columns_by(task.engine))
+    along = task.along(curve)
     if along.breaks != task.breaks:
         grid = Grid.uniform(grid.steps, task.period, along.breaks)
     return along, grid
@@ -328,12 +332,7 @@ class Newton(Method):
         """Equations linearised along the solution of the only point."""
         assert isinstance(solutions.curve, Curve)
         curve, speed = solutions.curve[0], self.task.speed
-        return OnePoint(_without_roundoff(self.along(curve), curve), speed)
-
-    def along(self, curve: Motion) -> PeriodicSystem:
-        """System linearised along a curve, with its events."""
-        equations, task = nonlinear_of(self.task.system), self.task
-        return equations.along_events(curve, task.speed, columns_by(task.engine))
+        return OnePoint(_without_roundoff(self.task.along(curve), curve), speed)
 
     @property
     def corrector(self) -> Collocated:
@@ -377,4 +376,4 @@ class Newton(Method):
 
     def point(self) -> OnePoint:
         """The system linearised along the curve from which the iteration starts."""
-        return OnePoint(self.along(self.start), self.task.speed)
+        return OnePoint(self.task.along(self.start), self.task.speed)

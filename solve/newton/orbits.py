@@ -219,7 +219,7 @@ class _Search:
             if self.all_multipliers
             else None
         )
-        linearised = newton.along(result.solutions.curve[0])
+        linearised = task.along(result.solutions.curve[0])
         result = replace(result, method=task.method)
         return NonlinearOrbit(
             linearised,
