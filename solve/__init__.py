@@ -1,24 +1,15 @@
 """Periodic solutions, stability, studies and figures of linear systems with periodic coefficients.
 
-Public names are listed in `solve.public` and loaded at their first use, so that a command can be interrupted
-before its packages are imported.
+Public names are listed in `__init__.pyi`. Their modules are imported at the first use: a command imports
+only what it runs.
 """
 
-import importlib
-from typing import TYPE_CHECKING
+from lazy_loader import attach_stub
 
-if TYPE_CHECKING:
-    from solve.public import *  # noqa: F403
+_imported, __dir__, __all__ = attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> object:
-    public = importlib.import_module("solve.public")
-    if name == "__all__" or name in public.__all__:
-        return getattr(public, name)
-    if name in globals():
-        return globals()[name]
-    raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(public.__all__)}")
-
-
-def __dir__() -> list[str]:
-    return [*globals(), *importlib.import_module("solve.public").__all__]
+    if name in __all__:
+        return _imported(name)
+    raise AttributeError(f"module 'solve' has no attribute '{name}'; it has {', '.join(__all__)}")

@@ -14,8 +14,8 @@ from solve.errors import FileError, ResultKindError, ValueOutOfBoundsError
 from solve.newton.iteration import Task, joined
 from solve.newton.strategies import linear_sizes, motion_from
 from solve.period.curve import Curve
+from solve.results import save
 from solve.results.orbit import Orbit
-from solve.results.save import opened
 from solve.results.transient import Transient
 
 Start = Orbit | Transient | Motion | tuple[Array, Array] | Callable[[Array], Array] | str | Path
@@ -61,7 +61,7 @@ def _opened(path: str | Path, task: Task) -> Orbit | Transient:
     if Path(path).suffix.lower() not in FILES:
         raise _refused(path, _allowed(task))
     try:
-        result = opened(path)
+        result = save.open(path)
         kind = type(result).__name__
     except ResultKindError as error:
         result, kind = None, error.kind

@@ -36,7 +36,8 @@ def quadratic_roots(M: Array, C: Array, K: Array) -> Array:
     half, product = C / (2 * M), K / M
     root = np.sqrt((half**2 - product).astype(complex))
     larger = -half - np.where(half < 0, -1.0, 1.0) * root
-    smaller = np.where(larger != 0, product / np.where(larger != 0, larger, 1.0), 0.0)
+    with np.errstate(invalid="ignore"):  # Entries that are not finite have roots that are not numbers.
+        smaller = np.where(larger != 0, product / np.where(larger != 0, larger, 1.0), 0.0)
     return np.stack((larger, smaller), axis=-1)
 
 

@@ -164,7 +164,7 @@ def _zoomed(
     return centres, highest
 
 
-def statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
+def signal_statistics(signal: Signal, period: float, samples: int = LEAST_SAMPLES) -> Statistics:
     """Compute the statistics of one quantity that is given as a function of the phase.
 
     Parameters

@@ -22,8 +22,8 @@ from solve.period.quantities import (
     figures,
     harmonics,
     samples_a_step,
+    signal_statistics,
     spectrum,
-    statistics,
 )
 from solve.results.serialization import stored_property
 from solve.system import PeriodicSystem
@@ -78,7 +78,7 @@ class PeriodicMotion:
             return Statistics(*self._figures[self.system.coordinates.index(name)].tolist())
         self._require(name)
         if self._is_evaluated_alone("output_statistics"):
-            return statistics(self.signal(name), self.system.period, self.samples)
+            return signal_statistics(self.signal(name), self.system.period, self.samples)
         return self.output_statistics[name]
 
     def harmonics(self, name: str, count: int = 60) -> tuple[Array, Array]:

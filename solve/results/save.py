@@ -40,7 +40,7 @@ def writer(result: Saved, file: Path) -> Callable[[BinaryIO], None]:
 
 
 @first_is(str, Path, such_as="'orbit.nc'")
-def opened(path: str | Path) -> Any:
+def open(path: str | Path) -> Any:
     """Result restored from a file that was written by its method `save`.
 
     No code is run. The result is identical to the saved one, bit by bit, except that it has no equations.

@@ -294,7 +294,7 @@ class Sweep(Result):
         Raises UnknownNameError if the spectrum was not requested, ValueOutOfBoundsError if several quantities
         vary.
         """
-        return views().waterfall_figure(self, name)
+        return views().waterfall(self, name)
 
     @property
     def varied(self) -> dict[str, Array]:

@@ -1,11 +1,12 @@
 """Text and HTML of results, by functions that are selected by the class of the result."""
 
 import itertools
-from collections.abc import Sequence
-from functools import singledispatch
+from collections.abc import Callable, Sequence
+from functools import singledispatch, update_wrapper
 from html import escape
+from importlib import import_module
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from solve.results.result import Result
 from solve.views.style import Figure
@@ -14,28 +15,82 @@ from solve.views.tables import RenderableType, Table, console, heading, stacked,
 _LINES, _WIDTH = 15, 80
 """Maximum number of lines of a result as text, and its width."""
 
+_VIEWS = {
+    "bands": "sweep",
+    "branch": "branches",
+    "chart": "chart",
+    "comparison": "comparison",
+    "controller": "controller",
+    "critical_speeds": "critical_speeds",
+    "fit": "fit",
+    "followed_modes": "followed_modes",
+    "frequencies": "frequencies",
+    "optimum": "optimum",
+    "orbit": "orbit",
+    "scatter": "branches",
+    "sensitivities": "fit",
+    "special_curves": "branches",
+    "special_orbits": "orbit",
+    "stability": "stability",
+    "sweep": "sweep",
+    "sweeps": "sweep",
+    "tolerances": "tolerances",
+    "transient": "over_time",
+}
+"""Module of this package by the module of `solve.results` whose classes it displays."""
 
-@singledispatch
+T = TypeVar("T")
+
+
+class ByClass(Generic[T]):
+    """A function of a result that is selected by the class of the result, like `functools.singledispatch`.
+
+    The modules that register functions for classes of `solve.results` are imported at the first call.
+    """
+
+    def __init__(self, default: Callable[..., T]) -> None:
+        self._selected = singledispatch(default)
+        update_wrapper(self, default)
+
+    def register(self, kind: type) -> Callable[[Callable[..., T]], Callable[..., T]]:
+        """Register a function for a class of results, as a decorator."""
+        return self._selected.register(kind)
+
+    def __call__(self, result: Result, *arguments: Any, **options: Any) -> T:
+        for base in type(result).__mro__:
+            package, _, name = base.__module__.rpartition(".")
+            if package == "solve.results" and name in _VIEWS:
+                import_module(f"solve.views.{_VIEWS[name]}")
+        return self._selected(result, *arguments, **options)
+
+
+@ByClass
 def figure(result: Result, *_: Any, **__: Any) -> Figure:
     """Figure (matplotlib) of a result. Raises NotImplementedError for a class without a figure."""
     raise NotImplementedError(f"no figure of {type(result).__name__}")
 
 
-@singledispatch
+@ByClass
+def waterfall(result: Result, name: str) -> Figure:
+    """Figure of the spectrum of a quantity over the varying quantity."""
+    raise NotImplementedError(f"no spectra over speed of {type(result).__name__}")
+
+
+@ByClass
 def tables(result: Result) -> Sequence[RenderableType]:
     """Tables and texts of a result below its heading; by default one table of the columns that have
     headings."""
     return [table_of(result._title, result.columns)]
 
 
-@singledispatch
+@ByClass
 def printout(result: Result, choices: Sequence[str] = (), **options: Any) -> RenderableType:
     """Everything that a command prints, except warnings. choices: settings other than the case; options:
     options of the tables."""
     return stacked(heading_of(result, choices), *tables(result, **options))
 
 
-@singledispatch
+@ByClass
 def brief(result: Result) -> RenderableType:
     """Tables and texts of the short form of a result."""
     return printout(result)

@@ -31,7 +31,7 @@ from solve.views.panels import (
     shades,
     title_of,
 )
-from solve.views.show import figure, tables
+from solve.views.show import figure, tables, waterfall
 from solve.views.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Axes, Figure, page
 from solve.views.tables import RenderableType, table, table_of, text
 
@@ -187,6 +187,7 @@ def labelled_by(system: PeriodicSystem, values: Mapping[str, Array]) -> Sequence
     return distinct_labels(points, words)
 
 
+@waterfall.register(Sweep)
 def waterfall_figure(sweep: Sweep, name: str) -> Figure:
     """Figure of the amplitudes of a quantity over the varying quantity and the order of rotation, in dB
     relative to the largest. See `Sweep.waterfall`."""

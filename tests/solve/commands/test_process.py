@@ -70,6 +70,16 @@ def test_pictures_need_no_pyplot(tmp_path):
     assert (tmp_path / "m.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_command_imports_only_the_displays_and_studies_it_needs():
+    code = (
+        "import sys; from solve.commands.app import run; "
+        "status = run(['periodic', 'manipulator']); "
+        "others = ('exports', 'studies.control', 'studies.optimise', 'newton', 'views.chart'); "
+        "sys.exit(status or 10 * any(f'solve.{name}' in sys.modules for name in others))"
+    )
+    assert python("-c", code, cwd=ROOT).returncode == 0
+
+
 def test_a_reader_that_goes_away_is_no_error():
     command = f"{sys.executable} -m solve periodic manipulator --json --harmonics 10000 | head -c 10"
     ran = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True)

@@ -310,7 +310,8 @@ def test_resonance_is_refused(method, steps):
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "bahgat-willmert"])
 def test_points_without_matrices_fail_alone(method):
     """A crank that cannot turn fully at the second length of the coupler."""
-    computed = chart(load("coupler"), {"speed": [62.0, 63.0]}, {"l2": [0.05, 0.7]}, method=method, rtol=1e-2)
+    coupler, speeds, lengths = load("coupler", modes=1), {"speed": [62.0, 63.0]}, {"l2": [0.05, 0.7]}
+    computed = chart(coupler, speeds, lengths, method=method, rtol=1e-2)
     assert np.isfinite(computed.spectral_radius).tolist() == [[True, True], [False, False]]
     assert any("the crank cannot turn fully" in text for text in computed.warnings)
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solve.errors import ValueOutOfBoundsError
-from solve.period.quantities import harmonics, statistics
+from solve.period.quantities import harmonics, signal_statistics
 
 amplitudes = st.floats(0.1, 10.0)
 angles = st.floats(-3.0, 3.0)
@@ -17,7 +17,7 @@ periods = st.floats(0.5, 10.0)
 @given(st.floats(-5.0, 5.0), amplitudes, angles, orders, periods)
 def test_statistics_of_a_cosine(mean, amplitude, angle, order, period):
     omega = 2 * np.pi * order / period
-    computed = statistics(lambda phase: mean + amplitude * np.cos(omega * phase + angle), period)
+    computed = signal_statistics(lambda phase: mean + amplitude * np.cos(omega * phase + angle), period)
     size = abs(mean) + amplitude
     assert computed.max == pytest.approx(mean + amplitude, abs=1e-13 * size)
     assert computed.min == pytest.approx(mean - amplitude, abs=1e-13 * size)
@@ -79,17 +79,17 @@ def test_extremum_between_samples_matches_the_curve():
         distance = np.mod(phase - centre + np.pi, 2 * np.pi) - np.pi
         return 1.0 / (1.0 + (distance / width) ** 2)
 
-    computed = statistics(peak, 2 * np.pi, samples=2048)
+    computed = signal_statistics(peak, 2 * np.pi, samples=2048)
     assert computed.max == pytest.approx(1.0, abs=1e-12)
     assert computed.max_phase == pytest.approx(centre, abs=1e-8)
 
 
 def test_an_extremum_at_the_end_of_the_turn():
-    computed = statistics(lambda phase: np.cos(phase + 1e-4), 2 * np.pi)
+    computed = signal_statistics(lambda phase: np.cos(phase + 1e-4), 2 * np.pi)
     assert computed.max == pytest.approx(1.0, abs=1e-14)
     assert computed.max_phase == pytest.approx(2 * np.pi - 1e-4, abs=1e-7)
 
 
 def test_a_constant_has_its_value_everywhere():
-    computed = statistics(lambda phase: np.full_like(phase, -2.0), 1.0)
+    computed = signal_statistics(lambda phase: np.full_like(phase, -2.0), 1.0)
     assert (computed.max, computed.min, computed.max_abs, computed.mean) == (-2.0, -2.0, 2.0, -2.0)
