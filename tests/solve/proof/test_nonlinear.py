@@ -32,6 +32,11 @@ def proof():
     return solve.prove(orbit())
 
 
+@cache
+def rounded_proof():
+    return solve.prove(orbit(), rounded=True)
+
+
 def harmonics(place, derivative=0):
     """q̄ or a derivative by the phase at phase 0, exactly."""
     rates = (1j * np.arange(place.harmonics.shape[1])) ** derivative
@@ -168,14 +173,15 @@ def test_an_orbit_of_equations_with_jumps_is_refused():
 @pytest.mark.parametrize("moved", [-1, 1])
 def test_rounded_numbers_include_the_orbits_of_neighbours(moved):
     """Those with parameters that differ by two units in the last place."""
-    found = solve.prove(orbit(), rounded=True)
+    found = rounded_proof()
     assert found.verdict == "asymptotically stable"
     assert "within two units in the last place" in found.assumed
     neighbours = {name: x + 2 * moved * np.spacing(x) * (x % 1 > 0) for name, x in NUMBERS.items()}
     place = found.orbit
     start = round(float(harmonics(place)), 4), round(SPEED * float(harmonics(place, 1)), 4)
     with mpmath.workdps(40):
-        state, Phi = duffing_orbit(**neighbours, speed=SPEED + 2 * moved * np.spacing(SPEED), start=start)
+        speed = SPEED + 2 * moved * np.spacing(SPEED)
+        state, Phi = duffing_orbit(**neighbours, speed=speed, start=start, digits=16)
         assert abs(state[0] - harmonics(place)) <= place.radius["q"][0] < 1e-6
         assert contained(found, Phi)
     assert found.orbit.radius["q"][0] > proof().orbit.radius["q"][0]
