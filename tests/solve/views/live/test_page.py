@@ -39,6 +39,7 @@ def page(chromium, address):
     yield tab
     assert tab.errors == []
     assert {request for request in tab.requests if not request.startswith((address, "data:"))} == set()
+    tab.command("Page.close")  # It would follow the values of all later tests.
 
 
 def number(tab):
@@ -204,6 +205,7 @@ def test_two_windows_side_by_side_keep_their_own_values(page, chromium, address)
         assert tab.text("#summary").startswith(orbit.summary)
     assert value(page, "k1") < value(other, "k1")
     assert other.errors == []
+    other.command("Page.close")
 
 
 MOVES = """(async (count) => {
