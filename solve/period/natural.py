@@ -1,5 +1,5 @@
-"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0; a stiffness that
-is not positive definite gives growth rates."""
+"""Natural frequencies of M q̈ + K q = 0 at many positions. Rigid-body modes are exactly 0; a stiffness matrix
+that is not positive semidefinite gives growth rates."""
 
 from typing import NamedTuple
 
@@ -19,8 +19,8 @@ _PERTURBATION = 16.0
 (measured: below 2 for random matrices of 2 to 20 coordinates)."""
 
 _EQUAL = 1e-7
-"""Difference of λ, relative to the largest, within which values count as equal: round-off splits a defective
-pair by the square root of eps, 1.5e-8."""
+"""Difference of two λ, relative to the largest λ, below which they count as equal: round-off splits a
+defective pair by the square root of eps, 1.5e-8."""
 
 
 class NaturalFrequencies(NamedTuple):
@@ -140,8 +140,9 @@ def _is_positive(A: Array) -> bool:
 def _of_symmetric(M: Array, K: Array) -> Array:
     """Eigenvalues λ (m, n) in ascending order, for positive definite M.
 
-    Small λ are inaccurate beside large ones, and so are large λ if 1/λ are computed. If K is positive
-    definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps λ/λmin.
+    Small λ are inaccurate if large ones exist, and large λ are inaccurate if 1/λ are computed. If K is
+    positive definite, each λ is taken from the pencil with the smaller relative error, eps λmax/λ or eps
+    λ/λmin.
     """
     found = _reduced(M, K)
     if not _is_positive(K):

@@ -26,18 +26,18 @@ _CLEAR = 0.5
 the vectors change gradually within the segment: they rotate by less than 45° (tan 2θ = 1 / (2 · 0.5))."""
 
 _FEWEST_LEVELS, _MOST_LEVELS = 1, 36
-"""Bisections of an interval: at least one, so that no assignment relies on two samples alone; at most a
-number after which the interval is still larger than the round-off of the parameter."""
+"""Smallest and largest number of bisections of an interval. With one bisection no assignment relies on two
+samples alone; after the largest number the interval is still longer than the round-off of the parameter."""
 
 _REAL = 0.05
 """Imaginary part of two exceptional points, relative to their distance, up to which the points count as real:
 between two real points the exponents of the pair are locked. A choice."""
 
 _WIDE, _FEWEST_LOCKED = 0.5, 4
-"""Distance of two real exceptional points relative to the step, and bisections, from which a pair is locked.
-Vectors that rotate with the parameter without coupling show an apparent coupling that decreases with the
-square of the step; the distance between the two exceptional points that it produces decreases in proportion
-to the step."""
+"""Smallest distance between two real exceptional points, relative to the step, and smallest number of
+bisections, with which a pair counts as locked. Vectors that rotate with the parameter without coupling show
+an apparent coupling that decreases with the square of the step; the distance between the two exceptional
+points that it produces decreases in proportion to the step."""
 
 
 _NEAR, _NARROW = 1.0, 0.1
@@ -47,7 +47,7 @@ Choices."""
 
 
 _TIE = 0.01
-"""Weight of the overlap with the last sample, which decides between equal overlaps with an earlier one. A
+"""Weight of the overlap with the last sample. It decides between equal overlaps with an earlier sample. A
 choice."""
 
 _FARTHEST = 8.0
@@ -102,7 +102,7 @@ class Tracks:
     doubts, approaches : list
         Undetermined identities, and approaches of coupled modes.
     base : int
-        Position of the sample with which the next one is compared.
+        Index of the sample with which the next sample is compared.
     held : dict
         Tracks that are compared with an earlier sample, at the position given.
     twins : dict
@@ -112,7 +112,7 @@ class Tracks:
     budget : int
         Number of samples that may still be added.
     exhausted : float or None
-        Value from which on samples were required but not added, as the budget was spent.
+        Value from which on required samples were not added because the budget was exhausted.
     """
 
     solve: Callable[[float], ModeVectors | None]
@@ -185,7 +185,7 @@ class Step:
         for track, at in tracks.held.items():
             earlier = Overlaps.of(tracks.samples[at].modes, self.sample.modes).products
             modes[track], shifts[track] = (values[track] for values in tracks.states[at])
-            # The last sample decides where the earlier one does not.
+            # The last sample decides between modes that overlap equally with the earlier sample.
             products[track] = earlier[modes[track]] + _TIE * products[track]
         return State(modes, shifts), products
 
@@ -276,7 +276,7 @@ class Step:
         return [*zip(first.tolist(), second.tolist(), strict=True)]
 
     def _rival(self, track: int) -> int:
-        """Other track with the largest overlap with this track's mode."""
+        """Other track that has the largest overlap with the mode of this track."""
         overlap = self.products[:, self.modes[track]].copy()
         overlap[track] = -1.0
         return int(overlap.argmax())
@@ -298,8 +298,8 @@ class Step:
             tracks.base = here
 
     def _hold(self) -> None:
-        """Compare tracks with an earlier sample while their eigenvectors are mixed: those of locked pairs,
-        and of modes near a resonance with their own conjugate."""
+        """Compare tracks with an earlier sample while their eigenvectors are mixed: tracks of locked pairs,
+        and of modes near a resonance with their own conjugates."""
         tracks, found = self.tracks, self.meetings
         width = np.abs(found.roots[0] - found.roots[1]) / 2
         is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
