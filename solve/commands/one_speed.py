@@ -111,10 +111,10 @@ def _with_measured(
     report: Callable[[], RenderableType],
 ) -> tuple[Callable[[], dict[str, Any]], Callable[[], RenderableType], Callable[[], Figure]]:
     """Record, report and figure with the measured values. Raises ValueOutOfBoundsError."""
-    from solve.studies.measured import beside
+    from solve.studies.measured import compared_at_speed
     from solve.views.fit import compared_figure, differences_table
 
-    channels = beside(orbit, records)
+    channels = compared_at_speed(orbit, records)
     title = f"{titled(orbit.system, orbit.speed)}: computed over measured"
     return (
         lambda: {**record(), "measured": [channel.record for channel in channels]},

@@ -95,7 +95,7 @@ class Task:
 
     def rest(self, grid: Grid) -> Curve:
         """Fundamental motion, q = 0. The next iterate is the linear orbit."""
-        return at_rest(self.system.n, grid)
+        return zero_motion(self.system.n, grid)
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Converged:
         return curve[0]
 
 
-def at_rest(n: int, grid: Grid) -> Curve:
+def zero_motion(n: int, grid: Grid) -> Curve:
     """Motion q = 0 of n coordinates on the nodes of a grid."""
     return Curve(grid.nodes, np.zeros((n, grid.steps, 1)))
 
@@ -122,7 +122,7 @@ def at_rest(n: int, grid: Grid) -> Curve:
 def rigid_at_rest(system: PeriodicSystem, speed: float) -> RigidBodyModes | None:
     """Rigid-body modes of a system linearised about the fundamental motion; None if it has none."""
     free_machine = free(
-        OnePoint(nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period))), speed)
+        OnePoint(nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period))), speed)
     )
     return None if free_machine is None else free_machine.modes
 

@@ -20,7 +20,7 @@ from solve.errors import (
 from solve.kernel.engines import chosen_engine
 from solve.methods.choice import Rule, chosen, chosen_for
 from solve.methods.collocation import Collocated
-from solve.newton.iteration import Converged, Newton, Task, at_rest, iterate
+from solve.newton.iteration import Converged, Newton, Task, iterate, zero_motion
 from solve.newton.starts import Start, motion_of
 from solve.newton.strategies import by_load, by_speed, by_transient
 from solve.period.grid import Grid
@@ -116,7 +116,7 @@ def nonlinear(
 
 
 def _collocated(rule: Rule, system: PeriodicSystem, speed: float) -> Collocated:
-    rest = at_rest(system.n, Grid.uniform(1, system.period))
+    rest = zero_motion(system.n, Grid.uniform(1, system.period))
     ((method, _),) = chosen_for(rule, OnePoint(nonlinear_of(system).along(rest), speed))
     if not isinstance(method, Collocated):
         raise ValueOutOfBoundsError(

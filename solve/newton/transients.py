@@ -19,7 +19,7 @@ from solve.first_order import MixedSystem
 from solve.labels import require_motion
 from solve.methods.method import Discretisation
 from solve.methods.radau import Radau
-from solve.newton.iteration import at_rest, joined, rigid_at_rest, without_zeros
+from solve.newton.iteration import joined, rigid_at_rest, without_zeros, zero_motion
 from solve.newton.orbits import nonlinear as nonlinear_orbit
 from solve.newton.starts import state_of
 from solve.period.curve import interpolation_error, interpolation_tolerance
@@ -233,7 +233,7 @@ class _Integration:
         if not self.nonlinear:
             return StepMarcher(self.system, sizes, count, march_rtol)
         # Raises LinearModelError for a linear system.
-        nonlinear_of(self.system).along(at_rest(self.system.n, Grid.uniform(1, self.system.period)))
+        nonlinear_of(self.system).along(zero_motion(self.system.n, Grid.uniform(1, self.system.period)))
         return nonlinear_of(self.system).marcher(without_zeros(sizes), count, march_rtol)
 
 

@@ -15,7 +15,7 @@ from solve.equations import nonlinear_of, roundoff_of
 from solve.errors import NoOrbitError, SolveError, ValueOutOfBoundsError
 from solve.newton.arclength import follow_branch
 from solve.newton.branch_points import DAMPING, ContinuationParameters, Point, Unknowns
-from solve.newton.iteration import Task, at_rest
+from solve.newton.iteration import Task, zero_motion
 from solve.newton.manifold import Manifold
 from solve.newton.switching import Followed
 from solve.period.curve import Curve
@@ -95,7 +95,7 @@ class _Line:
 def _small_vibrations(task: Task) -> tuple[Array, Array]:
     """Frequencies (n,) in rad/s and shapes (n, n) of vibrations about rest. Raises ValueOutOfBoundsError."""
     system = task.system
-    along = nonlinear_of(system).along(at_rest(system.n, Grid.uniform(1, system.period)))
+    along = nonlinear_of(system).along(zero_motion(system.n, Grid.uniform(1, system.period)))
     phase = np.arange(_PHASES) * (system.period / _PHASES)
     M, C, K, d = along.at(phase, task.speed)
     limit = _IS_ZERO * np.abs(K).max() + np.zeros(1)

@@ -67,13 +67,15 @@ def eigenvalues(M: Array, K: Array) -> Array:
     modes = rigid_body_modes(K[:, None], np.zeros_like(K[:, None]))
     found = np.zeros(K.shape[:2], dtype=complex)
     alike: dict[tuple[int, ...], list[int]] = {}
-    for at, (places, present) in enumerate(zip(modes.references, modes.present, strict=True)):
-        alike.setdefault(tuple(places[present].tolist()), []).append(at)
-    for places, positions in alike.items():
-        rest = [k for k in range(K.shape[1]) if k not in places]
+    for at, (references, present) in enumerate(zip(modes.references, modes.present, strict=True)):
+        alike.setdefault(tuple(references[present].tolist()), []).append(at)
+    for references, positions in alike.items():
+        rest = [k for k in range(K.shape[1]) if k not in references]
         if rest:
-            vectors = modes.vectors[positions][:, :, : len(places)]
-            found[positions, len(places) :] = _elastic(M[positions], K[positions], vectors, [*places], rest)
+            vectors = modes.vectors[positions][:, :, : len(references)]
+            found[positions, len(references) :] = _elastic(
+                M[positions], K[positions], vectors, [*references], rest
+            )
     return np.take_along_axis(found, np.argsort(np.real(found), axis=1, kind="stable"), axis=1)
 
 
@@ -105,11 +107,11 @@ def slopes(M: Array, K: Array, by_M: Array, by_K: Array) -> Array:
     return np.real(each @ (alike / alike.sum(axis=0)))
 
 
-def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[int]) -> Array:
+def _elastic(M: Array, K: Array, vectors: Array, references: list[int], rest: list[int]) -> Array:
     """Eigenvalues λ (m, n - r) of the modes other than rigid-body modes. The rigid-body vectors (m, n, r)
-    equal the identity in r rows, `places`.
+    equal the identity in r rows, `references`.
 
-    With q = E a + x and x zero at the places, K acts on x alone; M is reduced to a Schur complement.
+    With q = E a + x and x zero at the references, K acts on x alone; M is reduced to a Schur complement.
     """
     stiffness, moved = K[:, rest][:, :, rest], M @ vectors
     if _symmetric(M, M).all() and _symmetric(K, M).all() and _is_positive(M):
@@ -117,7 +119,7 @@ def _elastic(M: Array, K: Array, vectors: Array, places: list[int], rest: list[i
         mass = M[:, rest][:, :, rest] - moved[:, rest] @ own @ np.swapaxes(moved[:, rest], 1, 2)
         return _of_symmetric(mass, stiffness).astype(complex)
     rate = np.linalg.solve(M, K)[:, :, rest]
-    return np.array([_of_general(one) for one in rate[:, rest] - vectors[:, rest] @ rate[:, places]])
+    return np.array([_of_general(one) for one in rate[:, rest] - vectors[:, rest] @ rate[:, references]])
 
 
 def _symmetric(A: Array, M: Array) -> Array:

@@ -83,8 +83,8 @@ class Overlaps:
 
 
 @dataclass(frozen=True)
-class Meetings:
-    """Pairs of modes between two points in the linear model of `meetings`. Arrays (r, S) are over the pairs
+class CoupledPairs:
+    """Pairs of modes between two points in the linear model of `exceptional_points`. Arrays (r, S) are over the pairs
     and the shifts of their second mode.
 
     Attributes
@@ -121,13 +121,13 @@ class Meetings:
         return np.abs(self.roots - nearest).min(axis=0)
 
 
-def meetings(
+def exceptional_points(
     overlaps: Overlaps,
     points: tuple[Modes, Modes],
-    places: tuple[Array, Array],
+    pairs: tuple[Array, Array],
     shifts: Array,
     noise: Array,
-) -> Meetings:
+) -> CoupledPairs:
     """Exceptional points between two points, for every pair of modes.
 
     pairs (2, T): indices of each mode at the first and at the second point; shifts (T,): harmonic shifts of
@@ -137,7 +137,7 @@ def meetings(
     = 0, at two exceptional points (T. Kato, Perturbation Theory for Linear Operators, II.1.1). A narrow pair
     of conjugate exceptional points is a veering, a double one a crossing.
     """
-    (now, then), (a, b) = points, places
+    (now, then), (a, b) = points, pairs
     first, second = np.triu_indices(len(a), 1)
     reach = 2 + int(np.abs(shifts).max(initial=0))
     q = np.arange(-reach, reach + 1)
@@ -160,4 +160,4 @@ def meetings(
         gap = np.abs(np.sqrt((delta[0] + t * (end - delta[0])) ** 2 + 4 * (t * root_of_coupling) ** 2))
     coupling = 2 * np.abs(root_of_coupling)
     limits = noise[first] + noise[second]
-    return Meetings(first, second, np.where(np.isfinite(roots), roots, 1e300), coupling, limits, gap)
+    return CoupledPairs(first, second, np.where(np.isfinite(roots), roots, 1e300), coupling, limits, gap)

@@ -220,7 +220,7 @@ def measured(file: str | Path, system: PeriodicSystem, speed: float | None) -> l
     return sets
 
 
-def beside(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
+def compared_at_speed(orbit: Orbit, sets: Sequence[Measured]) -> list[Channel]:
     """Measured and computed values of every channel that was measured at the speed of an orbit. Raises
     ValueOutOfBoundsError if there are no measurements at this speed."""
     channels = []

@@ -14,7 +14,7 @@ import numpy as np
 
 from solve.arrays import Array
 from solve.certify.mode_vectors import SURE, ModeVectors
-from solve.period.overlaps import Meetings, Overlaps, meetings
+from solve.period.overlaps import CoupledPairs, Overlaps, exceptional_points
 from solve.results.followed_modes import CLOSE, LOCKED
 
 _ACCEPTED = 0.8
@@ -220,34 +220,34 @@ class Step:
         return np.flatnonzero((self.modes >= 0) & (self.tracks.states[self.tracks.base].modes >= 0))
 
     @cached_property
-    def meetings(self) -> Meetings:
+    def pairs(self) -> CoupledPairs:
         """Exceptional points between the compared tracks."""
         at, base = self.compared, self.tracks.states[self.tracks.base]
         places, points = (base.modes[at], self.modes[at]), (self.before.modes, self.sample.modes)
         shifts = self.references.shifts + self.shifts - base.shifts
-        return meetings(self.overlaps, points, places, shifts[at], self.noise[at])
+        return exceptional_points(self.overlaps, points, places, shifts[at], self.noise[at])
 
     @cached_property
     def twins(self) -> Array:
-        """Whether pairs (r,) of the meetings are a mode and its conjugate."""
-        first, second = (self.compared[each] for each in (self.meetings.first, self.meetings.second))
+        """Whether pairs (r,) of `pairs` are a mode and its conjugate."""
+        first, second = (self.compared[each] for each in (self.pairs.first, self.pairs.second))
         pairs = zip(first.tolist(), second.tolist(), strict=True)
         return np.array([self.tracks.twins.get(one) == other for one, other in pairs], dtype=bool)
 
     @cached_property
     def close(self) -> Array:
         """Mask (r, S) of the pairs and shifts of coupled tracks with exceptional points near the segment."""
-        meetings = self.meetings
+        pairs = self.pairs
         modes = self.tracks.states[self.tracks.base].modes[self.compared]
-        is_separate = ~self.before.modes.coincident[modes[meetings.first], modes[meetings.second]]
+        is_separate = ~self.before.modes.coincident[modes[pairs.first], modes[pairs.second]]
         is_held = np.isin(self.compared, list(self.tracks.held))
-        is_open = is_separate & ~self.twins & ~(is_held[meetings.first] & is_held[meetings.second])
-        return meetings.coupled & (meetings.distance < _CLEAR) & is_open[:, None]
+        is_open = is_separate & ~self.twins & ~(is_held[pairs.first] & is_held[pairs.second])
+        return pairs.coupled & (pairs.distance < _CLEAR) & is_open[:, None]
 
     @cached_property
     def locked(self) -> Array:
         """Mask (r, S) of the pairs and shifts in `close` whose exceptional points are real."""
-        roots = self.meetings.roots
+        roots = self.pairs.roots
         with np.errstate(invalid="ignore"):
             separation = np.abs(np.real(roots[0] - roots[1]))
         is_real = np.abs(np.imag(roots)).max(axis=0) <= _REAL * separation
@@ -272,7 +272,7 @@ class Step:
 
     def _pairs(self, flags: Array) -> list[tuple[int, int]]:
         rows = np.flatnonzero(flags.any(axis=1))
-        first, second = (self.compared[each[rows]] for each in (self.meetings.first, self.meetings.second))
+        first, second = (self.compared[each[rows]] for each in (self.pairs.first, self.pairs.second))
         return [*zip(first.tolist(), second.tolist(), strict=True)]
 
     def _rival(self, track: int) -> int:
@@ -300,7 +300,7 @@ class Step:
     def _hold(self) -> None:
         """Compare tracks with an earlier sample while their eigenvectors are mixed: tracks of locked pairs,
         and of modes near a resonance with their own conjugates."""
-        tracks, found = self.tracks, self.meetings
+        tracks, found = self.tracks, self.pairs
         width = np.abs(found.roots[0] - found.roots[1]) / 2
         is_near = found.coupled & (found.distance < np.maximum(width, _NEAR)) & (width > _NARROW)
         near = {track for pair in self._pairs(is_near & self.twins[:, None]) for track in pair}
@@ -343,13 +343,13 @@ class Step:
 
     def _note_approaches(self) -> None:
         """Record the exceptional points of coupled pairs whose middle lies in this step."""
-        meetings, width = self.meetings, self.sample.x - self.before.x
-        middle = np.real(meetings.roots).mean(axis=0)
-        is_near = meetings.coupled & (middle >= 0) & (middle < 1) & (meetings.distance < _FARTHEST)
+        pairs, width = self.pairs, self.sample.x - self.before.x
+        middle = np.real(pairs.roots).mean(axis=0)
+        is_near = pairs.coupled & (middle >= 0) & (middle < 1) & (pairs.distance < _FARTHEST)
         for row, column in np.argwhere(is_near).tolist():
-            first, second = (self.before.x + width * complex(root) for root in meetings.roots[:, row, column])
-            pair = sorted((int(self.compared[meetings.first[row]]), int(self.compared[meetings.second[row]])))
-            gap = float(meetings.gap[row, column])
+            first, second = (self.before.x + width * complex(root) for root in pairs.roots[:, row, column])
+            pair = sorted((int(self.compared[pairs.first[row]]), int(self.compared[pairs.second[row]])))
+            gap = float(pairs.gap[row, column])
             self.tracks.approaches.append(Approach(pair[0], pair[1], (first, second), gap))
 
 
