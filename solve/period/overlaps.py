@@ -84,8 +84,8 @@ class Overlaps:
 
 @dataclass(frozen=True)
 class CoupledPairs:
-    """Pairs of modes between two points in the linear model of `exceptional_points`. Arrays (r, S) are over the pairs
-    and the shifts of their second mode.
+    """Pairs of modes between two points in the linear model of `exceptional_points`. Arrays (r, S) are over
+    the pairs and the shifts of their second mode.
 
     Attributes
     ----------
