@@ -164,7 +164,7 @@ class Sensitivities(Result):
             }
             name = next((by for by in self.ranked(quantity) if by in accurate), None)
             if name is not None:
-                parts.append(f"{quantity} with respect to {name} ({number(sizes[name], 3)} % per 1 %)")
+                parts.append(f"{quantity} by {name} ({number(sizes[name], 3)} % per 1 %)")
         return f"Largest elasticities: {', '.join(parts)}." if parts else ""
 
     def ranked(self, quantity: str) -> list[str]:
