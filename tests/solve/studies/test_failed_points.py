@@ -113,7 +113,7 @@ def test_bands_end_open_where_speeds_fail():
     assert right.high == pytest.approx(band.high, rel=1e-6)
     assert low - bands.spacing <= left.high <= low
     assert high <= right.low <= high + bands.spacing
-    assert "give no result" in bands.notes[0]
+    assert "have no result" in bands.notes[0]
     assert "NaN" in bands.notes[0]
 
 

@@ -413,7 +413,7 @@ def test_robust_gradient_equals_differences(model, objective):
     ("change", "text"),
     [
         ({"robust": 3.0}, "no parameter has a tolerance"),
-        ({"vary": {"k": "±1 %"}}, "without robust"),
+        ({"vary": {"k": "±1 %"}}, "vary requires robust"),
         ({"robust": -1.0, "vary": {"k": "±1 %"}}, "robust is -1"),
         ({"robust": "100 %", "vary": {"k": "±1 %"}}, "from 1 % to 99 %"),
         ({"robust": "three", "vary": {"k": "±1 %"}}, "robust is three"),

@@ -32,7 +32,10 @@ def test_maximum_at_a_multiplier_crossing_stays_unexplained():
     assert row.multiplier.speed == pytest.approx(10.0, rel=1e-4)
     assert (row.mode, row.order, row.combination) == (None, None, None)
     assert critical.record()["rows"][critical.rows.index(row)]["combination"] is None
-    assert "no division of a frequency and no combination up to order 6 explains it" in critical._repr_html_()
+    assert (
+        "no division of a frequency and no combination up to order 6 explains the row"
+        in critical._repr_html_()
+    )
 
 
 def test_combination_resonance_explains_the_multiplier_maximum():
